@@ -19,7 +19,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
+.PHONY: help demo test suite conformance test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -67,6 +67,11 @@ dist: $(VENV)/.ready-dev ## build the wheel and the source archive into dist
 
 docs: $(VENV)/.ready-dev ## build the documentation site: out/site/html/index.html
 	$(BIN)/python docs/site
+
+conformance: $(VENV)/.ready-dev ## after an addition: which parts are missing in the code, the tests and the pages?
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
+		tests/conformance tests/docs/test_docs_reference.py tests/fuzz/test_calls.py \
+		tests/benchmarks/test_controllers_run.py tests/unit/studio/test_state.py
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .

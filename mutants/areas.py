@@ -300,6 +300,7 @@ AREAS: dict[str, Area] = {
                 ),
                 tests=(
                     "unit/model/test_model_links.py",
+                    "conformance/test_every_section.py",
                     "unit/model/test_model_sections.py",
                     "unit/model/test_model_shear.py",
                     "unit/model/test_model_joints.py",

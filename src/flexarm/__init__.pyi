@@ -7,6 +7,9 @@ from .arm import save_arm as save_arm
 from .arm import varied as varied
 from .batch.reductions import Reduction as Reduction
 from .batch.run import simulate_batch as simulate_batch
+from .bridges.c_code.export import export_c as export_c
+from .bridges.rigid_chain.export import export_mjcf as export_mjcf
+from .bridges.rigid_chain.export import export_urdf as export_urdf
 from .bridges.symbolic.casadi_model import to_casadi as to_casadi
 from .bridges.symbolic.jax_model import to_jax as to_jax
 from .control.base import Controller as Controller

@@ -104,6 +104,8 @@ def test_failed_run_keeps_the_last_picture_and_marks_it(window):
 def test_broken_file_is_reported_with_its_lines(window, tmp_path):
     path = tmp_path / "broken.yaml"
     path.write_text(SCENARIO.replace("length: 0.6", "length: -0.6"), encoding="utf-8")
+    window.plain()
+    before = window.pixels(".picture .arm canvas")
     window.open(path)
     notice = window.page.locator(".stage > .notice").first
     notice.wait_for()
@@ -119,7 +121,10 @@ def test_broken_file_is_reported_with_its_lines(window, tmp_path):
     window.open(path)
     window.page.get_by_text("refers to another file").wait_for()
     notice.scroll_into_view_if_needed()
-    assert_shows(window, project_with())
+    after = window.pixels(".picture .arm canvas")
+    rows = min(len(before), len(after))  # the notice above moves the canvas by a fraction of a row
+    away = np.abs(after[:rows] - before[:rows]).max(axis=-1)
+    assert (away > 60).mean() < 0.007  # a link of 0.61 instead of 0.6 m changes 0.9 %
 
 
 def test_texts_of_a_file_are_not_executed(window, tmp_path):

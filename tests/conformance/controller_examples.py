@@ -1,6 +1,15 @@
-"""Every controller of the registry for an arm of two joints, in Python and as drives of a file."""
+"""Every controller of the registry for an arm of two joints, in Python and as drives of a file.
+
+A new controller has one entry in `ARGUMENTS`, and one in `DIFFERENT` if a file cannot have the same
+values.
+"""
+
+from functools import partial
+from inspect import Parameter, signature
+from typing import Any
 
 import flexarm as fa
+from flexarm.controllers import CONTROLLERS
 
 SAMPLE_TIME = 0.004
 
@@ -31,59 +40,22 @@ def kalman_filter():
 
 #: Torques that keep the links of ``two_links`` within the linear theory for any motion.
 LIMIT = [2.0, 0.6]
-#: Constructors of each controller of the registry for an arm of two joints.
-EXAMPLES = {
-    "admittance": lambda: fa.Admittance(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
-    "hybrid_force": lambda: fa.HybridForce(two_links(), frequency=1.5, sample_time=SAMPLE_TIME),
-    "impedance": lambda: fa.Impedance(two_links(), posture_frequency=1.5, sample_time=SAMPLE_TIME),
-    "adaptive": lambda: fa.Adaptive(two_links(), 2.0, [0.8, 0.2], 0.003, sample_time=SAMPLE_TIME),
-    "disturbance_observer": lambda: fa.DisturbanceObserver(two_links(), joint_pd(), 0.2),
-    "estimator": lambda: fa.EstimatorController(kalman_filter(), joint_pd()),
-    "rbf_adaptive": lambda: fa.RBFAdaptive(
-        two_links(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=SAMPLE_TIME
-    ),
-    "sliding_mode": lambda: fa.SlidingMode(
-        two_links(),
-        2.0,
-        0.5,
-        {"link_2.mass": 0.02},
-        reaching=[0.1, 0.02],
-        damping=[0.5, 0.1],
-        sample_time=SAMPLE_TIME,
-    ),
-    "composite": lambda: fa.Composite(
-        two_links(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
-    ),
-    "computed_torque": lambda: fa.ComputedTorque(two_links(), 0.3, 0.5, sample_time=SAMPLE_TIME),
-    "joint_pd": joint_pd,
-    "lqg": lambda: fa.LQG(
-        two_links(), [0.4, 0.1], integral=True, torque_limit=LIMIT, sample_time=SAMPLE_TIME
-    ),
-    "mpc": lambda: fa.MPC(
-        two_links(), [0.4, 0.1], torque_limit=LIMIT, horizon=10, sample_time=SAMPLE_TIME
-    ),
-    "joint_pid": lambda: fa.JointPID(
-        [8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=two_links(), sag=True, sample_time=SAMPLE_TIME
-    ),
-    "strain_feedback": lambda: fa.StrainFeedback(
-        [8.0, 3.0], [0.8, 0.3], [[100.0], [0.0]], [[0.1], [0.0]], sample_time=SAMPLE_TIME
-    ),
-}
-
-_BOUNDS = {"torque_limit": LIMIT, "posture": [0.4, 0.1]}
-_PD = {"kind": "joint_pd", "proportional": [8.0, 3.0], "derivative": [0.8, 0.3]}
-_READ = [{"signal": "joint_angle", "noise": 1e-4}, {"signal": "strain", "noise": 1e-6}]
-#: The same as drives of a scenario; those without ``sample_time`` take it from the inner one.
-DRIVES = {
+_GAINS = {"proportional": [8.0, 3.0], "derivative": [0.8, 0.3]}
+_BOUNDS = {"posture": [0.4, 0.1], "torque_limit": LIMIT}
+#: Arguments of each controller of the registry; functions return objects for each use.
+ARGUMENTS: dict[str, dict[str, Any]] = {
+    "adaptive": {"bandwidth": 2.0, "damping": [0.8, 0.2], "adaptation": 0.003},
     "admittance": {"frequency": 1.5},
+    "composite": _BOUNDS,
+    "computed_torque": {"frequency_hz": 0.3, "damping_ratio": 0.5},
+    "disturbance_observer": {"inner": joint_pd, "cutoff": 0.2},
+    "estimator": {"estimator": kalman_filter, "inner": joint_pd},
     "hybrid_force": {"frequency": 1.5},
     "impedance": {"posture_frequency": 1.5},
-    "adaptive": {"bandwidth": 2.0, "damping": [0.8, 0.2], "adaptation": 0.003},
-    "disturbance_observer": {"inner": {**_PD, "sample_time": SAMPLE_TIME}, "cutoff": 0.2},
-    "estimator": {
-        "inner": {**_PD, "sample_time": SAMPLE_TIME},
-        "estimator": {"instruments": _READ},
-    },
+    "joint_pd": _GAINS,
+    "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "arm": two_links, "sag": True},
+    "lqg": {**_BOUNDS, "integral": True},
+    "mpc": {**_BOUNDS, "horizon": 10},
     "rbf_adaptive": {
         "bandwidth": 8.0,
         "damping": [0.8, 0.3],
@@ -98,11 +70,40 @@ DRIVES = {
         "reaching": [0.1, 0.02],
         "damping": [0.5, 0.1],
     },
-    "composite": _BOUNDS,
-    "computed_torque": {"frequency_hz": 0.3, "damping_ratio": 0.5},
-    "joint_pd": {k: v for k, v in _PD.items() if k != "kind"},
-    "lqg": {**_BOUNDS, "integral": True},
-    "mpc": {**_BOUNDS, "horizon": 10},
-    "joint_pid": {**_PD, "integral": [2.0, 1.0], "gravity": "sag"},
-    "strain_feedback": {**_PD, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
+    "strain_feedback": {
+        **_GAINS,
+        "strain": [[100.0], [0.0]],
+        "strain_rate": [[0.1], [0.0]],
+    },
 }
+
+
+def complete(name: str) -> dict[str, Any]:
+    """Return the arguments of a controller, with its arm and its sample time if it has them."""
+    wanted = signature(CONTROLLERS[name]).parameters
+    required = "arm" in wanted and wanted["arm"].default is Parameter.empty
+    arm = {"arm": two_links} if required else {}
+    own = "sample_time" in wanted and "inner" not in wanted
+    return {**arm, **ARGUMENTS[name], **({"sample_time": SAMPLE_TIME} if own else {})}
+
+
+def example(name: str, **changes: Any) -> Any:
+    """Return a new controller, with changes of its arguments."""
+    given = {**complete(name), **changes}.items()
+    return CONTROLLERS[name](**{key: v() if callable(v) else v for key, v in given})
+
+
+#: Functions that return a new controller, by name.
+EXAMPLES = {name: partial(example, name) for name in ARGUMENTS}
+
+_PD = {"kind": "joint_pd", **_GAINS, "sample_time": SAMPLE_TIME}
+_READ = [{"signal": "joint_angle", "noise": 1e-4}, {"signal": "strain", "noise": 1e-6}]
+#: Drives of a file whose keys differ from the arguments.
+DIFFERENT: dict[str, dict[str, Any]] = {
+    "disturbance_observer": {"inner": _PD, "cutoff": 0.2},
+    "estimator": {"inner": _PD, "estimator": {"instruments": _READ}},
+    "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
+    "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
+}
+#: The same controllers as drives of a scenario, without kind and sample time.
+DRIVES = {**ARGUMENTS, **DIFFERENT}

@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, two_links
+from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
 from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 from flexarm.hardware.measurement import Measurement
+from flexarm.loop_analysis.linear_controller import memory_of
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
 
@@ -21,11 +22,11 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 
-every = pytest.mark.parametrize("name", CONTROLLERS)
+every = pytest.mark.parametrize("name", EXAMPLES)
 
 
 def test_every_controller_has_an_example():
-    assert set(EXAMPLES) == set(CONTROLLERS), "add the newcomer to EXAMPLES"
+    assert set(EXAMPLES) == set(CONTROLLERS), "add it to ARGUMENTS of controller_examples.py"
 
 
 @pytest.fixture
@@ -205,6 +206,34 @@ def test_arm_with_another_number_of_joints_is_rejected_before_the_run(name, arm)
         fa.simulate(three, 0.02, controller=EXAMPLES[name]())
 
 
+def lists_for_joints():
+    """Return the names of all controllers and their parameters with a value for each joint."""
+    names = [(name, key) for name in EXAMPLES for key in CONTROLLED[name].per_joint]
+    return [
+        (name, key) for name, key in names if key in inspect.signature(CONTROLLERS[name]).parameters
+    ]
+
+
+@pytest.mark.parametrize(("name", "key"), lists_for_joints())
+def test_list_for_another_number_of_joints_is_rejected_before_the_run(name, key, arm):
+    def run():
+        controller = example(name, **{key: [1.0] * 3})
+        fa.simulate(arm, 0.02, controller=controller, reference=motion(arm))
+
+    with pytest.raises(fa.InputError, match=rf"{key} must have|controller is for 3 joints"):
+        run()
+
+
+#: Controllers without a stability analysis of the sampled loop, because their gains change.
+UNDECLARED = ("estimator", "rbf_adaptive")
+
+
+@every
+def test_memory_is_declared(name):
+    """Without `memory` no run warns of an unstable loop."""
+    assert (memory_of(EXAMPLES[name]()) is None) == (name in UNDECLARED)
+
+
 # In files ----------------------------------------------------------------------------------------
 
 #: Arguments that only Python can express, or that have no effect in a file.
@@ -264,7 +293,6 @@ def test_filter_record_has_the_same_arguments_and_defaults():
 
 def test_every_record_has_a_controller():
     assert set(CONTROLLED) == set(CONTROLLERS)
-    assert set(DRIVES) == set(CONTROLLERS), "add the newcomer to DRIVES of controller_examples.py"
 
 
 @every
@@ -289,91 +317,3 @@ def test_file_gives_the_same_run(name, arm, tmp_path):
     path = tmp_path / "scenario.yaml"
     save_scenario(scenario, path)
     assert load_scenario(path).drive == scenario.drive
-
-
-# Wrong answers of a controller in ``simulate`` ---------------------------------------------------
-
-
-class Failing:
-    """Returns a constant torque, and from 10 ms on the given answer."""
-
-    sample_time = 0.005
-
-    def __init__(self, answer):
-        self.answer = answer
-
-    def reset(self):
-        pass
-
-    def update(self, t, measurement, reference):
-        return self.answer if t >= 0.01 else np.array([0.1, -0.1])
-
-
-@pytest.mark.parametrize(
-    ("answer", "word"),
-    [
-        (np.array([np.nan, 0.0]), "nan"),
-        (np.array([0.0, np.inf]), "inf"),
-        (np.zeros(3), "shape"),
-        (0.5, "shape"),
-        (None, "shape"),
-        ("full speed", "full speed"),
-        (np.array([1j, 0.0]), "shape"),
-    ],
-    ids=["nan", "infinity", "too many", "a number", "nothing", "words", "complex"],
-)
-def test_wrong_answer_ends_the_run_with_time_and_partial_result(arm, answer, word):
-    with pytest.raises(
-        fa.SimulationError, match=r"controller returned an unusable value"
-    ) as caught:
-        fa.simulate(arm, 1.0, controller=Failing(answer), rate=1000.0)
-    error = caught.value
-    assert error.time == pytest.approx(0.01)
-    assert word in str(error)
-    assert "t = 0.01 s" in str(error)
-    q, qd = error.state
-    assert q.shape == qd.shape == (arm.dof,)
-    assert error.result.sizes["time"] == 11
-    assert np.all(np.isfinite(error.result.q.values))
-    np.testing.assert_array_equal(error.result.q.values[-1], q)
-    assert "controller" in error.result.attrs["failure"]
-
-
-def test_wrong_answer_at_the_first_sample(arm):
-    class Never(Failing):
-        def update(self, t, measurement, reference):
-            return [np.nan, np.nan]
-
-    with pytest.raises(fa.SimulationError) as caught:
-        fa.simulate(arm, 1.0, controller=Never(None))
-    assert caught.value.time == 0.0
-    assert caught.value.state is not None
-
-
-def test_exception_of_the_controller_is_reported_and_chained(arm):
-    class Broken(Failing):
-        def update(self, t, measurement, reference):
-            raise ZeroDivisionError("gain schedule")
-
-    with pytest.raises(fa.SimulationError, match="ZeroDivisionError: gain schedule") as caught:
-        fa.simulate(arm, 1.0, controller=Broken(None))
-    assert isinstance(caught.value.__cause__, ZeroDivisionError)
-
-
-def test_any_object_with_the_three_members_is_a_controller(arm):
-    class Minimal:
-        sample_time = 0.01
-
-        def reset(self):
-            self.count = 0
-
-        def update(self, t, measurement, reference):
-            self.count += 1
-            return [0.1, 0.0]
-
-    controller = Minimal()
-    result = fa.simulate(arm, 0.055, controller=controller)
-    assert controller.count == 6  # the last torque lasts half a sample time
-    steady = fa.simulate(arm, 0.055, torque=lambda t: [0.1, 0.0])
-    # Steps end at every hundredth of a second in one run only: the tolerance of the run.
-    np.testing.assert_allclose(result.q.values, steady.q.values, rtol=0, atol=1e-8)

@@ -48,7 +48,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("linearize_along", "Separation", "simulate_separated"),
         *("step_jacobian", "StepJacobian"),
     ),
-    "symbolic": ("to_casadi", "to_jax"),
+    "symbolic": ("to_casadi", "to_jax", "export_c", "export_mjcf", "export_urdf"),
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),

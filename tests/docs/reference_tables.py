@@ -46,9 +46,13 @@ def generated() -> dict[tuple[str, str], str]:
     parts[FILE_FORMAT, "study"] = _keys(json_schema("study"))
     parts |= {(PYTHON, name): table for name, table in python_tables().items()}
     for name, definition in _definitions().items():
-        if definition["properties"].keys() - {"kind"}:
+        if _has_keys(definition):
             parts[FILE_FORMAT, name] = _keys(definition)
     return parts
+
+
+def _has_keys(definition: dict[str, Any]) -> bool:
+    return bool(definition["properties"].keys() - {"kind"})
 
 
 def channel_table() -> str:
@@ -119,10 +123,15 @@ def _value(schema: dict[str, Any], many: bool = False) -> str:
 
 def _mapping(name: str) -> str:
     properties = _definitions()[name]["properties"]
-    if properties.keys() == {"kind"}:
+    if not _has_keys(_definitions()[name]):
         return f"`{{kind: {properties['kind']['const']}}}`"
-    words = " ".join(_SHORT.get(word, word) for word in title(name).lower().split())
+    words = _words(name)
     return f"[{words}](#{words.lower().replace(' ', '-')})"
+
+
+def _words(definition: str) -> str:
+    """Return the name of a mapping of the file format within a sentence."""
+    return " ".join(_SHORT.get(word, word) for word in title(definition).lower().split())
 
 
 def _list(schema: dict[str, Any], many: bool) -> str:
@@ -148,7 +157,7 @@ def _scalar(schema: dict[str, Any], many: bool) -> str:
 def part_pattern(name: str) -> re.Pattern[str]:
     """Return a pattern for a generated part of a page, with the text between its two markers in
     group 1."""
-    return re.compile(rf"<!-- begin {name} -->\n\n(.*?)\n\n<!-- end {name} -->", re.DOTALL)
+    return re.compile(rf"<!-- begin {name} -->\s*(.*?)\s*<!-- end {name} -->", re.DOTALL)
 
 
 def table_rows(page: str, name: str) -> list[list[str]]:
@@ -158,8 +167,22 @@ def table_rows(page: str, name: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
 
 
+def missing_sections() -> str:
+    """Return the text of the sections that the page of the file format lacks; empty if none."""
+    page = (ROOT / FILE_FORMAT).read_text(encoding="utf-8")
+    names = [name for name, definition in _definitions().items() if _has_keys(definition)]
+    lacking = [name for name in names if not part_pattern(name).search(page)]
+    return "\n".join(
+        f"### {_words(name)[0].upper()}{_words(name)[1:]}\n\n"
+        f"<!-- begin {name} -->\n<!-- end {name} -->\n"
+        for name in lacking
+    )
+
+
 def rewrite() -> None:
     """Write every generated part into its page."""
+    if lacking := missing_sections():
+        raise SystemExit(f"Paste into {FILE_FORMAT}, where it belongs, and run again:\n\n{lacking}")
     for (page, name), text in generated().items():
         path = ROOT / page
         filled = f"<!-- begin {name} -->\n\n{text}\n\n<!-- end {name} -->"

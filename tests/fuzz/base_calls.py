@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
-from conformance.controller_examples import EXAMPLES, kalman_filter, two_links
+from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
+from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
 
 arm = cache(two_links)
@@ -139,57 +140,14 @@ _ARM: dict[str, dict[str, Any]] = {
     "unpadded": {"array": np.zeros((2, 3)).tolist()},
 }
 
-#: Constructors of controllers, except those that `EXAMPLES` builds.
-_LQG = {"arm": two_links, "posture": [0.4, 0.1], "sample_time": 0.004}
+#: Constructors of controllers, and of the filter.
 CONTROLLERS: dict[str, dict[str, Any]] = {
-    "Adaptive": {"arm": two_links, "bandwidth": 2.0, "damping": 0.2, "adaptation": 0.003},
-    "Admittance": {"arm": two_links, "frequency": 1.5},
-    "Composite": {**_LQG, "torque_limit": [2.0, 0.6]},
-    "ComputedTorque": {"arm": two_links, "frequency_hz": 0.3},
-    "DisturbanceObserver": {"arm": two_links, "inner": controller, "cutoff": 0.2},
-    "EstimatorController": {"estimator": kalman_filter, "inner": EXAMPLES["joint_pd"]},
+    **{REGISTRY[name].__name__: complete(name) for name in EXAMPLES},
     "ExtendedKalmanFilter": {
         "arm": two_links,
         "instruments": lambda: kalman_filter().instruments,
         "sample_time": 0.004,
     },
-    "HybridForce": {"arm": two_links, "frequency": 1.5},
-    "Impedance": {"arm": two_links},
-    "JointPD": {"proportional": [8.0, 3.0], "derivative": [0.8, 0.3]},
-    "JointPID": {"proportional": 8.0, "derivative": 0.8, "arm": two_links, "sag": True},
-    "LQG": _LQG,
-    "MPC": {**_LQG, "torque_limit": [2.0, 0.6], "horizon": 5},
-    "RBFAdaptive": {
-        "arm": two_links,
-        "bandwidth": 8.0,
-        "damping": 0.8,
-        "adaptation": 0.001,
-        "lower": -1.0,
-        "upper": 1.0,
-    },
-    "SlidingMode": {"arm": two_links, "bandwidth": 2.0, "boundary_layer": 0.5},
-    "StrainFeedback": {
-        "proportional": 8.0,
-        "derivative": 0.8,
-        "strain": [[100.0], [0.0]],
-    },
-}
-_REGISTRY = {
-    "Adaptive": "adaptive",
-    "Admittance": "admittance",
-    "Composite": "composite",
-    "ComputedTorque": "computed_torque",
-    "DisturbanceObserver": "disturbance_observer",
-    "EstimatorController": "estimator",
-    "HybridForce": "hybrid_force",
-    "Impedance": "impedance",
-    "JointPD": "joint_pd",
-    "JointPID": "joint_pid",
-    "LQG": "lqg",
-    "MPC": "mpc",
-    "RBFAdaptive": "rbf_adaptive",
-    "SlidingMode": "sliding_mode",
-    "StrainFeedback": "strain_feedback",
 }
 
 _MOVE = {"arm": arm, "motion": motion}
@@ -234,6 +192,9 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     },
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
+    "export_c": {"arm": arm, "folder": lambda: folder() / "c", "controller": controller},
+    "export_mjcf": {"arm": arm, "path": lambda: folder() / "arm.xml"},
+    "export_urdf": {"arm": arm, "path": lambda: folder() / "arm.urdf"},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
     "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
     "linearize": {"arm": arm},
@@ -256,8 +217,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
-    "to_casadi": {"arm": arm, "parameters": ["payload.mass"]},
-    "to_jax": {"arm": arm, "parameters": ["payload.mass"]},
+    **{key: {"arm": arm, "parameters": ["payload.mass"]} for key in ("to_casadi", "to_jax")},
     "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
     "tip_inversion": {
         "arm": arm,
@@ -354,7 +314,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             "to_dataset": {},
         },
     ),
-    **{name: (EXAMPLES[key], _UPDATE) for name, key in _REGISTRY.items()},
+    **{REGISTRY[name].__name__: (make, _UPDATE) for name, make in EXAMPLES.items()},
     # Objects that functions return and whose classes are not public names.
     "joint_motion()": (motion, {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}}),
     "line_motion()": (

@@ -35,7 +35,7 @@ def _somewhere_else(tmp_path_factory):
 
 @pytest.mark.parametrize("name", sorted(set(public_names())))
 def test_every_public_callable_has_a_base_call(name):
-    assert name in CALLS
+    assert name in CALLS, f"add valid arguments of {name} to tests/fuzz/base_calls.py"
 
 
 def test_objects_that_flexarm_returns_are_public():

@@ -32,7 +32,8 @@ def report_failures(command: Callable[P, None]) -> Callable[P, None]:
         try:
             command(*args, **kwargs)
         except InputError as error:
-            print_error(str(error.at(f"flexarm {command.__name__}")))
+            name = command.__name__.replace("_", " ")  # ``export_c`` is ``export c``
+            print_error(str(error.at(f"flexarm {name}")))
             raise typer.Exit(WRONG_INPUT) from None
         except FlexarmError as error:
             print_error(str(error))

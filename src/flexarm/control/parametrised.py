@@ -71,6 +71,12 @@ class Parametrised(Parameters):
     def __post_init__(self) -> None:
         """Complete the construction; every parameter is an attribute."""
 
+    def _per_joint(self) -> list[Any]:
+        """Return the values of the parameters that may have one number for each joint."""
+        kind: Any = type(self)
+        declared = _parameters(kind).items()
+        return [getattr(self, name) for name, item in declared if item.per_joint]
+
 
 def _kept(item: Declared, value: Any, joints: int | None) -> Any:
     """Return a valid value as an attribute: an array, if it is a number for each joint."""

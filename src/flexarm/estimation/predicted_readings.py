@@ -17,6 +17,7 @@ from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.derivatives.point_sensitivity import point_jacobian
 from flexarm.kernels.layout import ArmConstants
+from flexarm.kernels.observation.point_motion import MOTION_COLUMNS
 from flexarm.linear.step_derivatives.sampled_step import state_places
 from flexarm.model import Instrument, Sensor
 
@@ -72,10 +73,11 @@ class PredictedReadings:
         self._point_jacobian = Entry(point_jacobian)
         self._acceleration = kernels.zeros()
         self._poses, self._tip = kernels.pose_arrays()
-        self._motions = np.zeros((len(self._sensors), 8), dtype=complex)
+        shape = (len(self._sensors), MOTION_COLUMNS)
+        self._motions = np.zeros(shape, dtype=complex)
         self._state_places = state_places(arm)
-        self._found = np.zeros((len(self._state_places) + 2, len(self._sensors), 8))
-        self._pushed = np.zeros((2, len(self._sensors), 8))
+        self._found = np.zeros((len(self._state_places) + 2, *shape))
+        self._pushed = np.zeros((2, *shape))
 
     def _check(self, instruments: Sequence[Instrument]) -> None:
         problems = []

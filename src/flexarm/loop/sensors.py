@@ -19,7 +19,7 @@ from flexarm.integrate.torque import slope_at, torque_at
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.observation.observables import poses
-from flexarm.kernels.observation.point_motion import point_motions
+from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
 from flexarm.model import Hardware, Instrument, Sensor
 from flexarm.observe import channels_of, contact_forces, contact_values
 
@@ -187,7 +187,8 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
     """Return the reader of a point's motion; accelerations use the torque just before t."""
     places = place_loads(arm, [marker(sensor.link, sensor.station)], what="Sensor")
     kernels = KernelView(arm.assembly.constants)
-    stages, torque, motion = kernels.zeros(1, 2), np.zeros(kernels.shape[0]), np.zeros((1, 8))
+    stages, torque = kernels.zeros(1, 2), np.zeros(kernels.shape[0])
+    motion = np.zeros((1, MOTION_COLUMNS))
     body_poses, tip = kernels.pose_arrays()
     slope, motions = Entry(slope_at), Entry(point_motions)
 

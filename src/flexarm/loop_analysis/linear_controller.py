@@ -144,7 +144,7 @@ def linear_controller(
 
     readings = np.concatenate([np.zeros(0), *(np.ravel(value) for value in measured.values())])
     mine.update(t, Measurement(**{k: np.array(v) for k, v in measured.items()}), reference)
-    kept = _Memory(mine)
+    kept = Memory(mine)
     start = kept.read()
     n = start.size
     whole = np.concatenate([start, readings])
@@ -160,10 +160,18 @@ def linear_controller(
     return LinearController(slope[:n, :n], slope[:n, n:], slope[n:, :n], slope[n:, n:])
 
 
-class _Memory:
-    """Memory of a controller between samples, as one vector."""
+class Memory:
+    """Memory of a controller between samples, as one vector.
 
-    def __init__(self, controller: Any) -> None:
+    Args:
+        controller: controller that declares its ``memory``, after an update.
+        kinds: allowed kinds of NumPy's number types.
+
+    Raises:
+        MemoryNameError: if ``memory`` names something that is not a number or an array.
+    """
+
+    def __init__(self, controller: Any, kinds: str = "iuf") -> None:
         self._places = []
         for path in memory_of(controller) or ():
             *owners, name = path.split(".")
@@ -176,7 +184,7 @@ class _Memory:
                 raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
             if value is None:  # an unused attribute has no state
                 continue
-            if np.asarray(value).dtype.kind not in "iuf":
+            if np.asarray(value).dtype.kind not in kinds:
                 rule = f"name numbers and arrays; {path!r} is neither"
                 raise MemoryNameError(_problem(controller, rule, shown(value)))
             self._places.append((owner, name, np.shape(value)))
@@ -192,5 +200,5 @@ class _Memory:
         for owner, name, shape in self._places:
             end = start + int(np.prod(shape))
             value = numbers[start:end].reshape(shape).copy()
-            setattr(owner, name, value if shape else float(value))
+            setattr(owner, name, value if shape else value.item())
             start = end

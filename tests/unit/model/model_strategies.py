@@ -59,14 +59,15 @@ walls = st.floats(0.01, 0.49)  # thickness relative to the outer size; from 0.5 
 materials = st.sampled_from(["steel", "aluminium"]) | st.builds(
     Material, density=positive, youngs_modulus=positive, poissons_ratio=st.floats(-0.9, 0.5)
 )
-sections = st.one_of(
-    st.builds(Rectangle, width=sizes, height=sizes),
-    st.builds(Circle, diameter=sizes),
-    st.builds(lambda d, part: Tube(outer_diameter=d, thickness=part * d), sizes, walls),
-    st.builds(
+SECTIONS = {
+    "rectangle": st.builds(Rectangle, width=sizes, height=sizes),
+    "circle": st.builds(Circle, diameter=sizes),
+    "tube": st.builds(lambda d, part: Tube(outer_diameter=d, thickness=part * d), sizes, walls),
+    "box": st.builds(
         lambda w, h, part: Box(width=w, height=h, thickness=part * min(w, h)), sizes, sizes, walls
     ),
-)
+}
+sections = st.one_of(*SECTIONS.values())
 
 
 @st.composite

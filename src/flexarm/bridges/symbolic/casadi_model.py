@@ -94,6 +94,13 @@ def to_casadi(
         InputError: if CasADi is not installed, a path is not that of a number, a number changes the
             mode shapes, or a joint of ``prescribed`` is fixed.
     """
+    return casadi_model(arm, parameters, prescribed)
+
+
+def casadi_model(
+    arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()
+) -> CasadiModel:
+    """Return the model of `to_casadi`, for other public calls, which errors then name."""
     try:
         import casadi
     except ImportError:

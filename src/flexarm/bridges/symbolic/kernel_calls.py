@@ -34,7 +34,8 @@ from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
 @cache
-def _plain(kernel: Callable[..., Any]) -> Callable[..., Any]:
+def symbolic(kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the plain function of a kernel, for arrays of objects."""
     # Use NumPy's tanh, because automatic differentiation of the kernels' tanh, which is made for
     # complex numbers, gives slope 0 at 0.
     return undecorated(kernel, {tanh: np.tanh})
@@ -75,7 +76,7 @@ class KernelCalls:
         constants.free[:] = self.free
         work, drive = self._work(), self.arm.padded_torque(torque)
         state, loads = self._state(q, qd), self._loads(tip_force)
-        _plain(forward_dynamics)(self._sizes, constants, state, drive, loads, work)
+        symbolic(forward_dynamics)(self._sizes, constants, state, drive, loads, work)
         return self.arm.unpadded(work.acceleration)
 
     def inverse_dynamics(
@@ -115,7 +116,7 @@ class KernelCalls:
         n, width = self.arm.assembly.bodies, 1 + self.arm.assembly.modes
         M = np.zeros((n, width, n, width), dtype=object)
         state = self._state(q, _zeros(q))
-        _plain(mass_matrix)(self._sizes, self.constants, state, self._work(), M)
+        symbolic(mass_matrix)(self._sizes, self.constants, state, self._work(), M)
         kept = self.arm.assembly.coordinates
         matrix: Objects = M.reshape(n * width, n * width)[np.ix_(kept, kept)]
         return matrix
@@ -125,7 +126,7 @@ class KernelCalls:
         body_poses, tip = self._poses()
         values = np.zeros(3, dtype=object)
         state = self._state(q, qd)
-        _plain(energies)(self._sizes, self.constants, state, body_poses, tip, values)
+        symbolic(energies)(self._sizes, self.constants, state, body_poses, tip, values)
         return values
 
     def tip(self, q: Objects) -> Objects:
@@ -140,19 +141,19 @@ class KernelCalls:
         """Return the strain at each gauge (gauges,)."""
         strains = np.zeros((1, len(self.gauge_bodies)), dtype=object)
         states = self._state(q, _zeros(q))[None]
-        _plain(gauge_strains)(self._sizes, states, self.gauge_bodies, self.gauge_rows, strains)
+        symbolic(gauge_strains)(self._sizes, states, self.gauge_bodies, self.gauge_rows, strains)
         values: Objects = strains[0]
         return values
 
     def _tip(self, q: Objects, qd: Objects) -> Objects:
         body_poses, tip = self._poses()
-        _plain(poses)(self._sizes, self.constants, self._state(q, qd), body_poses, tip)
+        symbolic(poses)(self._sizes, self.constants, self._state(q, qd), body_poses, tip)
         return tip
 
     def _newton_euler(self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force) -> Workspace:
         work, acceleration = self._work(), self.arm.padded(qdd)
         state, loads = self._state(q, qd), self._loads(tip_force)
-        _plain(inverse_dynamics)(self._sizes, self.constants, state, acceleration, loads, work)
+        symbolic(inverse_dynamics)(self._sizes, self.constants, state, acceleration, loads, work)
         return work
 
     def _state(self, q: Objects, qd: Objects) -> Objects:

@@ -21,6 +21,10 @@ def _of_numbers(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     return operation
 
 
+class SymbolError(TypeError):
+    """Error of code that cannot be evaluated over symbols."""
+
+
 class Scalar:
     """Scalar of CasADi or JAX as an entry of an array of objects.
 
@@ -78,6 +82,38 @@ class Scalar:
         if exponent == 0.0:
             return 1.0
         return self if exponent == 1.0 else self._new(self.value**exponent)
+
+    def __abs__(self) -> Scalar:
+        return self._new(abs(self.value))
+
+    @_of_numbers
+    def __lt__(self, other: Any) -> Scalar:
+        return self._new(self.value < plain(other))
+
+    @_of_numbers
+    def __le__(self, other: Any) -> Scalar:
+        return self._new(self.value <= plain(other))
+
+    @_of_numbers
+    def __gt__(self, other: Any) -> Scalar:
+        return self._new(self.value > plain(other))
+
+    @_of_numbers
+    def __ge__(self, other: Any) -> Scalar:
+        return self._new(self.value >= plain(other))
+
+    def __float__(self) -> float:
+        """Return the number of a constant expression; a symbol has none.
+
+        Without this method, ``if`` would silently take every symbol as true.
+        """
+        is_constant = getattr(self.value, "is_constant", None)
+        if is_constant is None or not is_constant():
+            raise SymbolError("uses the number of a symbol, for example in a condition")
+        return float(self.value)
+
+    def __bool__(self) -> bool:
+        return bool(float(self))
 
     # NumPy calls these methods when its functions are applied to an object.
     def sin(self) -> Scalar:

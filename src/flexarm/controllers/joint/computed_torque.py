@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.arm import Arm
-from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.control.parametrised import OfArm
-from flexarm.control.requirements import JOINTS
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.controllers.joint.follower import JointFollower
 from flexarm.model.drives.joint import ComputedTorqueParameters
@@ -46,10 +44,6 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
         self._model = RigidModel(self.arm)
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
-
-    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
-        return ControllerRequirements(self.arm.joints, JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

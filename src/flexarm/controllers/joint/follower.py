@@ -8,9 +8,17 @@ from dataclasses import KW_ONLY
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.control.base import Controller, FloatArray, Measurement, Reference
+from flexarm.arm import Arm
+from flexarm.control.base import (
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
 from flexarm.control.feedforward import SampledFeedforward
 from flexarm.control.parametrised import Parametrised
+from flexarm.control.requirements import JOINTS, joints_of
 from flexarm.errors import InputError, Problem, shown
 
 
@@ -36,6 +44,14 @@ class JointFollower(Parametrised, Controller):
         """Clear the stored angles and feedforward torques."""
         self._held = None
         self._ahead = None
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """Return the requirements: joint readings, and the number of joints of the parameters."""
+        return ControllerRequirements(self._joints_for(arm), JOINTS)
+
+    def _joints_for(self, arm: Arm, *more: FloatArray) -> int:
+        """Return the number of joints of all parameters with a value for each, and of ``more``."""
+        return joints_of(arm.joints, *self._per_joint(), *more)
 
     def _wanted(
         self, t: float, measurement: Measurement, reference: Reference | None

@@ -7,9 +7,7 @@ from collections.abc import Callable
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.arm import Arm
-from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
-from flexarm.control.requirements import JOINTS, joints_of
+from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.controllers.joint.follower import JointFollower
 from flexarm.model.drives.joint import JointPDParameters
 
@@ -26,12 +24,6 @@ class JointPD(JointFollower, JointPDParameters):
     memory = ()
 
     feedforward: Callable[[float], ArrayLike] | None = Field(default=None)  # also by position
-
-    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
-        return ControllerRequirements(
-            joints_of(arm.joints, self.proportional, self.derivative), JOINTS
-        )
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -13,7 +13,7 @@ from flexarm.arguments import check_flag, check_limits
 from flexarm.arm import Arm
 from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.gains import joint_problems
-from flexarm.control.requirements import JOINTS, joints_of
+from flexarm.control.requirements import JOINTS
 from flexarm.control_design.gravity_compensation import SaggingArm
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.controllers.joint.follower import JointFollower
@@ -77,10 +77,7 @@ class JointPID(JointFollower, JointPIDParameters):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
-        if self.arm is not None:
-            return ControllerRequirements(self.arm.joints, JOINTS)
-        lists = self.proportional, self.derivative, self.integral, self.torque_limit
-        return ControllerRequirements(joints_of(arm.joints, *lists), JOINTS)
+        return ControllerRequirements(self._joints_for(arm, self.torque_limit), JOINTS)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -11,7 +11,7 @@ from pydantic import Field
 from flexarm.arguments import check_each
 from flexarm.arm import Arm
 from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
-from flexarm.control.requirements import JOINTS, joints_of
+from flexarm.control.requirements import JOINTS
 from flexarm.controllers.joint.follower import JointFollower
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.hardware.instruments import filter_of
@@ -61,7 +61,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
         fed = [self.strain, *([self.strain_rate] if np.any(self.strain_rate) else [])]
-        joints = joints_of(arm.joints, self.proportional, self.derivative, *fed)
+        joints = self._joints_for(arm, *fed)
         there = len(arm.gauges)
         counts = (gains.shape[1] if gains.ndim == 2 else joints for gains in fed)
         gauges = next((count for count in counts if count != there), there)

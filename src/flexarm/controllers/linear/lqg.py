@@ -238,11 +238,9 @@ class LQG(LQGParameters, OfArm, Controller):
         (name,) = self.design_requirements.integrated
         wanted = nominal.angle if name == "joint_angle" else self._wanted_tip(nominal)
         step = self.sample_time * (getattr(measurement, name) - wanted)
-        if np.any(excess):
-            request = -(self._gain[:, self._states :] @ step)
-            if request @ excess > 0.0:
-                return
-        self._whole[self._states :] += step
+        request = -(self._gain[:, self._states :] @ step)
+        # Without a branch, so that the law is also evaluated over symbols.
+        self._whole[self._states :] += (request @ excess <= 0.0) * step
 
     def _wanted_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""

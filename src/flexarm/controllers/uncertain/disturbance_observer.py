@@ -97,7 +97,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
             pushed -= self._estimate
             self._estimate += self._taken * pushed
         self._last = now
-        torque = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
+        torque = np.asarray(self.inner.update(t, measurement, reference))
         self._asked = torque - self.compensation * self._estimate
         return self._asked.copy()
 

@@ -30,7 +30,7 @@ def point_jacobian(
     motions: Array,
     found: Array,
 ) -> None:
-    """Write motions (k, 8) as in ``point_motions`` and derivatives to ``found`` (p + 2, k, 8).
+    """Write the motions (k, c) of ``point_motions`` and derivatives to ``found`` (p + 2, k, c).
 
     Rows 0 to p - 1: derivatives by the states at ``places`` (p, 3), which are level, body and
     column; row p: derivative by the parameter with an imaginary step in ``moved``; row p + 1: the
@@ -68,6 +68,6 @@ def point_jacobian(
                 sizes, moved, state, acceleration, loads, stations, work, body_poses, tip, motions
             )
         for k in range(motions.shape[0]):
-            for p in range(8):
+            for p in range(motions.shape[1]):
                 found[column, k, p] = motions[k, p].imag / STEP
                 found[count + 1, k, p] = motions[k, p].real

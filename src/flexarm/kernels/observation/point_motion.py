@@ -26,6 +26,9 @@ from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
+#: Columns of the motion of a point; ``Sensor.columns`` selects the two of an output.
+MOTION_COLUMNS = 8
+
 
 @compiled
 def point_motions(
@@ -40,7 +43,7 @@ def point_motions(
     tip: Array,
     motions: Array,
 ) -> None:
-    """Fill ``motions`` (k, 8) for the points at ``stations``.
+    """Fill ``motions`` (k, MOTION_COLUMNS) for the points at ``stations``.
 
     Columns: position from the base (m), velocity relative to it (m/s), and acceleration in space
     (m/s^2), x and y in world axes; then the reading of an accelerometer along and across the body's

@@ -24,7 +24,7 @@ from flexarm.bending import one_warning, warn_of_bending
 from flexarm.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
-from flexarm.kernels.observation.point_motion import point_motions
+from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
 from flexarm.linear.models.signals import (
     Input,
     InputName,
@@ -218,13 +218,14 @@ class _Perturbed:
         return np.concatenate(columns, axis=1)
 
     def _sensors(self) -> list[ComplexArray]:
-        """Return the motions (rows, 8) of the point of each sensor."""
+        """Return the motions (rows, MOTION_COLUMNS) of the point of each sensor."""
         sensors = [item.sensor for item in self.outputs if item.sensor is not None]
         if not sensors:
             return []
         places = [marker(sensor.link, sensor.station) for sensor in sensors]
         stations = place_loads(self.arm, places)
-        kernels, motions = self.kernels, np.zeros((self.rows, len(sensors), 8), complex)
+        shape = (self.rows, len(sensors), MOTION_COLUMNS)
+        kernels, motions = self.kernels, np.zeros(shape, complex)
         poses, tip = kernels.pose_arrays()
         for row in range(self.rows):
             kernels.call(

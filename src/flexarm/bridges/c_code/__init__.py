@@ -1,0 +1,1 @@
+"""C code of the equations of an arm and of controllers."""

@@ -1,0 +1,112 @@
+"""Functions of an arm for C: dynamics, kinematics, and a step of fixed length with derivatives.
+
+The step is that of the classical Runge-Kutta method of order 4. For real time it has the right
+properties: its cost does not depend on the state, it does not iterate, and it is smooth, so that
+its derivative is exact. The coefficients are those of the integrator ``rk4``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi
+
+from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.symbolic.casadi_model import CasadiModel
+from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
+
+#: Output and summary of the functions of `CasadiModel`.
+_FUNCTIONS = {
+    "forward_dynamics": ("qdd", "Accelerations under joint torques and a force on the tip."),
+    "inverse_dynamics": ("force", "Generalised force of a motion: M qdd + bias."),
+    "bias_force": ("bias", "Generalised force at zero acceleration, with gravity and stiffness."),
+    "mass_matrix": ("mass", "Mass matrix of the kinetic energy 1/2 qd' M qd."),
+    "energy": ("energy", "Kinetic, strain and gravity energy, J."),
+    "tip": ("tip", "Position and angle of the last tip: x, y (m), angle (rad)."),
+    "tip_velocity": ("tip_velocity", "Rates of x, y (m/s) and of the angle (rad/s) of the tip."),
+    "strain": ("strain", "Strain at each gauge."),
+}
+_STEP_INPUTS = ("q", "qd", "torque", "tip_force", "step", "parameters")
+
+
+def model_functions(model: CasadiModel) -> list[NamedFunction]:
+    """Return all functions of an arm; ``strain`` only if it has gauges."""
+    found = []
+    for name, (output, summary) in _FUNCTIONS.items():
+        if name != "strain" or model.arm.gauges:
+            found.append(_of_model(name, output, summary, getattr(model, name)))
+    q, parameters = _symbol("q", model.tip), _symbol("parameters", model.tip)
+    inputs = {"q": q, "parameters": parameters}
+    jacobian = casadi.jacobian(model.tip(q, parameters), q)
+    summary = "Derivative of the tip by the coordinates: rows x, y, angle."
+    found.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
+    return [*found, _step(model), _step_jacobian(model)]
+
+
+def _symbol(name: str, function: Any) -> Any:
+    return casadi.SX.sym(name, function.size1_in(name))
+
+
+def _of_model(name: str, output: str, summary: str, function: Any) -> NamedFunction:
+    inputs = {key: _symbol(key, function) for key in function.name_in()}
+    values = casadi.vertcat(*function.call(list(inputs.values())))
+    return named(name, summary, inputs, {output: values})
+
+
+def _step(model: CasadiModel) -> NamedFunction:
+    """Return one step under a constant torque."""
+    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
+    after = _runge_kutta(model.forward_dynamics, inputs)
+    summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
+    return named("step", summary, inputs, dict(zip(("q_next", "qd_next"), after, strict=True)))
+
+
+def _step_jacobian(model: CasadiModel) -> NamedFunction:
+    """Return the derivatives of a step by state and torque.
+
+    A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
+    derivatives] is the step itself, over accelerations and their derivatives by CasADi.
+    """
+    dynamics, n, m = model.forward_dynamics, model.arm.dof, model.arm.joints
+    values = [_symbol(name, dynamics) for name in dynamics.name_in()]
+    qdd = dynamics(*values)
+    slopes = [casadi.densify(casadi.jacobian(qdd, one)) for one in values[:3]]
+    of_values = casadi.Function("slopes", values, [qdd, *slopes])
+
+    def of_columns(q: Any, qd: Any, torque: Any, *others: Any) -> Any:
+        now, *by = of_values(q[:, 0], qd[:, 0], torque[:, 0], *others)
+        moved = zip(by, (q, qd, torque), strict=True)
+        return casadi.horzcat(now, sum(slope @ along[:, 1:] for slope, along in moved))
+
+    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
+    places = {"q": slice(0, n), "qd": slice(n, 2 * n), "torque": slice(2 * n, 2 * n + m)}
+    unit = casadi.MX(casadi.DM.eye(2 * n + m))
+    columns = {name: casadi.horzcat(inputs[name], unit[at, :]) for name, at in places.items()}
+    after = casadi.vertcat(*_runge_kutta(of_columns, inputs | columns))
+    outputs = {"by_state": after[:, 1 : 2 * n + 1]}
+    if m:
+        outputs["by_torque"] = after[:, 2 * n + 1 :]
+    summary = "Derivatives of a step, exact to rounding."
+    return named("step_jacobian", summary, inputs, outputs)
+
+
+def _step_input(model: CasadiModel, name: str) -> Any:
+    size = 1 if name == "step" else model.forward_dynamics.size1_in(name)
+    return casadi.MX.sym(name, size)
+
+
+def _runge_kutta(dynamics: Any, inputs: dict[str, Any]) -> tuple[Any, Any]:
+    """Return q and qd after one step; they have columns that are stepped together."""
+    q, qd, h = inputs["q"], inputs["qd"], inputs["step"]
+    others = [inputs[name] for name in ("torque", "tip_force", "parameters")]
+    tableau = RungeKutta4().tableau
+    rates: list[tuple[Any, Any]] = []
+    for row in (*tableau.A[: tableau.stages], tableau.b):
+        at, rate = q, qd
+        for weight, (velocity, acceleration) in zip(row, rates, strict=False):
+            if weight != 0.0:
+                at = at + (h * weight) * velocity
+                rate = rate + (h * weight) * acceleration
+        rates.append((rate, dynamics(at, rate, *others) if len(rates) < tableau.stages else None))
+        state = at, rate
+    return state

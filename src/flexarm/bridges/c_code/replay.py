@@ -1,0 +1,58 @@
+"""Torques of a controller for recorded readings."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.traced_controller import TracedController, nominal_values
+from flexarm.controllers import LQG
+from flexarm.hardware.measurement import Measurement
+from flexarm.motion import joint_motion
+
+#: Angle (rad) by which the joints of the reference turn.
+_TURN = 0.1
+
+
+def replay(
+    arm: Arm, traced: TracedController, readings: dict[str, FloatArray]
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Update a controller with recorded readings, along a motion of all joints.
+
+    Returns:
+        The inputs of the exported function (samples, size) by name, and the torques (samples,
+        joints).
+    """
+    mine: Any = deepcopy(traced.controller)
+    mine.reset()
+    planner = deepcopy(mine)  # of the nominal motion; a second call would advance that of ``mine``
+    h, count = traced.sample_time, len(readings["joint_angle"])
+    start = readings["joint_angle"][0]
+    reference = joint_motion(arm, start, start + _TURN, count * h)
+    rows, torques = [], []
+    for k, t in enumerate(np.arange(count) * h):
+        row = {name: values[k] for name, values in readings.items()}
+        given = Measurement(**row)
+        torques.append(np.array(mine.update(float(t), given, reference), dtype=np.float64))
+        row["reference_angle"] = reference.joint_angle(float(t))
+        row["reference_rate"] = reference.joint_rate(float(t))
+        row["reference_acceleration"] = reference.joint_acceleration(float(t))
+        if isinstance(planner, LQG):
+            nominal = planner._motion.at(float(t), row["joint_angle"], reference)
+            row |= nominal_values(planner, nominal)
+        function = _feedforward(mine)
+        if function is not None:
+            row["feedforward"] = np.asarray(function(float(t) + 0.5 * h))
+        rows.append(row)
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, np.array(torques)
+
+
+def _feedforward(controller: Any) -> Any:
+    """Return the feedforward function of a controller or of the controller inside it."""
+    own = getattr(controller, "feedforward", None)
+    inner = getattr(controller, "inner", None)
+    return own if own is not None or inner is None else _feedforward(inner)

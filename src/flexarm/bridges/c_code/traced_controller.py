@@ -1,0 +1,274 @@
+"""Controllers as functions of symbols: the source of ``update``, evaluated over CasADi scalars.
+
+There is no second law. The exported function has the numbers of the controller object, and calls
+the kernels of its rigid model over symbols.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
+from flexarm.control.base import requirements_of
+from flexarm.control_design.nominal import Nominal
+from flexarm.controllers import (
+    LQG,
+    MPC,
+    Adaptive,
+    Admittance,
+    Controller,
+    EstimatorController,
+    HybridForce,
+    Impedance,
+    JointPID,
+    RBFAdaptive,
+)
+from flexarm.controllers.joint.follower import JointFollower
+from flexarm.errors import InputError, Problem
+from flexarm.hardware.measurement import Measurement
+from flexarm.loop_analysis.linear_controller import Memory, memory_of
+
+#: Packages whose objects belong to a controller.
+_PACKAGES = ("flexarm.controllers", "flexarm.control_design")
+_TIP = "It differentiates the tip by complex numbers and branches on the contact."
+_LEARNS = "Its estimates are updated by compiled code that branches on values."
+#: Reasons why the law of a controller cannot be exported.
+_REFUSED: dict[type[Controller], str] = {
+    Adaptive: _LEARNS,
+    RBFAdaptive: _LEARNS,
+    Admittance: _TIP,
+    HybridForce: _TIP,
+    Impedance: _TIP,
+    EstimatorController: "Its filter adds and merges hypotheses.",
+    MPC: "It solves an optimisation problem at every sample.",
+}
+_REFERENCE = ("reference_angle", "reference_rate", "reference_acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class TracedController:
+    """Functions of a controller.
+
+    Attributes:
+        controller: the controller, which is not modified.
+        functions: ``controller_start`` and ``controller_update``; only the latter without memory.
+        memory: size of the memory between samples.
+        defaults: values of inputs whose pointer is NULL, by name.
+    """
+
+    controller: Controller
+    functions: tuple[NamedFunction, ...]
+    memory: int
+    defaults: Mapping[str, FloatArray]
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time, s."""
+        return float(self.controller.sample_time)
+
+
+@dataclass(eq=False)
+class _Inputs:
+    """Symbols of the inputs, by name."""
+
+    symbols: dict[str, Any] = field(default_factory=dict)
+
+    def array(self, name: str, *shape: int) -> SymbolArray:
+        """Return the array of an input."""
+        symbol = casadi.SX.sym(name, int(np.prod(shape)))
+        self.symbols[name] = symbol
+        entries = casadi.vertsplit(symbol) if symbol.numel() else []
+        return symbol_array(objects(entries, casadi).reshape(shape))
+
+
+class _Reference:
+    """Reference whose values are symbols, at every time."""
+
+    def __init__(self, inputs: _Inputs, joints: int) -> None:
+        self._angle, self._rate, self._acceleration = (
+            inputs.array(name, joints) for name in _REFERENCE
+        )
+
+    def joint_angle(self, t: float) -> Any:
+        return self._angle
+
+    def joint_rate(self, t: float) -> Any:
+        return self._rate
+
+    def joint_acceleration(self, t: float) -> Any:
+        return self._acceleration
+
+
+class _Nominal:
+    """Nominal motion of `LQG` whose values are symbols."""
+
+    def __init__(self, inputs: _Inputs, controller: Any) -> None:
+        joints, nodes = controller.arm.joints, preview_nodes(controller)
+        self._angle = inputs.array("nominal_angle", joints)
+        self._torque = inputs.array("nominal_torque", joints)
+        self._shown = inputs.array("nominal_reading", controller._outputs)
+        force = inputs.array("nominal_force", len(nodes), controller._model.elastic.size)
+        self.missing = symbol_array(np.zeros((controller._steps, force.shape[1])))
+        self.missing[nodes] = force
+
+    def reset(self) -> None:
+        """Do nothing."""
+
+    def at(self, *_: Any) -> Nominal:
+        still: Any = None  # the coordinates: only for an integral of the tip, which is refused
+        return Nominal(self._angle, still, still, self._torque, self.missing[0], self._shown)
+
+
+def preview_nodes(controller: Any) -> Any:
+    """Return the samples of the preview of `LQG` at which it uses the elastic forces."""
+    return np.arange(0, controller._steps, controller._stride)
+
+
+def traced_controller(arm: Arm, controller: Controller) -> TracedController:
+    """Return the functions of a controller of an arm.
+
+    Raises:
+        InputError: if the controller does not belong to the arm, or its law cannot be exported.
+    """
+    names = _readings(arm, controller)
+    mine: Any = deepcopy(controller)
+    make_symbolic(mine, _PACKAGES)
+    try:
+        mine.reset()
+        inputs, torque = _updated(mine, controller, arm, names, 0.0)
+        kept = Memory(mine, "iufO")
+        first, memory = _law("controller_start", inputs, kept.read(), torque), _Inputs()
+        size = kept.read().size
+        kept.write(memory.array("memory", size))
+        inputs, torque = _updated(mine, controller, arm, names, controller.sample_time)
+        inputs = _Inputs(inputs.symbols | memory.symbols)
+        later = _law("controller_update", inputs, kept.read(), torque)
+    except (SymbolError, TypeError) as error:
+        cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
+        raise _refusal(controller, f"Its update {cause}{error}.") from None
+    functions = _functions(controller, [first, later] if size else [later])
+    used = {name for function in functions for name in function.inputs}
+    at_rest = nominal_values(*rest_motion(controller)) if isinstance(controller, LQG) else {}
+    defaults = {name: value for name, value in at_rest.items() if name in used}
+    return TracedController(controller, functions, size, defaults)
+
+
+def _updated(
+    mine: Any, controller: Controller, arm: Arm, names: list[str], t: float
+) -> tuple[_Inputs, Any]:
+    """Update a symbolic copy of a controller; return new symbols of its inputs and the torque."""
+    inputs, sizes = _Inputs(), reading_sizes(arm)
+    measurement = Measurement(**{name: inputs.array(name, sizes[name]) for name in names})
+    reference = _Reference(inputs, arm.joints)
+    if isinstance(controller, LQG):
+        mine._motion = _Nominal(inputs, controller)
+    _feed_forward(mine, inputs.array("feedforward", arm.joints))
+    return inputs, mine.update(t, measurement, reference)
+
+
+def _readings(arm: Arm, controller: Any) -> list[str]:
+    """Return the names of the readings; raise if the controller cannot be exported."""
+    kind = next((kind for kind in _REFUSED if isinstance(controller, kind)), None)
+    if kind is not None:
+        raise _refusal(controller, _REFUSED[kind])
+    if isinstance(controller, JointPID) and controller.sag:
+        raise _refusal(controller, "It iterates the sag of the links. Use sag=False.")
+    if isinstance(controller, LQG) and "tip" in controller.design_requirements.integrated:
+        raise _refusal(controller, "It integrates the error of the tip. Integrate joint_angle.")
+    if isinstance(controller, LQG) and len(controller.designs) > 1:
+        raise _refusal(controller, "It interpolates gains over the posture. Use one posture.")
+    if memory_of(controller) is None:
+        raise _refusal(controller, "It does not declare its memory.")
+    needed = requirements_of(controller, arm, None)
+    if needed.joints not in (None, arm.joints):
+        rule = f"be for an arm with {arm.joints} joints"
+        raise InputError(Problem("controller", rule, f"one for {needed.joints}"))
+    sizes = reading_sizes(arm)
+    unknown = [name for name in needed.measured if name not in sizes]
+    if unknown:
+        raise _refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
+    inner = getattr(controller, "inner", None)
+    more = _readings(arm, inner) if inner is not None else []
+    return list(dict.fromkeys([*(needed.measured or ("joint_angle", "joint_rate")), *more]))
+
+
+def reading_sizes(arm: Arm) -> dict[str, int]:
+    """Return the sizes of the readings that exported controllers may use."""
+    gauges = {"strain": len(arm.gauges)} if arm.gauges else {}
+    return {"joint_angle": arm.joints, "joint_rate": arm.joints, "tip": 2, **gauges}
+
+
+def _feed_forward(owner: Any, torque: SymbolArray) -> None:
+    """Replace the feedforward torques of joint controllers by an input."""
+    if isinstance(owner, JointFollower) and owner.feedforward is not None:
+        ahead: Any = lambda _: torque  # noqa: E731
+        owner._ahead = ahead
+    if hasattr(owner, "inner"):
+        _feed_forward(owner.inner, torque)
+
+
+def rest_motion(controller: LQG) -> tuple[LQG, Nominal]:
+    """Return a controller at rest in the posture of its design, and its nominal motion."""
+    still: Any = deepcopy(controller.at_rest())
+    still.reset()
+    return still, still._motion.at(0.0, still.posture, None)
+
+
+def nominal_values(controller: LQG, nominal: Nominal) -> dict[str, FloatArray]:
+    """Return the inputs of the exported `LQG` for a nominal motion, after its evaluation."""
+    force = controller._motion.missing[preview_nodes(controller)]
+    return {
+        "nominal_angle": np.array(nominal.angle),
+        "nominal_torque": np.array(nominal.torque),
+        "nominal_reading": np.array(nominal.shown),
+        "nominal_force": np.array(force).ravel(),
+    }
+
+
+def _law(name: str, inputs: _Inputs, memory: Any, torque: Any) -> tuple[str, Any, Any]:
+    outputs = {"memory_out": memory, "torque": torque} if memory.size else {"torque": torque}
+    columns = {
+        key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
+        for key, values in outputs.items()
+    }
+    return name, inputs.symbols, columns
+
+
+def _functions(
+    controller: Controller, laws: list[tuple[str, Any, Any]]
+) -> tuple[NamedFunction, ...]:
+    """Create the functions; inputs on which no function depends are left out."""
+    used = set()
+    for _, symbols, outputs in laws:
+        found = casadi.vertcat(*outputs.values())
+        used |= {n for n, s in symbols.items() if s.numel() and casadi.depends_on(found, s)}
+        # Symbols of the first sample that remain in the second: by identity, as names repeat.
+        known = {one.element_hash() for one in casadi.symvar(casadi.vertcat(*symbols.values()))}
+        if not {one.element_hash() for one in casadi.symvar(found)} <= known:
+            raise _refusal(controller, "It keeps numbers that its memory does not declare.")
+    summaries = {
+        "controller_start": "Torque of {} at the first sample, where its memory starts.",
+        "controller_update": "Torque of {} from a sample to the next one.",
+    }
+    functions = []
+    for name, symbols, outputs in laws:
+        own = {key: symbol for key, symbol in symbols.items() if key in used}
+        functions.append(
+            named(name, summaries[name].format(type(controller).__name__), own, outputs)
+        )
+    return tuple(functions)
+
+
+def _refusal(controller: object, reason: str) -> InputError:
+    rule, value = "have a law in closed form", type(controller).__name__
+    return InputError(Problem("controller", rule, value, reason))

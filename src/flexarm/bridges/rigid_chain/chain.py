@@ -1,0 +1,181 @@
+"""Flexible links as rigid bars on virtual joints with springs.
+
+The virtual joints of a link are at the nodes of the Gauss quadrature of its flexibility
+int p(x) dx / (E I), and their flexibilities are its weights. With two joints or more, this integral
+is exact for the polynomials of degree 3, so the static deflection under any force and moment at the
+tip of a link is exact. Frequencies converge fast with the number of joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.assembly.assemble import FloatArray
+from flexarm.errors import InputError, Problem
+from flexarm.model import Joint, Link, ModalDamping, SectionTable
+
+#: Points of the quadrature in each interval of the table of a link.
+_POINTS = 20
+_UNSUPPORTED = ("friction", "limits", "rotor_inertia")
+
+
+class Comparison(NamedTuple):
+    """A number of the flexible arm and of its chain, with locked joints at zero angles."""
+
+    name: str
+    flexible: float
+    chain: float
+
+    @property
+    def error(self) -> float:
+        """Relative error of the chain."""
+        return self.chain / self.flexible - 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class RigidChain:
+    """Arm of rigid links.
+
+    Attributes:
+        arm: the rigid arm; the bending of links is the rotation of some of its joints.
+        starts: for each link of the flexible arm the place of its first bar in ``arm``, from 0.
+        driven: the same for its joints that are not fixed.
+        comparisons: frequencies and static flexibilities.
+    """
+
+    arm: Arm
+    starts: tuple[int, ...]
+    driven: tuple[int, ...]
+    comparisons: tuple[Comparison, ...]
+
+
+def rigid_chain(arm: Arm, count: int) -> RigidChain:
+    """Replace every flexible link by rigid bars on ``count`` virtual joints.
+
+    Raises:
+        InputError: if a joint has friction, limits or a rotor.
+    """
+    problems = [
+        Problem(f"joints[{k}].{name}", "is not supported")
+        for k, joint in enumerate(arm.spec.joints)
+        for name in _UNSUPPORTED
+        if getattr(joint, name)
+    ]
+    if problems:
+        raise InputError(*problems)
+    links: list[Link] = []
+    joints: list[Joint] = []
+    starts = []
+    for link, joint in zip(arm.spec.links, arm.spec.joints, strict=True):
+        starts.append(len(links))
+        bars, springs = _bars(link, count)
+        links += bars
+        joints += [joint, *springs]
+    spec = arm.spec.replace(links=links, joints=joints, theory="linear")
+    chain = Arm(spec)
+    driven = [starts[number - 1] for number in arm.joint_numbers]
+    compared = _comparisons(arm, chain, driven)
+    return RigidChain(chain, tuple(starts), tuple(driven), compared)
+
+
+def _bars(link: Link, count: int) -> tuple[list[Link], list[Joint]]:
+    """Return the bars of a link, and the virtual joints between them."""
+    if not link.flexible:
+        return [link], []
+    beam = link.beam()
+    x = np.array(beam.x, dtype=np.float64)
+    places, flexibility = _quadrature(x, np.array(beam.flexural_rigidity), count)
+    cuts = [0.0, *places.tolist(), link.length]
+    bars = [_bar(link, beam, start, end) for start, end in pairwise(cuts)]
+    springs = [Joint(stiffness=1.0 / one) for one in flexibility.tolist()]
+    factor = _damping_factor(link, bars, springs)
+    return bars, [Joint(stiffness=one.stiffness, damping=factor * one.stiffness) for one in springs]
+
+
+def _bar(link: Link, beam: SectionTable, start: float, end: float) -> Link:
+    """Return the rigid part of a link from ``start`` to ``end``, m from its root."""
+    inner = [one for one in beam.x if start < one < end]
+    x = np.array([start, *inner, end])
+    mass = np.interp(x, beam.x, beam.mass_per_length)
+    inertia = np.interp(x, beam.x, beam.rotary_inertia_per_length or np.zeros(len(beam.x)))
+    table = SectionTable(
+        x=(x - start).tolist(),
+        mass_per_length=mass.tolist(),
+        rotary_inertia_per_length=inertia.tolist(),
+    )
+    return Link(length=end - start, table=table, flexible=False)
+
+
+def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I).
+
+    Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
+    is computed with the weight function at many points (Stieltjes).
+    """
+    from scipy.linalg import eigh_tridiagonal
+
+    points, shares = np.polynomial.legendre.leggauss(_POINTS)
+    half = 0.5 * np.diff(x)[:, None]
+    at = (x[:-1, None] + half * (1.0 + points)).ravel()
+    weight = (half * shares).ravel() / np.interp(at, x, rigidity)
+    diagonal, beside = np.zeros(count), np.zeros(count)
+    before, now = np.zeros_like(at), np.full_like(at, weight.sum() ** -0.5)
+    for k in range(count):
+        diagonal[k] = weight @ (at * now**2)
+        new = (at - diagonal[k]) * now - (beside[k - 1] * before if k else 0.0)
+        beside[k] = np.sqrt(weight @ new**2)
+        before, now = now, new / beside[k]
+    places, vectors = eigh_tridiagonal(diagonal, beside[:-1])
+    return places, vectors[0] ** 2 * weight.sum()
+
+
+def _damping_factor(link: Link, bars: list[Link], springs: list[Joint]) -> float:
+    """Return the factor (s) of the springs' stiffness that is their damping.
+
+    The damping ratio of the first mode of the link is that of a `ModalDamping`.
+    """
+    damping = link.damping
+    if damping is None:
+        return 0.0
+    if not isinstance(damping, ModalDamping):
+        return damping.stiffness_coefficient
+    alone = Arm(links=bars, joints=[Joint(fixed=True), *springs])
+    return 2.0 * damping.ratios(1)[0] / float(locked(alone, [])[0][0])
+
+
+def locked(arm: Arm, driven: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies (rad/s) and tip flexibility (3, 3) with locked joints, without gravity."""
+    from scipy.linalg import eigh
+
+    still = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
+    rest = np.zeros(arm.dof)
+    moving = np.setdiff1d(np.arange(arm.dof), driven)
+    kept = np.ix_(moving, moving)
+    K, M = still.stiffness_matrix(rest)[kept], still.mass_matrix(rest)[kept]
+    tip = np.array([still.tip_velocity(rest, unit) for unit in np.eye(arm.dof)[moving]])
+    return np.sqrt(eigh(K, M)[0]), tip.T @ np.linalg.solve(K, tip)
+
+
+def coordinates(chain: Arm, driven: Sequence[int]) -> list[int]:
+    """Return the places in q of the joints at the roots of some bars."""
+    numbers = list(chain.joint_numbers)
+    return [int(chain.joint_index[numbers.index(place + 1)]) for place in driven]
+
+
+def _comparisons(arm: Arm, chain: Arm, driven: list[int]) -> tuple[Comparison, ...]:
+    if arm.dof == arm.joints:
+        return ()
+    exact, found = locked(arm, arm.joint_index.tolist()), locked(chain, coordinates(chain, driven))
+    rows = [
+        Comparison("tip deflection per force, m/N", exact[1][1, 1], found[1][1, 1]),
+        Comparison("tip rotation per moment, rad/(N m)", exact[1][2, 2], found[1][2, 2]),
+    ]
+    for k, pair in enumerate(zip(exact[0][:4], found[0][:4], strict=False), 1):
+        rows.append(Comparison(f"frequency {k}, Hz", *(one / (2.0 * np.pi) for one in pair)))
+    return tuple(Comparison(row.name, float(row.flexible), float(row.chain)) for row in rows)

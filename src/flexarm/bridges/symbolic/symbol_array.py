@@ -1,0 +1,108 @@
+"""Arrays of symbols for code that computes with NumPy, such as controllers."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flexarm.assembly.kernel_view import KernelView
+from flexarm.bridges.symbolic.kernel_calls import symbolic
+from flexarm.bridges.symbolic.scalars import Scalar, plain
+from flexarm.kernels.layout import ArmConstants, Workspace
+
+
+class SymbolArray(np.ndarray):
+    """Array of objects, `Scalar` objects or numbers, for which all functions of NumPy are exact.
+
+    NumPy evaluates ``minimum``, ``maximum`` and comparisons of objects by their truth values, which
+    symbols do not have. Here they result in symbols.
+    """
+
+    #: The result of ``dot`` with an array of numbers has this type.
+    __array_priority__ = 1.0
+
+    def __array_ufunc__(
+        self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **options: Any
+    ) -> Any:
+        bases = [one.view(np.ndarray) if isinstance(one, SymbolArray) else one for one in inputs]
+        own = _ELEMENTWISE.get(ufunc.__name__) if method == "__call__" else None
+        if own is not None:
+            found = np.frompyfunc(own, ufunc.nin, 1)(*bases)
+        else:
+            found = getattr(ufunc, method)(*bases, **options)
+        if out is not None:
+            out[0][...] = found
+            return out[0]
+        return symbol_array(found) if isinstance(found, np.ndarray) else found
+
+
+def symbol_array(values: Any) -> SymbolArray:
+    """Return values as a `SymbolArray`; a copy, unless they are an array of objects."""
+    return np.asarray(values, dtype=object).view(SymbolArray)
+
+
+class SymbolicKernels(KernelView):
+    """Kernels of one arm, evaluated over arrays of symbols."""
+
+    __slots__ = ()
+
+    def __init__(self, constants: ArmConstants) -> None:
+        super().__init__(ArmConstants(*(array.astype(object) for array in constants)), object)
+        self.work = Workspace(*map(symbol_array, self.work))
+
+    def call(self, kernel: Callable[..., None], *arguments: Any) -> None:
+        """Evaluate the source of a kernel."""
+        symbolic(kernel)(self.sizes, self.constants, *arguments)
+
+
+def make_symbolic(owner: Any, packages: tuple[str, ...]) -> None:
+    """Convert the kernels and arrays of an object to symbolic ones, in place.
+
+    Objects of classes in ``packages`` that the object refers to are converted, too.
+    """
+    for name, value in list(vars(owner).items()):
+        if isinstance(value, KernelView):
+            vars(owner)[name] = SymbolicKernels(value.constants)
+        elif isinstance(value, np.ndarray) and value.dtype == np.float64:
+            vars(owner)[name] = symbol_array(value)
+        elif type(value).__module__.startswith(packages) and hasattr(value, "__dict__"):
+            make_symbolic(value, packages)
+
+
+def _of_library(name: str) -> Callable[[Any, Any], Any]:
+    """Return a function of two values, from the library of the symbol among them."""
+
+    def function(a: Any, b: Any) -> Any:
+        owner = next((one for one in (a, b) if isinstance(one, Scalar)), None)
+        if owner is None:
+            return _NUMBERS[name](a, b)
+        return Scalar(getattr(owner.library, name)(plain(a), plain(b)), owner.library)
+
+    return function
+
+
+_NUMBERS: dict[str, Callable[[Any, Any], Any]] = {
+    "fmin": min,
+    "fmax": max,
+    "eq": operator.eq,
+    "logic_or": lambda a, b: bool(a) or bool(b),
+    "logic_and": lambda a, b: bool(a) and bool(b),
+}
+_least, _most = _of_library("fmin"), _of_library("fmax")
+#: Functions of entries, for functions of NumPy that would need truth values or methods of numbers.
+_ELEMENTWISE: dict[str, Callable[..., Any]] = {
+    "minimum": _least,
+    "maximum": _most,
+    "clip": lambda value, lower, upper: _least(_most(value, lower), upper),
+    "equal": _of_library("eq"),
+    "less": operator.lt,
+    "less_equal": operator.le,
+    "greater": operator.gt,
+    "greater_equal": operator.ge,
+    "bitwise_or": _of_library("logic_or"),
+    "bitwise_and": _of_library("logic_and"),
+    **{function.__name__: function for function in (np.sin, np.cos, np.exp, np.sqrt, np.tanh)},
+}

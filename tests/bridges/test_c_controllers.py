@@ -1,0 +1,223 @@
+"""Exported controllers against the controllers in Python, in runs of ``simulate``."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import flexarm as fa
+from bridges.c_code_tools import Library, make
+from conformance.controller_examples import EXAMPLES, LIMIT, SAMPLE_TIME, joint_pd, two_links
+from flexarm.cli.main import app
+from flexarm.controllers import CONTROLLERS
+
+PD = ([8.0, 3.0], [0.8, 0.3])
+
+
+def heavy():
+    """The arm with gravity, friction and a payload, so that every term of a law acts."""
+    spec = two_links().spec
+    joints = [
+        fa.Joint(hub_inertia=0.05, damping=0.02, friction=fa.Friction(coulomb=0.02)),
+        fa.Joint(hub_inertia=0.03),
+    ]
+    payload = fa.Payload(mass=0.05)
+    return fa.Arm(spec.replace(joints=joints, gravity=(0.0, -1.0), payload=payload))
+
+
+def feedforward(t):
+    return np.array([0.3 * np.sin(5.0 * t), 0.1 * t])
+
+
+class OwnController(fa.Controller):
+    """A controller of a user: velocity feedback with a filtered reference angle."""
+
+    sample_time = SAMPLE_TIME
+    memory = ("angle",)
+
+    def __init__(self):
+        self.angle = None
+
+    def reset(self):
+        self.angle = None
+
+    def update(self, t, measurement, reference):
+        wanted = reference.joint_angle(t)
+        self.angle = wanted if self.angle is None else 0.9 * self.angle + 0.1 * wanted
+        error = np.clip(self.angle - measurement["joint_angle"], -0.05, 0.05)
+        return 8.0 * error - np.tanh(measurement["joint_rate"])
+
+
+#: Controllers whose law can be exported, by a name for the test.
+LAWS = {
+    "joint_pd": lambda: joint_pd(),
+    "joint_pd_feedforward": lambda: fa.JointPD(*PD, SAMPLE_TIME, feedforward),
+    "joint_pid": lambda: fa.JointPID(
+        *PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.2, 0.1], sample_time=SAMPLE_TIME
+    ),
+    "strain_feedback": EXAMPLES["strain_feedback"],
+    "computed_torque": lambda: fa.ComputedTorque(heavy(), 0.3, 0.5, sample_time=SAMPLE_TIME),
+    "computed_torque_feedforward": lambda: fa.ComputedTorque(
+        heavy(), 0.3, 0.5, feedforward=feedforward, sample_time=SAMPLE_TIME
+    ),
+    "sliding_mode": lambda: fa.SlidingMode(
+        heavy(),
+        2.0,
+        0.5,
+        {"link_2.mass": 0.02, "joint_1.coulomb": 0.01},
+        reaching=[0.1, 0.02],
+        strain_gain=[5.0, 0.0],
+        sample_time=SAMPLE_TIME,
+    ),
+    "disturbance_observer": lambda: fa.DisturbanceObserver(heavy(), joint_pd(), 0.2),
+    "lqg": lambda: fa.LQG(heavy(), [0.4, 0.1], sample_time=SAMPLE_TIME),
+    "lqg_integral": lambda: fa.LQG(
+        heavy(), [0.4, 0.1], integral=True, torque_limit=[0.3, 0.1], sample_time=SAMPLE_TIME
+    ),
+    "composite": lambda: fa.Composite(
+        heavy(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
+    ),
+    "own": OwnController,
+}
+REFUSED = {
+    "adaptive",
+    "admittance",
+    "estimator",
+    "hybrid_force",
+    "impedance",
+    "mpc",
+    "rbf_adaptive",
+}
+
+
+def test_every_controller_is_exported_or_refused():
+    names = {type(make_one()).name for key, make_one in LAWS.items() if key != "own"}
+    assert names | REFUSED == set(CONTROLLERS)
+    assert not names & REFUSED
+
+
+@pytest.mark.parametrize("name", sorted(REFUSED))
+def test_refused_by_name_with_the_reason(name, tmp_path):
+    controller, folder = EXAMPLES[name](), tmp_path / "new"
+    kind = type(controller).__name__
+    with pytest.raises(fa.InputError, match=rf"closed form, got {kind}\. It"):
+        fa.export_c(two_links(), folder, controller=controller)
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_recorded_run(name, tmp_path):
+    arm = heavy()
+    fa.export_c(arm, tmp_path, controller=LAWS[name]())
+    for cc in ("gcc", "clang"):
+        make(tmp_path, "clean")
+        done = make(tmp_path, "test", cc)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "controller " in done.stdout
+
+
+class InC(fa.Controller):
+    """An exported joint controller that ``simulate`` calls."""
+
+    def __init__(self, folder, readings, references):
+        self.library = Library(folder)
+        self.sample_time = self.library.macros["sample_time"]
+        self.readings, self.references = readings, references
+        self.memory_now = np.zeros(int(self.library.macros["memory"]))
+
+    def reset(self):
+        self.started = False
+
+    def update(self, t, measurement, reference):
+        given = [np.array(measurement[name]) for name in self.readings]
+        given += [np.array(getattr(reference, name)(t)) for name in self.references]
+        torque = np.zeros(2)
+        memory = [self.memory_now] if self.memory_now.size else []
+        start = memory and not self.started
+        self.started = True
+        name = "controller_start" if start else "controller_update"
+        self.library(name, *given, *memory, torque)
+        return torque
+
+
+@pytest.mark.parametrize(
+    ("name", "readings", "references"),
+    [
+        (
+            "computed_torque",
+            ["joint_angle", "joint_rate"],
+            ["joint_angle", "joint_rate", "joint_acceleration"],
+        ),
+        ("joint_pid", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
+        ("strain_feedback", ["joint_angle", "joint_rate", "strain"], ["joint_angle", "joint_rate"]),
+    ],
+)
+def test_closed_loop(name, readings, references, tmp_path):
+    """The same run, to rounding, whether the loop is closed by Python or by C."""
+    arm, controller = heavy(), LAWS[name]()
+    fa.export_c(arm, tmp_path, controller=controller)
+    motion = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.5)
+    runs = [
+        fa.simulate(arm, 0.6, controller=one, reference=motion)
+        for one in (controller, InC(tmp_path, readings, references))
+    ]
+    # Stable loops do not amplify rounding errors, which add up over 150 samples.
+    for channel in ("torque", "joint_angle", "link_tip_deflection"):
+        found, wanted = (run[channel].values for run in runs)
+        limit = 1e-11 * np.abs(wanted).max()
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=limit, err_msg=channel)
+
+
+def test_the_controller_is_not_modified(tmp_path):
+    controller = LAWS["joint_pid"]()
+    before = deepcopy(vars(controller)["proportional"])
+    fa.export_c(heavy(), tmp_path, controller=controller)
+    assert controller.proportional.dtype == np.float64
+    assert np.array_equal(controller.proportional, before)
+
+
+def test_laws_that_symbols_cannot_follow(tmp_path):
+    arm = heavy()
+
+    class Branches(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            if measurement["joint_angle"][0] > 0.0:
+                return np.zeros(2)
+            return np.ones(2)
+
+    class Forgets(OwnController):
+        memory = ()
+
+    class Searches(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            return np.linalg.solve(np.eye(2), measurement["joint_angle"])
+
+    for kind, reason in ((Branches, "condition"), (Forgets, "memory"), (Searches, "symbols")):
+        with pytest.raises(fa.InputError, match=f"got {kind.__name__}.*{reason}"):
+            fa.export_c(arm, tmp_path / "new", controller=kind())
+    with pytest.raises(fa.InputError, match="sag"):
+        fa.export_c(arm, tmp_path / "new", controller=EXAMPLES["joint_pid"]())
+    scheduled = fa.LQG(arm, [0.4, 0.1], schedule=[None, [0.0, 0.5]], sample_time=SAMPLE_TIME)
+    with pytest.raises(fa.InputError, match="posture"):
+        fa.export_c(arm, tmp_path / "new", controller=scheduled)
+    one = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=5.0, mass_per_length=0.5)])
+    with pytest.raises(fa.InputError, match="1 joint"):
+        fa.export_c(one, tmp_path / "new", controller=LAWS["computed_torque"]())
+    assert not (tmp_path / "new").exists()
+
+
+def test_scenario_with_a_controller(tmp_path):
+    folder = tmp_path / "my-arm"
+    assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0
+    out = tmp_path / "c"
+    words = ["export", "c", str(folder / "scenario.yaml"), "--out", str(out), "--name", "swing"]
+    found = CliRunner().invoke(app, words)
+    assert found.exit_code == 0, found.output
+    assert "swing_controller_update" in (out / "swing.h").read_text()
+    done = make(out, "test")
+    assert done.returncode == 0, done.stdout + done.stderr
