@@ -31,6 +31,21 @@ def prepare(
     return lambda: np.asarray(solve(start))
 
 
+def many(case: Case, arm: fa.Arm, step: float, angles: np.ndarray) -> np.ndarray:
+    """Return the states (runs, samples, 2 dof) from joint angles (runs, joints) by ``jax.vmap``."""
+    starts = np.zeros((len(angles), 2 * arm.dof))
+    starts[:, : arm.dof] = [arm.rest(one) for one in angles]
+    return np.asarray(_compiled_many(case, arm, step, len(angles))(starts))
+
+
+@cache
+def _compiled_many(
+    case: Case, arm: fa.Arm, step: float, count: int
+) -> Callable[[jax.Array], jax.Array]:
+    solve = jax.vmap(_runge_kutta(case, _rates(case, arm), step))
+    return jax.jit(solve).lower(jnp.zeros((count, 2 * arm.dof))).compile()
+
+
 @cache
 def _compiled(
     case: Case, arm: fa.Arm, step: float | None, rtol: float | None

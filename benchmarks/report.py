@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import long_chain, pictures, raw
+from benchmarks import long_chain, pictures, raw, rollouts
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -36,6 +36,7 @@ class Measured(NamedTuple):
     modes: dict[int, float]  # microseconds
     table_one: list[Point]
     raw: list[Point]  # the scan of raw.py and the peers measured with it
+    many: list[rollouts.Rollouts]
     chain: list[Point]
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
@@ -144,6 +145,17 @@ the best results.
 The table contains all runs with an error of at most {1e3 * USEFUL:g} mm, the fastest first:
 
 {_points_table(m.table_one)}
+
+## Many runs
+
+Two seconds of the same arm from {rollouts.RUNS} different starts, each within 0.1 rad of the first.
+The error is that of the first run. flexarm stores the tip at 100 Hz; *lanes* are runs computed
+eight at a time (decision [0027](../decisions/0027-lanes.md)). The programs were timed alternately,
+slow ones with fewer runs. The ratio is to lanes in all threads against the same reference. The goal
+is {rollouts.GOAL:g} s for {rollouts.RUNS} runs on two idle
+cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
+
+{rollouts.table(m.many)}
 
 ## A chain of 64 links
 

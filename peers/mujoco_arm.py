@@ -52,6 +52,31 @@ def prepare(case: Case, segments: int, step: float) -> Callable[[], np.ndarray]:
     return run
 
 
+def rollouts(
+    case: Case, segments: int, step: float, starts: np.ndarray, threads: int
+) -> np.ndarray:
+    """Integrate from many joint angles (runs, joints), rad; return the tips (runs, samples, 2), m.
+
+    ``prepare`` describes one run. MuJoCo's own threads share the runs.
+    """
+    model = mujoco.MjModel.from_xml_string(_description(case, segments, step))
+    datas = [mujoco.MjData(model) for _ in range(threads)]
+    states = np.empty((len(starts), mujoco.mj_stateSize(model, _STATE)))
+    for state, joint_angles in zip(states, starts, strict=True):
+        datas[0].qpos[:] = 0.0
+        datas[0].qpos[:: segments + 1] = joint_angles  # the hinges at the motors
+        mujoco.mj_getState(model, datas[0], state, _STATE)
+    count = steps_per_sample(case, step)
+    steps = (case.samples - 1) * count + 1
+    torques = np.array([case.torque((number + 0.5) * step) for number in range(steps)])
+    _, sensed = rollout.rollout(
+        model, datas, states, np.broadcast_to(torques, (len(starts), *torques.shape))
+    )
+    if any(data.warning.number.any() for data in datas):
+        raise RuntimeError(f"MuJoCo became unstable with {segments} segments and step {step} s.")
+    return np.array(sensed[:, ::count, :2])
+
+
 def limit(coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """Return the path that infinitely many segments tend to, from one with n and one with 2 n.
 

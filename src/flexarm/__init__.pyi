@@ -5,6 +5,8 @@ from .arm import Arm as Arm
 from .arm import load_arm as load_arm
 from .arm import save_arm as save_arm
 from .arm import varied as varied
+from .batch.reductions import Reduction as Reduction
+from .batch.run import simulate_batch as simulate_batch
 from .bridges.c_code.export import export_c as export_c
 from .bridges.rigid_chain.export import export_mjcf as export_mjcf
 from .bridges.rigid_chain.export import export_urdf as export_urdf

@@ -5,6 +5,8 @@ Complex states give complex values, from which linear models derive their exact 
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from flexarm.arm import Arm
@@ -12,17 +14,24 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.kernels.forces.contact import ENERGY, FORCE, GAP, look_many
 from flexarm.kernels.layout import LOOK_COLUMNS, Contacts, run_time_sizes
-from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many
+from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, poses_many
 
+_ENERGIES = {"kinetic_energy", "strain_energy", "gravity_energy"}
 #: Number of samples processed together, which bounds the scratch memory of long runs.
 _CHUNK = 4096
 
 
-def channels_of(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
-    """Compute all channels except the torque from states (samples, 2, n, 1 + m)."""
+def channels_of(
+    arm: Arm, states: FloatArray, names: Collection[str] | None = None
+) -> dict[str, FloatArray]:
+    """Compute channels from states (samples, 2, n, 1 + m).
+
+    Args:
+        names: of the channels; those that need more than the states are missing. None: all.
+    """
     if len(states) <= _CHUNK:
-        return _chunk(arm, states)
-    chunks = [_chunk(arm, states[k : k + _CHUNK]) for k in range(0, len(states), _CHUNK)]
+        return _chunk(arm, states, names)
+    chunks = [_chunk(arm, states[k : k + _CHUNK], names) for k in range(0, len(states), _CHUNK)]
     return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
 
 
@@ -68,19 +77,29 @@ def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str
     }
 
 
-def _observed(arm: Arm, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return poses (samples, n, 10), tips (samples, 6) and energies (samples, 3)."""
+def _observed(
+    arm: Arm, states: FloatArray, with_energies: bool = True
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return poses (samples, n, 10), tips (samples, 6) and energies (samples, 3).
+
+    Without ``with_energies``, the energies are zero.
+    """
     count, constants = len(states), arm.assembly.constants
     poses = np.zeros((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.zeros((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
-    observe_many(run_time_sizes(constants), constants, states, poses, tips, energy)
+    sizes = run_time_sizes(constants)
+    if with_energies:
+        observe_many(sizes, constants, states, poses, tips, energy)
+    else:
+        poses_many(sizes, constants, states, poses, tips)
     return poses, tips, energy
 
 
-def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
+def _chunk(arm: Arm, states: FloatArray, names: Collection[str] | None) -> dict[str, FloatArray]:
     assembly = arm.assembly
-    poses, tips, energy = _observed(arm, states)
+    all_of_them = names is None or not _ENERGIES.isdisjoint(names)
+    poses, tips, energy = _observed(arm, states, all_of_them)
     link = poses[:, assembly.link_body]
     bent = _link_tips(arm, poses, tips)
     q, qd = arm.unpadded(states[:, 0]), arm.unpadded(states[:, 1])
@@ -107,7 +126,8 @@ def _chunk(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
     if arm.gauges:
         channels["strain"] = arm.strains(states)
     # Return copies, because a view of one column would keep the pose array of a chunk alive.
-    return {name: np.array(values) for name, values in channels.items()}
+    wanted = channels if names is None else channels.keys() & set(names)
+    return {name: np.array(values) for name, values in channels.items() if name in wanted}
 
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:

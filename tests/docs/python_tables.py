@@ -25,7 +25,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("tip_inversion", "TipInversion", "flexible_torque", "FlexibleTorque"),
     ),
     "simulation": (
-        *("simulate", "GeneralizedAlpha", "Plant", "PrescribedAngle"),
+        *("simulate", "simulate_batch", "Reduction"),
+        *("GeneralizedAlpha", "Plant", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),
         *("write_result", "read_result", "citation"),

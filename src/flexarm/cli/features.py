@@ -145,6 +145,12 @@ def _invert() -> None:
     fa.linearize_along(_arm(), _motion(), rate=3.0)
 
 
+def _batch() -> None:
+    starts = [_arm().rest(_START)] * 2
+    for integrator in ("auto", "kennedy_carpenter_5"):
+        fa.simulate_batch(_arm(), 0.01, initial=starts, integrator=integrator, progress=False)
+
+
 def _prescribe() -> None:
     held = fa.PrescribedAngle.hold(0.4)
     fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
@@ -164,6 +170,7 @@ FEATURES: dict[str, Callable[[], None]] = {
     "linear control": _linear_control,
     "closed loops": _loop,
     "prescribed joints": _prescribe,
+    "batches": _batch,
 }
 
 

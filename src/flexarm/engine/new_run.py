@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -75,6 +77,29 @@ def new_run(
         stations=stations,
         specialized=specialized,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
+        default_step=default_step(choice.integrator, tolerance),
+    )
+
+
+def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: float | None) -> Run:
+    """Return a run like one without contacts and events, from another initial state.
+
+    The new run shares arm, loads and sample times with ``run``.
+
+    Args:
+        state: (2, n, 1 + m).
+        integrator, step: as requested for ``run``.
+    """
+    asked = run.tolerance
+    tolerance = tolerance_of(run.arm, state, asked.absolute, asked.relative)
+    choice = choose_integrator(integrator, step, run.arm, tolerance)
+    return replace(
+        run,
+        choice=choice,
+        integrator=choice.integrator,
+        tolerance=tolerance,
+        progress=Progress(0.0, state, 0.0),
+        samples=np.empty((len(run.sample_times), *state.shape)),
         default_step=default_step(choice.integrator, tolerance),
     )
 

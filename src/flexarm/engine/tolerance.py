@@ -9,10 +9,10 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.integrate.base import FloatArray, Tolerance
+from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1
-_POWER_ITERATIONS = 40
 
 #: ``Tolerance.unit`` of each arm, and the frequency computed last, with its posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
@@ -26,10 +26,15 @@ def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) 
     its tip slope times the reach beyond. Rates are scaled to displacements by the mode's own
     frequency.
     """
+    return Tolerance(absolute, relative, tip_units(arm), fastest_frequency(arm, state))
+
+
+def tip_units(arm: Arm) -> FloatArray:
+    """Return ``Tolerance.unit`` of an arm, a copy."""
     unit = _units.get(arm)
     if unit is None:
         unit = _units[arm] = _unit(arm)
-    return Tolerance(absolute, relative, unit.copy(), fastest_frequency(arm, state))
+    return unit.copy()
 
 
 def _unit(arm: Arm) -> FloatArray:
@@ -58,35 +63,22 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     The result is at least 1 rad/s. A run that starts at the same posture as the previous run of
     the arm reuses its frequency.
     """
-    c = arm.assembly.constants
-    if not (np.any(c.w2) or np.any(c.joint_stiffness)):
-        return 1.0
     posture = state[0].tobytes()
     known = _frequencies.get(arm)
     if known is None or known[0] != posture:
-        known = _frequencies[arm] = posture, _power_iteration(arm, state)
+        frequency = float(fastest_frequencies(arm, state[None])[0])
+        known = _frequencies[arm] = posture, frequency
     return known[1]
 
 
-def _power_iteration(arm: Arm, state: FloatArray) -> float:
-    """Estimate the highest frequency by power iteration on the stiffness of the accelerations."""
+def fastest_frequencies(arm: Arm, states: FloatArray) -> FloatArray:
+    """Return ``fastest_frequency`` (k,) at the postures of states (k, 2, n, 1 + m)."""
     c = arm.assembly.constants
-    kernels, no_torque = KernelView(c), np.zeros(c.mass.size)
-    at_rest = np.zeros_like(state)
-    at_rest[0] = state[0]
-    moved, origin = at_rest.copy(), kernels.forward_dynamics(at_rest, no_torque).copy()
-    direction = np.zeros_like(origin)
-    direction[:, 1:] = np.sqrt(c.w2)
-    direction[:, 0] = np.sqrt(c.joint_stiffness)
-    flat, fixed = direction.reshape(-1), np.flatnonzero(c.free == 0.0)
-    # Compute the norm as np.linalg.norm does, without the overhead of its checks.
-    length = np.sqrt(flat.dot(flat))
-    for _ in range(_POWER_ITERATIONS):
-        # The displacement is small enough to stay linear and large compared with rounding.
-        direction *= 1e-6 / length
-        np.add(at_rest[0], direction, out=moved[0])
-        np.subtract(kernels.forward_dynamics(moved, no_torque), origin, out=direction)
-        if fixed.size:
-            direction[fixed, 0] = 0.0
-        length = np.sqrt(flat.dot(flat))
-    return max(1.0, float(np.sqrt(length / 1e-6)))
+    found = np.ones(len(states))
+    if np.any(c.w2) or np.any(c.joint_stiffness):
+        kernels, torque = KernelView(c), np.zeros(c.mass.size)
+        moved, change = kernels.zeros(2), kernels.zeros(2)
+        kernels.call(
+            fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
+        )
+    return found

@@ -151,6 +151,10 @@ class Integrator(ABC):
     def record(self, constants: ArmConstants, state: FloatArray) -> tuple[Any, ...]:
         """Return the coefficients of the method, and its own arrays for a run from ``state``."""
 
+    def first_step(self, fastest: float) -> float:
+        """Return the first step (s) of a run; ``fastest``: bound on the frequencies, rad/s."""
+        return self.step or _FIRST / fastest
+
     def advance(
         self,
         system: System,
@@ -167,7 +171,7 @@ class Integrator(ABC):
         (samples, 2, n, 1 + m), from ``progress.sample`` on.
         """
         if progress.memory is None:
-            step = float(self.step or progress.step or _FIRST / tolerance.fastest)
+            step = float(self.step or progress.step or self.first_step(tolerance.fastest))
             progress.memory = new_memory(progress.state, step)
             progress.method = self.record(system.constants, progress.state)
         memory = progress.memory._replace(

@@ -11,7 +11,7 @@ from flexarm.kernels.columns import (
     WRENCH_W,
     WRENCH_X,
 )
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import compiled, unlocked
 from flexarm.kernels.forces.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.layout import Array, Stations
 from flexarm.kernels.observation.section_forces import section_forces
@@ -19,7 +19,7 @@ from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
-@compiled
+@unlocked
 def reactions_many(
     system: System,
     times: Array,

@@ -8,6 +8,7 @@ error varies strongly with the step, and a controller without memory rejects eve
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.joint_stops import step_to_stop
@@ -134,31 +135,32 @@ def combine(
 
 
 @merged
-def _scale(system: System, tolerance: Tolerance, state: Array, level: int, i: int) -> float:
+def _scale(sizes: Sizes, tolerance: Tolerance, state: Array, level: int, i: int) -> Any:
     """Return the largest modal value of a body, in metres at the tip."""
-    largest: float = 0.0
-    for j in range(len(system.sizes.modes)):
+    largest: Any = 0.0
+    for j in range(len(sizes.modes)):
         size = abs(state[level, i, 1 + j]) / tolerance.unit[level, i, 1 + j]
         largest = max(largest, size)
     return largest
 
 
 @merged
-def error_norm(
-    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
-    h: float,
-) -> float:  # fmt: skip
-    """Return the largest error of a step over the allowed error; the step is accepted up to 1.
+def error_sizes(
+    sizes: Sizes, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
+    h: Any,
+) -> Any:  # fmt: skip
+    """Return the largest errors of a step over the allowed error, by two estimates.
 
-    ``error`` (2, stages): weights of the error estimate and of a less accurate one.
+    The third number is zero if the new point and the errors are finite, otherwise NaN. For the
+    other arguments see ``error_norm``; they may be packs.
     """
-    sizes = system.sizes
-    worst: float = 0.0
-    worst_low: float = 0.0
+    worst: Any = 0.0
+    worst_low: Any = 0.0
+    check: Any = 0.0
     for level in range(2):
         for i in range(len(sizes.bodies)):
             modal = max(
-                _scale(system, tolerance, state, level, i), _scale(system, tolerance, new, level, i)
+                _scale(sizes, tolerance, state, level, i), _scale(sizes, tolerance, new, level, i)
             )
             for j in range(1 + len(sizes.modes)):
                 unit = tolerance.unit[level, i, j]
@@ -173,12 +175,33 @@ def error_norm(
                     low += error[1, k] * stages[k, level, i, j]
                 worst = max(worst, abs(h * high) / allowed)
                 worst_low = max(worst_low, abs(h * low) / allowed)
-                if not (math.isfinite(high) and math.isfinite(new[level, i, j])):
-                    return math.inf
+                check += 0.0 * high + 0.0 * new[level, i, j]
+    return worst, worst_low, check
+
+
+@merged
+def norm_of(worst: float, worst_low: float, check: float) -> float:
+    """Return the norm of a step from the numbers of ``error_sizes``."""
+    if not math.isfinite(check):
+        return math.inf
     if worst == 0.0:
         return 0.0
     # Use a ratio, because the square of a very small error would underflow to 0 / 0.
     return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
+
+
+@merged
+def error_norm(
+    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
+    h: float,
+) -> float:  # fmt: skip
+    """Return the largest error of a step over the allowed error; the step is accepted up to 1.
+
+    ``error`` (2, stages): weights of the error estimate and of a less accurate one.
+    """
+    worst, worst_low, check = error_sizes(system.sizes, tolerance, state, new, stages, error, h)
+    norm: float = norm_of(worst, worst_low, check)
+    return norm
 
 
 @merged
@@ -192,21 +215,34 @@ def inertia_left(system: System) -> bool:
 
 
 @inner
+def motion_sizes(sizes: Sizes, tolerance: Tolerance, new: Array, h: Any) -> Any:
+    """Return the largest motion of a fixed step of length h over the plausible one.
+
+    The second number is zero if the new point (2, n, 1 + m) is finite, otherwise NaN. The arguments
+    may be packs.
+    """
+    furthest = _ABSURD / tolerance.unit[0, 0, 0]
+    largest: Any = 0.0
+    check: Any = 0.0
+    for i in range(len(sizes.bodies)):
+        largest = max(largest, h * abs(new[1, i, 0]) / _MOST_TURNED)
+        for j in range(1 + len(sizes.modes)):
+            check += 0.0 * new[0, i, j] + 0.0 * new[1, i, j]
+            if j > 0:
+                largest = max(largest, abs(new[0, i, j]) / (furthest * tolerance.unit[0, i, j]))
+    return largest, check
+
+
+@inner
 def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
     """Check the end (2, n, 1 + m) of a fixed step of length h; not ``DONE`` if it is implausible.
 
     A fixed step has no error estimate, so without this check a diverging run would overflow.
     """
-    furthest = _ABSURD / tolerance.unit[0, 0, 0]
-    for i in range(len(sizes.bodies)):
-        for j in range(1 + len(sizes.modes)):
-            if not (math.isfinite(new[0, i, j]) and math.isfinite(new[1, i, j])):
-                return NOT_FINITE
-            if j > 0 and abs(new[0, i, j]) > furthest * tolerance.unit[0, i, j]:
-                return DIVERGED
-        if h * abs(new[1, i, 0]) > _MOST_TURNED:
-            return DIVERGED
-    return DONE
+    largest, check = motion_sizes(sizes, tolerance, new, h)
+    if not math.isfinite(check):
+        return NOT_FINITE
+    return DIVERGED if largest > 1.0 else DONE
 
 
 # Step control ------------------------------------------------------------------------------------
@@ -218,6 +254,24 @@ def _repeat_to(memory: Memory, reached: float) -> int:
     memory.counts[REJECTED] += 1
     memory.clock[STEP] = reached
     memory.clock[REFUSED] = 1.0
+    return PAUSED
+
+
+@merged
+def retry_shorter(clock: Array, counts: Array, order: int, h: float, fastest: float) -> int:
+    """Reject a step of length h with the error ``clock[NORM]``, and choose a shorter one.
+
+    Returns ``PAUSED``, or the status that ends the run if the step is too short.
+    """
+    norm = clock[NORM]
+    shrink = _SHRINK
+    if math.isfinite(norm):
+        shrink = max(_SHRINK, _SAFETY * norm ** (-1.0 / order))
+    counts[REJECTED] += 1
+    clock[STEP] = h * shrink
+    clock[REFUSED] = 1.0
+    if clock[STEP] < _SMALLEST * max(abs(clock[TIME]), fastest**-1):
+        return STEP_UNDERFLOW if math.isfinite(norm) else NOT_FINITE
     return PAUSED
 
 
@@ -240,13 +294,7 @@ def judge_step(
     clock[NORM] = norm
     if norm <= 1.0:
         return DONE
-    shrink = _SHRINK
-    if math.isfinite(norm):
-        shrink = max(_SHRINK, _SAFETY * norm ** (-1.0 / order))
-    _repeat_to(memory, h * shrink)
-    if clock[STEP] < _SMALLEST * max(abs(clock[TIME]), tolerance.fastest**-1):
-        return STEP_UNDERFLOW if math.isfinite(norm) else NOT_FINITE
-    return PAUSED
+    return retry_shorter(clock, memory.counts, order, h, tolerance.fastest)
 
 
 @merged

@@ -103,13 +103,9 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
         name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
         for name, array in values.items()
     }
-    coordinates = _coordinates(arm, times)
-    if "bending_moment" in values:
-        coordinates |= _stations(arm, values["bending_moment"].shape[-1])
-    if "contact_gap" in values:
-        numbers = np.arange(1, values["contact_gap"].shape[1] + 1)
-        meaning = "contact, counted as given"
-        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
+    stations = values["bending_moment"].shape[-1] if "bending_moment" in values else 0
+    contacts = values["contact_gap"].shape[1] if "contact_gap" in values else 0
+    coordinates = coordinates_of(arm, times, stations, contacts)
     return xr.Dataset(variables, coords=coordinates)
 
 
@@ -146,7 +142,14 @@ def _channel_labels(name: str) -> dict[str, str]:
     return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
 
 
-def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
+def coordinates_of(
+    arm: Arm, times: FloatArray, stations: int = 0, contacts: int = 0
+) -> dict[str, Any]:
+    """Return the coordinates of a result at ``times`` (samples,), s, with their labels.
+
+    Args:
+        stations: number of sections of each link; contacts: number of contacts.
+    """
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
         "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
@@ -160,6 +163,12 @@ def _coordinates(arm: Arm, times: FloatArray) -> dict[str, Any]:
     }
     if arm.gauges:
         coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
+    if stations:
+        coordinates |= _stations(arm, stations)
+    if contacts:
+        numbers = np.arange(1, contacts + 1)
+        meaning = "contact, counted as given"
+        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
     return coordinates
 
 

@@ -7,28 +7,18 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration, Environment
-from flexarm.arguments import (
-    check_choice,
-    check_count,
-    check_flag,
-    check_function,
-    check_kind,
-    check_mapping,
-    check_positive,
-)
+from flexarm.arguments import check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
 from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
-from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
+from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
-from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
@@ -37,32 +27,24 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     UnstableLoopWarning,
-    check_array,
     public_call,
     shown,
     warn_caller,
 )
-from flexarm.histories.functions import function_history
 from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.prescribed import Prescribed, prescribe
-from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
+from flexarm.histories.prescribed import Prescribed
 from flexarm.integrate import Integrator
-from flexarm.integrate.base import FloatArray
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
 from flexarm.model import Contact, Hardware, Load
 from flexarm.model.scenarios.events import DURATION, FAILURE
-from flexarm.model.scenarios.scenario import sample_fault
-from flexarm.observe import channels_of, contact_channels
+from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
+from flexarm.simulation.preparation import Torque, run_options, start_of, torque_history
 from flexarm.simulation.result import add_loop, make_result
-from flexarm.stations import MOST_STATIONS
-from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
 
 
 @computed_until_failure
@@ -171,60 +153,39 @@ def simulate(
         check_reference(reference)
     if prescribed is not None:
         check_mapping("prescribed", prescribed, "joint numbers and motions")
-    if specialized is not None:
-        check_flag("specialized", specialized)
     for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
         if given and controller is not None:
             raise InputError(Problem(name, "cannot be combined with a controller"))
-    duration = check_positive("duration", duration)
-    if step is not None and check_positive("step", step) > duration:
-        rule = f"be at most the duration of {duration:.6g} s"
-        raise InputError(Problem("step", rule, shown(step)))
-    rate = check_positive("rate", rate)
-    known = check_array("breaks", breaks, (-1,))
-    check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
-    rtol = check_positive("rtol", rtol)
-    atol = check_positive("atol", atol)
+    options = run_options(
+        duration,
+        rate=rate,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        breaks=breaks,
+        torque_interpolation=torque_interpolation,
+        integrator=integrator,
+        stations=stations,
+        specialized=specialized,
+    )
     simulated = plant if plant is not None else arm
     if simulated.joints != arm.joints:
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, shown(simulated.joints)))
-    if (fault := sample_fault(duration, rate)) is not None:
-        raise InputError(fault.problem())
-    if type(stations) is not int or stations != 0:
-        stations = check_count("stations", stations, 2, MOST_STATIONS)
-    state = _initial_state(simulated, initial, initial_rate, reference, torque)
+    state = start_of(simulated, initial, initial_rate, reference, torque)
     log = event_log(simulated, events)
-    # The last sample may exceed the end by rounding, and would then never be computed.
-    times = np.minimum(np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate, duration)
     acting = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(simulated, *acting)
     with Meter("simulating", progress) as meter:
-        run = new_run(
-            simulated,
-            state,
-            duration=duration,
-            sample_times=times,
-            environment=environment,
-            breaks=known,
-            spacing=1.0 / rate,
-            log=log,
-            integrator=integrator,
-            step=step,
-            rtol=rtol,
-            atol=atol,
-            meter=meter,
-            stations=stations,
-            specialized=specialized,
-        )
+        run = options.new_run(simulated, state, environment, log, meter)
         placed = run.loads.placed.contacts
         refuse_deep_start(simulated, state, placed)
-        refuse_pressing_outward(simulated, contacts, placed, reference, duration)
+        refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
             unstable = instability(
-                arm, simulated, controller, reference, hardware, contacts, q, duration
+                arm, simulated, controller, reference, hardware, contacts, q, options.duration
             )
             if unstable:
                 warn_caller(unstable, UnstableLoopWarning)
@@ -232,15 +193,7 @@ def simulate(
         else:
             run.prescribed = tuple(prescribed or ())
             history_of = partial(
-                _history,
-                simulated,
-                torque,
-                prescribed or {},
-                state,
-                duration,
-                rate,
-                torque_interpolation,
-                known,
+                torque_history, simulated, torque, prescribed or {}, state, options
             )
             result = _open_loop(run, history_of)
     if result.attrs["warning"]:
@@ -316,12 +269,7 @@ def _result(
         "unstable_loop": unstable,
     }
     given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
-    channels = channels_of(run.arm, run.samples[:count])
-    motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
-    channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
-    channels |= section_channels(inside) | contact_channels(
-        run.arm, run.loads.placed.contacts, run.samples[:count]
-    )
+    channels = channels_of_run(run, given)
     if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = drive.asked_at(times)
     result = make_result(run.arm, times, channels, attributes)
@@ -346,49 +294,3 @@ def _check_objects(
         return
     check_controller("controller", controller)
     check_positive("controller.sample_time", getattr(controller, "sample_time", None))
-
-
-def _initial_state(
-    arm: Arm,
-    initial: ArrayLike | None,
-    initial_rate: ArrayLike | None,
-    reference: Reference | None,
-    torque: Torque | None,
-) -> FloatArray:
-    motion = reference if reference is not None else getattr(torque, "motion", None)
-    straight = np.zeros(arm.joints)
-    if initial is None and motion is not None:
-        name = "reference" if reference is not None else "torque"
-        straight = np.asarray(call(name, motion.joint_angle, 0.0))
-        if straight.shape != (arm.joints,):
-            rule = f"have the number of joints of the arm ({arm.joints})"
-            raise InputError(Problem(name, rule, str(straight.size)))
-    return initial_state(arm, initial, initial_rate, straight)
-
-
-def _history(
-    arm: Arm,
-    torque: Torque | None,
-    prescribed: Prescribed,
-    state: FloatArray,
-    duration: float,
-    rate: float,
-    interpolation: str,
-    breaks: FloatArray,
-    relative: float,
-) -> PiecewiseCubic:
-    """Return torques and prescribed accelerations for a relative tolerance of the run.
-
-    The start of prescribed joints is set in ``state``.
-    """
-    joints = arm.joints
-    if torque is None:
-        history = PiecewiseCubic.constant(np.zeros(joints))
-    elif isinstance(torque, PiecewiseCubic):
-        history = torque.held_to(duration)
-    elif callable(torque):
-        check_function("torque", torque)
-        history = function_history(torque, duration, joints, relative, breaks, spacing=1.0 / rate)
-    else:
-        history = sampled_torque(torque, rate, duration, joints, interpolation, breaks)
-    return prescribe(arm, prescribed, state, history, duration, relative, breaks, 1.0 / rate)

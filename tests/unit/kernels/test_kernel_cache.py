@@ -114,8 +114,8 @@ def test_edited_callee_is_compiled_again_and_the_rest_is_loaded(sandbox):
     assert again["directory"] == fresh["directory"]
 
     # The kernel's own file is unchanged; an edit of its callee changes the sign of its result.
-    assert "return np.sin(x)" in source
-    edited = source.replace("return np.sin(x)", "return -np.sin(x)")
+    assert "return _sine(x)" in source
+    edited = source.replace("return _sine(x)", "return -_sine(x)")
     callee.write_text(edited, encoding="utf-8")
     changed, words = run(sandbox, CALL_SWING)
     assert changed["value"] == pytest.approx(-2.5, rel=1e-14)

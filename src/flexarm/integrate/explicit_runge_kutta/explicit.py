@@ -21,7 +21,7 @@ from flexarm.integrate.steps import (
     step_landing,
 )
 from flexarm.integrate.torque import rates_of, slope_at
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import unlocked
 from flexarm.kernels.layout import Array
 
 
@@ -38,7 +38,7 @@ class ExplicitRecord(NamedTuple):
     weights: Array  # (1, r) scratch for dense output
 
 
-@compiled
+@unlocked
 def advance_explicit(
     system: System,
     tolerance: Tolerance,

@@ -20,7 +20,7 @@ from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
-from flexarm.kernels.compilation.cache import apart, compiled, merged
+from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 from flexarm.kernels.recursion.implicit_step import add_to_diagonal
@@ -53,23 +53,23 @@ def soften_for(system: System, softened: ArmConstants, damping: float, stiffness
 
 
 @merged
-def shift_forces(system: System, smooth: Array, q: Array, v: Array, torque: Array) -> None:
-    """Replace bending, spring and damping forces at the smooth state by those at ``q`` and ``v``.
+def shift_forces(system: System, smooth: Array, known: Array, torque: Array) -> None:
+    """Replace bending, spring and damping forces at the smooth state by those at ``known``.
 
-    ``smooth`` has shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
+    Both states have shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
     are written to ``work.force``.
     """
     sizes = system.sizes
     c = system.constants
     for i in range(len(sizes.bodies)):
         torque[i] += c.body[i, FREE] * (
-            c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - q[i, 0])
-            + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - v[i, 0])
+            c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - known[0, i, 0])
+            + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - known[1, i, 0])
         )
         for j in range(len(sizes.modes)):
             system.work.force[i, 1 + j] = c.mode[i, j, W2] * (
-                smooth[0, i, 1 + j] - q[i, 1 + j]
-            ) + c.mode[i, j, MODE_DAMPING] * (smooth[1, i, 1 + j] - v[i, 1 + j])
+                smooth[0, i, 1 + j] - known[0, i, 1 + j]
+            ) + c.mode[i, j, MODE_DAMPING] * (smooth[1, i, 1 + j] - known[1, i, 1 + j])
 
 
 @apart
@@ -94,7 +94,7 @@ def additive_step(
             for j in range(1 + len(sizes.modes)):
                 known[0, i, j] += h * gamma * known[1, i, j]
         drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
-        shift_forces(system, smooth, known[0], known[1], torque)
+        shift_forces(system, smooth, known, torque)
         solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
@@ -104,7 +104,7 @@ def additive_step(
     combine(sizes, state, stages, AE, s, s, h, smooth)
 
 
-@compiled
+@unlocked
 def advance_additive(
     system: System,
     tolerance: Tolerance,

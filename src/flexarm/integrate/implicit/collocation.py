@@ -35,7 +35,7 @@ from flexarm.integrate.status import (
 from flexarm.integrate.steps import begin_span, error_norm, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
-from flexarm.kernels.compilation.cache import compiled, merged
+from flexarm.kernels.compilation.cache import merged, unlocked
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
@@ -178,7 +178,7 @@ def _new_point(system: System, record: CollocationRecord, memory: Memory, h: flo
                 lost[level, i, j] = step - (memory.new[level, i, j] - old)
 
 
-@compiled
+@unlocked
 def advance_collocation(
     system: System,
     tolerance: Tolerance,

@@ -27,7 +27,7 @@ from flexarm.integrate.status import (
 from flexarm.integrate.steps import begin_span, error_norm, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import MODE_DAMPING, W2
-from flexarm.kernels.compilation.cache import compiled, merged
+from flexarm.kernels.compilation.cache import merged, unlocked
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
@@ -118,7 +118,7 @@ def _pass(
     """
     sizes, work = system.sizes, system.work
     smooth, known, change = memory.new, record.known, record.change
-    shift_forces(system, smooth, known[0], known[1], memory.torque)
+    shift_forces(system, smooth, known, memory.torque)
     solve_implicit(
         sizes, record.softened, smooth, work.force, memory.torque,
         system.drive.loads, work,
@@ -164,7 +164,7 @@ def _solve(
     return NOT_CONVERGED
 
 
-@compiled
+@unlocked
 def advance_newmark(
     system: System,
     tolerance: Tolerance,

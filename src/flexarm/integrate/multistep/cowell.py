@@ -40,7 +40,7 @@ from flexarm.integrate.status import DONE, INERTIA_LOST, NOT_FOLLOWED, PAUSED
 from flexarm.integrate.steps import begin_span, followed, inertia_left, step_of_span
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
-from flexarm.kernels.compilation.cache import apart, compiled, merged
+from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
@@ -235,7 +235,7 @@ def _between(
             sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
 
 
-@compiled
+@unlocked
 def advance_cowell(
     system: System,
     tolerance: Tolerance,

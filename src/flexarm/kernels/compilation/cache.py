@@ -15,8 +15,9 @@ from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Fast-math options that change the last digits but never hide a NaN or an infinity.
-_FAST = {"contract", "nsz", "arcp"}
+#: Fast-math options that change the last digits but never hide a NaN or an infinity. Without
+#: "arcp": the compiler would replace other divisions by products in packs than in single numbers.
+_FAST = {"contract", "nsz"}
 
 
 #: Folder of the compiled code; None if no folder is private to this user.
@@ -54,6 +55,14 @@ def compiled(function: F) -> F:
     Python and kernels can call it. Its machine code exists once: kernels refer to it.
     """
     return _decorate(function, apart=True)
+
+
+def unlocked(function: F) -> F:
+    """Compile a kernel like ``compiled``, whose calls let other threads of Python continue.
+
+    Use it for kernels that run for a long time; for the others it costs more than it saves.
+    """
+    return _decorate(function, apart=True, nogil=True)
 
 
 def apart(function: F) -> F:

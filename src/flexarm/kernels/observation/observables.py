@@ -31,7 +31,7 @@ from flexarm.kernels.columns import (
     P,
     S,
 )
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import compiled, unlocked
 from flexarm.kernels.compilation.numbers import cos, sin, sqrt
 from flexarm.kernels.forces.joint_law import joint_energy, rotor_energy
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
@@ -97,6 +97,15 @@ def poses(
     tip[3] = x_dot
     tip[4] = y_dot
     tip[5] = rate
+
+
+@unlocked
+def poses_many(
+    sizes: Sizes, constants: ArmConstants, states: Array, body_poses: Array, tips: Array
+) -> None:
+    """Fill poses (k, n, 10) and tips (k, 6) of states (k, 2, n, 1 + m)."""
+    for k in range(states.shape[0]):
+        poses(sizes, constants, states[k], body_poses[k], tips[k])
 
 
 @compiled
@@ -196,7 +205,7 @@ def energies(
     energy[2] = potential
 
 
-@compiled
+@unlocked
 def observe_many(
     sizes: Sizes,
     constants: ArmConstants,

@@ -1,0 +1,1 @@
+"""Many runs at once: ``simulate_batch``, its reductions and its dataset."""

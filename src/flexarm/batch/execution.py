@@ -1,0 +1,257 @@
+"""Execution of the runs of a batch, one at a time, by the engine of ``simulate``."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from functools import partial
+from threading import Lock
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from flexarm.actions.environment import Environment
+from flexarm.arm import Arm
+from flexarm.batch.variations import Variations
+from flexarm.bending import theory_error
+from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.events import event_log
+from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.new_run import restarted
+from flexarm.engine.progress import Meter
+from flexarm.engine.stepping import Run
+from flexarm.errors import FlexarmWarning, InputError, SimulationError
+from flexarm.histories.loads import LoadHistory
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.integrate.base import FloatArray
+from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.simulation.channels import channels_of_run
+from flexarm.simulation.compare import warnings_of
+from flexarm.simulation.preparation import RunOptions, start_of, torque_history
+from flexarm.simulation.run import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Outcome(NamedTuple):
+    """Result of one run.
+
+    Attributes:
+        times: (samples,) s, of the samples computed.
+        channels: the required channels (samples, ...) by name.
+        end_time: s, reached by the run.
+        ended_by, failure, warning, integrator: as the attributes of a result of ``simulate``.
+        steps, evaluations: likewise.
+    """
+
+    times: FloatArray
+    channels: Mapping[str, FloatArray]
+    end_time: float
+    ended_by: str = FAILURE
+    failure: str = ""
+    warning: str = ""
+    integrator: str = ""
+    steps: int = 0
+    evaluations: int = 0
+
+
+def failed(error: SimulationError | InputError) -> Outcome:
+    """Return the outcome of a run without samples."""
+    return Outcome(np.zeros(0), {}, getattr(error, "time", 0.0), failure=str(error))
+
+
+def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
+    """Execute run k; return the outcome of a failure also if its arguments are wrong."""
+    try:
+        return execute(k)
+    except InputError as error:
+        return failed(error)
+
+
+class OpenLoop:
+    """Runs under given torques; several threads may execute them at the same time.
+
+    Args:
+        variations: arguments of the runs.
+        options: options of all runs.
+        acting: the arguments ``tip_force``, ``loads``, ``base_acceleration``, ``contacts``,
+            ``events`` and ``prescribed`` of ``simulate``.
+        channels: names of the required channels.
+    """
+
+    def __init__(
+        self,
+        variations: Variations,
+        options: RunOptions,
+        acting: Mapping[str, Any],
+        channels: Collection[str],
+    ) -> None:
+        self._variations, self._options = variations, options
+        self._channels = channels
+        self._events, self._prescribed = acting["events"], acting["prescribed"] or {}
+        names = "tip_force", "loads", "base_acceleration", "contacts"
+        self._environment = tuple(acting[name] for name in names)
+        self._meter = Meter("simulating", False)
+        self._template: Run | None = None
+        self._histories: dict[float, PiecewiseCubic] = {}
+        # Functions of users are called by one thread at a time.
+        self._users = Lock()
+
+    def prepare(self) -> None:
+        """Validate what the first run shares with the others.
+
+        Raises:
+            InputError: if an argument does not fit the arm.
+        """
+        run, state = self._new_run(0)
+        with suppress(SimulationError):  # each run reports the failure of a function
+            self.history(0, run.arm, state, self._options.rtol)
+
+    def __call__(self, k: int) -> Outcome:
+        """Execute run k.
+
+        Raises:
+            InputError: if an argument does not fit the arm of the run.
+        """
+        run, state = self._new_run(k)
+        failure = ""
+        try:
+            run_through_impacts(run, partial(self.history, k, run.arm, state))
+        except SimulationError as error:
+            if run.history is None:  # a function of time failed before the run began
+                return failed(error)
+            failure = str(error)
+        return self._outcome(run, failure)
+
+    def _outcome(self, run: Run, failure: str) -> Outcome:
+        assert run.history is not None
+        progress = run.progress
+        times, samples = run.sample_times[: progress.sample], run.samples[: progress.sample]
+        log = run.watch.log if run.watch is not None else None
+        return Outcome(
+            times,
+            channels_of_run(run, run.history.at(times), self._channels) if self._channels else {},
+            progress.time,
+            FAILURE if failure else (log and log.ended_by) or DURATION,
+            failure,
+            " ".join(filter(None, [theory_error(run.arm, samples), run.doubt])),
+            run.integrator.name,
+            progress.steps,
+            progress.evaluations + run.discarded,
+        )
+
+    def _new_run(self, k: int) -> tuple[Run, FloatArray]:
+        """Return run k and its initial state."""
+        arm, options = self._variations.arm(k), self._options
+        state = self.start(k, arm)
+        if self._template is not None:
+            requested = options.integrator, options.step
+            return restarted(self._template, state, *requested), state
+        with self._users:
+            environment = Environment.of(arm, *self._environment)
+            log = event_log(arm, self._events)
+            run = options.new_run(arm, state, environment, log, self._meter)
+        placed = run.loads.placed.contacts
+        refuse_deep_start(arm, state, placed)
+        run.prescribed = tuple(self._prescribed)
+        run.loads_of = partial(self._loads, run.loads_of)
+        if self._variations.same_arm and not placed.body.size and log is None:
+            self._template = restarted(run, state, options.integrator, options.step)
+        return run, state
+
+    def _loads(self, loads_of: Any, relative: float) -> LoadHistory:
+        with self._users:
+            history: LoadHistory = loads_of(relative)
+            return history
+
+    def start(self, k: int, arm: Arm) -> FloatArray:
+        """Return the initial state (2, n, 1 + m) of run k.
+
+        Raises:
+            InputError: if it does not fit the arm.
+        """
+        with self._users:  # the motion of a torque may be a function of the user
+            return start_of(arm, *self._variations.state_of(k), None, self._variations.torque(k))
+
+    def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
+        """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.
+
+        Raises:
+            InputError: if the torque does not fit the arm.
+            FunctionError: if a function of time raises an exception.
+        """
+        torque, prescribed = self._variations.torque(k), self._prescribed
+        shared = self._variations.same_torque and not prescribed
+        with self._users:
+            if shared and relative in self._histories:
+                return self._histories[relative]
+            found = torque_history(arm, torque, prescribed, state, self._options, relative)
+            if shared:
+                self._histories[relative] = found
+            return found
+
+
+class ClosedLoop:
+    """Runs with controllers, which are Python objects: one thread executes them.
+
+    Args:
+        arm: the controllers' model of the arm if parameters vary, otherwise None.
+        options: arguments of ``simulate``, the same for all runs.
+    """
+
+    def __init__(
+        self,
+        variations: Variations,
+        arm: Arm | None,
+        options: Mapping[str, Any],
+        channels: Collection[str],
+    ) -> None:
+        self._variations, self._arm = variations, arm
+        self._options, self._channels = options, channels
+
+    def __call__(self, k: int) -> Outcome:
+        """Execute run k.
+
+        Raises:
+            InputError: if an argument does not fit the arm or the controller of the run.
+        """
+        own = self._variations
+        simulated = own.arm(k)
+        initial, initial_rate = own.state_of(k)
+        try:
+            with warnings.catch_warnings():  # kept in the outcome
+                warnings.simplefilter("ignore", FlexarmWarning)
+                result = simulate(
+                    self._arm or simulated,
+                    plant=None if self._arm is None else simulated,
+                    controller=own.controller(k),
+                    reference=own.reference(k),
+                    hardware=own.hardware_of(k),
+                    initial=initial,
+                    initial_rate=initial_rate,
+                    progress=False,
+                    **self._options,
+                )
+        except SimulationError as error:
+            if error.result is None:
+                return failed(error)
+            return self._outcome(error.result, error.time)
+        return self._outcome(result, None)
+
+    def _outcome(self, result: xr.Dataset, stopped: float | None) -> Outcome:
+        attributes, times = result.attrs, result["time"].values
+        ended_by = attributes["ended_by"]
+        end = float(times[-1]) if ended_by != DURATION else float(self._options["duration"])
+        return Outcome(
+            times,
+            {name: result[name].values for name in self._channels},
+            end if stopped is None else stopped,
+            ended_by,
+            attributes["failure"],
+            " ".join(warnings_of(result)),
+            attributes["integrator"],
+            attributes["steps"],
+            attributes["evaluations"],
+        )

@@ -1,0 +1,1 @@
+"""Steppers for eight runs at once, one in each lane of a vector: explicit and additive methods."""

@@ -1,0 +1,60 @@
+"""Arrays of runs in lanes: coefficients, runs, torques and scratch."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexarm.kernels.compilation.packs import PackArray
+from flexarm.kernels.layout import Array, Loads
+
+
+class StepControl(NamedTuple):
+    """Data of a method for the control of its steps."""
+
+    error: Array  # (2, s + 1) weights of the error estimates
+    order: int
+    adaptive: bool
+    longest: float  # rad, largest phase of the fastest mode in a step
+
+
+class LaneRuns(NamedTuple):
+    """Arrays of the runs, by their number in a block."""
+
+    state: Array  # (runs, 2, n, 1 + m) at the start of each run, then at its end
+    fastest: Array  # (runs,) rad/s
+    clock: Array  # (runs, CLOCK_PLACES), with the first step
+    counts: Array  # (runs, COUNT_PLACES) integers
+    status: Array  # (runs,) integers
+    sample_times: Array  # (samples,) s
+    samples: Array  # (runs, samples, 2, n, 1 + m)
+    until: float  # s
+
+
+class LaneDrive(NamedTuple):
+    """Torques of all runs, one after another, as piecewise cubics; see ``base.Drive``."""
+
+    breaks: Array  # (breaks of all runs,) s
+    coefficients: Array  # (pieces of all runs, 4, n)
+    stops: Array  # (stops of all runs,) s
+    places: Array  # (runs, 6) integers: first and last (excluded) break, piece and stop
+
+
+class LaneMemory(NamedTuple):
+    """Scratch of one thread."""
+
+    state: PackArray  # (2, n, 1 + m) at the time of each lane
+    new: PackArray  # (2, n, 1 + m) at the end of the present step
+    point: PackArray  # (2, n, 1 + m) at which the dynamics is evaluated
+    torque: PackArray  # (n,)
+    stages: PackArray  # (r, 2, n, 1 + m) derivatives
+    step: PackArray  # (1,) s
+    norm: PackArray  # (3,) numbers of ``error_sizes`` or ``motion_sizes``
+    accepted: PackArray  # (1,) 1.0 in lanes whose step is accepted, otherwise 0.0
+    work: PackArray  # ``Workspace`` of packs
+    loads: Loads  # none
+    weights: Array  # (1, r)
+    run: Array  # (LANES,) integers: number of the run, or -1
+    fresh: Array  # (LANES,) integers: 1 if the lane needs the derivative at its time
+    lands: Array  # (LANES,) integers: 1 if the step ends at a stop
+    piece: Array  # (LANES,) integers: piece of the torque at the time of the lane
+    end: Array  # (LANES,) s, end of the step

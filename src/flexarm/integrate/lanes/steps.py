@@ -1,0 +1,274 @@
+"""Common functions of the lane steppers: runs in lanes, torques, step control.
+
+Each lane has its own time, step, step control, torque and samples. A lane whose run has ended
+continues with the next run. The rules are those of ``integrate.steps``, whose functions are called
+with packs, or for one lane after another.
+
+Not supported: loads, contacts, joint stops. A run that fails, or that needs too many steps, ends
+with its status, and its samples are incomplete.
+"""
+
+from __future__ import annotations
+
+from flexarm.integrate.base import Tolerance
+from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
+from flexarm.integrate.memory import EVALUATIONS, NORM, REJECTED, SAMPLES, STEP, STEPS, TIME
+from flexarm.integrate.status import DIVERGED, DONE, INERTIA_LOST, PAUSED
+from flexarm.integrate.steps import (
+    choose_step,
+    error_sizes,
+    motion_sizes,
+    norm_of,
+    retry_shorter,
+    step_landing,
+)
+from flexarm.integrate.torque import piece_of
+from flexarm.kernels.columns import FREE, JOINT_UW
+from flexarm.kernels.compilation.cache import apart, inner, merged
+from flexarm.kernels.compilation.packs import LANES, PackArray, chosen
+from flexarm.kernels.layout import ArmConstants, Sizes
+
+
+@inner
+def _fill_samples(
+    sizes: Sizes, runs: LaneRuns, k: int, state: PackArray, lane: int, t: float
+) -> None:
+    """Fill the samples of run k up to time t with the state of its lane."""
+    while runs.counts[k, SAMPLES] < runs.sample_times.shape[0] and (
+        runs.sample_times[runs.counts[k, SAMPLES]] <= t
+    ):
+        for level in range(2):
+            for i in range(len(sizes.bodies)):
+                for j in range(1 + len(sizes.modes)):
+                    value = state.array[level, i, j, lane]
+                    runs.samples[k, runs.counts[k, SAMPLES], level, i, j] = value
+        runs.counts[k, SAMPLES] += 1
+
+
+@apart
+def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: int) -> None:
+    """Put run k into a lane."""
+    memory.run[lane] = k
+    memory.fresh[lane] = 1
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                memory.state.array[level, i, j, lane] = runs.state[k, level, i, j]
+    _fill_samples(sizes, runs, k, memory.state, lane, runs.clock[k, TIME])
+
+
+@apart
+def _end_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, status: int) -> None:
+    """Take the run out of a lane."""
+    k = memory.run[lane]
+    runs.status[k] = status
+    memory.run[lane] = -1
+    memory.fresh[lane] = 0
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                runs.state[k, level, i, j] = memory.state.array[level, i, j, lane]
+
+
+@apart
+def begin_lanes(memory: LaneMemory) -> None:
+    """Empty all lanes."""
+    for lane in range(LANES):
+        memory.run[lane] = -1
+        memory.fresh[lane] = 0
+
+
+@apart
+def fill_lanes(
+    sizes: Sizes, runs: LaneRuns, memory: LaneMemory, following: int, evaluations: int
+) -> tuple[int, int, int]:
+    """Put the following runs into empty lanes, and count the evaluations of the next steps.
+
+    Returns the number of the following run, the number of lanes with a run, and the number of
+    those that need the derivative at their time; they are marked in ``memory.accepted``.
+    """
+    busy = 0
+    fresh = 0
+    for lane in range(LANES):
+        if memory.run[lane] < 0 and following < runs.status.shape[0]:
+            _begin_run(sizes, runs, memory, lane, following)
+            following += 1
+        if memory.run[lane] >= 0:
+            busy += 1
+            runs.counts[memory.run[lane], EVALUATIONS] += evaluations + memory.fresh[lane]
+        fresh += memory.fresh[lane]
+        memory.accepted.array[0, lane] = memory.fresh[lane]
+    return following, busy, fresh
+
+
+@apart
+def begin_steps(control: StepControl, drive: LaneDrive, runs: LaneRuns, memory: LaneMemory) -> None:
+    """Choose the end of the next step of each lane, and find its piece of the torque."""
+    for lane in range(LANES):
+        k = memory.run[lane]
+        if k < 0:
+            continue
+        t = runs.clock[k, TIME]
+        h = min(runs.clock[k, STEP], control.longest / runs.fastest[k])
+        stops = drive.stops[drive.places[k, 4] : drive.places[k, 5]]
+        end, h, lands = step_landing(stops, t, h, runs.until)
+        memory.end[lane] = end
+        memory.lands[lane] = lands
+        memory.step.array[0, lane] = h
+        breaks = drive.breaks[drive.places[k, 0] : drive.places[k, 1]]
+        if memory.fresh[lane] == 1:
+            memory.piece[lane] = piece_of(breaks, t, False)
+            memory.fresh[lane] = 0
+        while memory.piece[lane] < breaks.shape[0] - 2 and breaks[memory.piece[lane] + 1] <= t:
+            memory.piece[lane] += 1
+
+
+@merged
+def torques_of_lanes(
+    sizes: Sizes, drive: LaneDrive, runs: LaneRuns, memory: LaneMemory, c: float, ends: bool,
+    from_left: bool,
+) -> None:  # fmt: skip
+    """Set the torques at the fraction c of each lane's step; ``ends``: exactly at its end."""
+    for lane in range(LANES):
+        k = memory.run[lane]
+        if k < 0:
+            continue
+        t = runs.clock[k, TIME] + c * memory.step.array[0, lane]
+        if ends:
+            t = memory.end[lane]
+        first = drive.places[k, 0]
+        last = drive.places[k, 1] - first - 2  # last piece
+        piece = memory.piece[lane]
+        while piece < last and (
+            drive.breaks[first + piece + 1] < t
+            or (drive.breaks[first + piece + 1] == t and not from_left)
+        ):
+            piece += 1
+        x = t - drive.breaks[first + piece]
+        piece += drive.places[k, 2]
+        for i in range(len(sizes.bodies)):
+            memory.torque.array[i, lane] = drive.coefficients[piece, 0, i] + x * (
+                drive.coefficients[piece, 1, i]
+                + x * (drive.coefficients[piece, 2, i] + x * drive.coefficients[piece, 3, i])
+            )
+
+
+@inner
+def copy_packs(sizes: Sizes, source: PackArray, target: PackArray) -> None:
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                target[level, i, j] = source[level, i, j]
+
+
+@inner
+def keep_first_stage(sizes: Sizes, memory: LaneMemory, stage: int) -> None:
+    """Copy ``stages[stage]`` to the first stage in the lanes marked in ``accepted``."""
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                memory.stages[0, level, i, j] = chosen(
+                    memory.accepted[0],
+                    memory.stages[stage, level, i, j],
+                    memory.stages[0, level, i, j],
+                )
+
+
+@apart
+def measure_steps(
+    sizes: Sizes, tolerance: Tolerance, control: StepControl, memory: LaneMemory
+) -> None:
+    """Compute the errors of a controlled step, or the plausibility of a fixed one."""
+    h = memory.step[0]
+    if control.adaptive:
+        worst, low, check = error_sizes(
+            sizes, tolerance, memory.state, memory.new, memory.stages, control.error, h
+        )
+        memory.norm[0] = worst
+        memory.norm[1] = low
+        memory.norm[2] = check
+    else:
+        largest, check = motion_sizes(sizes, tolerance, memory.new, h)
+        memory.norm[0] = largest
+        memory.norm[1] = 0.0
+        memory.norm[2] = check
+
+
+@merged
+def _inertia_left(sizes: Sizes, constants: ArmConstants, memory: LaneMemory, lane: int) -> bool:
+    lowest = 1.0
+    for i in range(len(sizes.bodies)):
+        if constants.body[i, FREE] != 0.0:
+            lowest = min(lowest, memory.work.body.array[i, JOINT_UW, lane])
+    return lowest > 0.0
+
+
+@apart
+def judge_steps(
+    sizes: Sizes, constants: ArmConstants, control: StepControl, runs: LaneRuns, memory: LaneMemory,
+) -> bool:  # fmt: skip
+    """Accept or reject the step of each lane; return whether a sample lies inside one."""
+    between = False
+    for lane in range(LANES):
+        memory.accepted.array[0, lane] = 0.0
+        k = memory.run[lane]
+        if k < 0:
+            continue
+        status = DONE
+        norm = norm_of(
+            memory.norm.array[0, lane], memory.norm.array[1, lane], memory.norm.array[2, lane]
+        )
+        if control.adaptive:
+            runs.clock[k, NORM] = norm
+            if not norm <= 1.0:
+                runs.counts[k, EVALUATIONS] -= 1  # ``explicit`` evaluates an accepted end only
+                status = retry_shorter(
+                    runs.clock[k], runs.counts[k], control.order, memory.step.array[0, lane],
+                    runs.fastest[k],
+                )  # fmt: skip
+        elif not norm <= 1.0:
+            status = DIVERGED
+        if status == DONE and not _inertia_left(sizes, constants, memory, lane):
+            status = INERTIA_LOST
+        if status == DONE:
+            memory.accepted.array[0, lane] = 1.0
+            due = runs.counts[k, SAMPLES]
+            if due < runs.sample_times.shape[0] and runs.sample_times[due] < memory.end[lane]:
+                between = True
+        elif status != PAUSED:
+            _end_run(sizes, runs, memory, lane, status)
+    return between
+
+
+@apart
+def end_steps(
+    sizes: Sizes, control: StepControl, runs: LaneRuns, memory: LaneMemory, max_steps: int
+) -> None:
+    """Make the ends of the accepted steps the states of their lanes, and choose the next steps."""
+    stages = control.error.shape[1] - 1
+    for level in range(2):
+        for i in range(len(sizes.bodies)):
+            for j in range(1 + len(sizes.modes)):
+                memory.state[level, i, j] = chosen(
+                    memory.accepted[0], memory.new[level, i, j], memory.state[level, i, j]
+                )
+    keep_first_stage(sizes, memory, stages)
+    for lane in range(LANES):
+        k = memory.run[lane]
+        if k < 0:
+            continue
+        if memory.accepted.array[0, lane] != 0.0:
+            t = memory.end[lane]
+            _fill_samples(sizes, runs, k, memory.state, lane, t)
+            runs.clock[k, TIME] = t
+            runs.counts[k, STEPS] += 1
+            lands = memory.lands[lane] == 1
+            if control.adaptive:
+                choose_step(runs.clock[k], memory.step.array[0, lane], control.order, lands)
+            if t >= runs.until:
+                _end_run(sizes, runs, memory, lane, DONE)
+                continue
+            if lands:  # the torque may jump here, and the last slope is the one from the left
+                memory.fresh[lane] = 1
+        if runs.counts[k, STEPS] + runs.counts[k, REJECTED] >= max_steps:
+            _end_run(sizes, runs, memory, lane, PAUSED)

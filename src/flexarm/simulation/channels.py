@@ -1,0 +1,36 @@
+"""Channels of a run, computed from its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from flexarm.engine.section_forces import section_channels
+from flexarm.engine.stepping import Run
+from flexarm.integrate.base import FloatArray
+from flexarm.observe import channels_of, contact_channels
+
+#: Channels that need more than states and torques: reaction forces, or contacts.
+BY_FORCES = {
+    *("joint_force", "joint_moment", "axial_force", "shear_force", "bending_moment"),
+    *("contact_force", "contact_gap", "contact_energy"),
+}
+
+
+def channels_of_run(
+    run: Run, given: FloatArray, names: Collection[str] | None = None
+) -> dict[str, FloatArray]:
+    """Compute the channels of a run at the samples filled so far.
+
+    Args:
+        given: (samples, joints) torques, N m, or accelerations of prescribed joints, rad/s^2.
+        names: the required channels; others may be missing. None: all channels.
+    """
+    count = run.progress.sample
+    times, states = run.sample_times[:count], run.samples[:count]
+    if names is not None and not run.prescribed and not BY_FORCES.intersection(names):
+        return channels_of(run.arm, states, names) | {"torque": given}
+    channels = channels_of(run.arm, states)
+    motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
+    channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
+    channels |= section_channels(inside)
+    return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
