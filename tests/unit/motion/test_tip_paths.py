@@ -238,7 +238,7 @@ NEAR = [1.0, 0.9]
         ),
         (
             lambda a: via_point_motion(a, [[1, 1], [1.2, 1], [1.2, 0]], 1.0, blend=0.2),
-            r"blend must be at most 0.1 m, .* got 0.2. That corner is points\[1\]",
+            r"blend must be at most 0.1 m .*, got 0.2. That corner is points\[1\]",
         ),
         (
             lambda a: via_point_motion(a, [[1, 1], [1.2, 1]], 1.0, blend=-1.0),
