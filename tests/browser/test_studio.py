@@ -140,7 +140,7 @@ def test_texts_of_a_file_are_not_executed(window, tmp_path):
 
 def test_saved_file_can_be_opened_again(window, new_window, tmp_path):
     window.set(LENGTH, "0.7")
-    window.choose("drive.kind", "joint pd")
+    window.choose("drive.kind", "joint PD")
     name, content = window.save("Save", "Save the scenario")
     assert name == "swing.yaml"
     project = open_bytes(content, name)

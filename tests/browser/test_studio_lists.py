@@ -106,7 +106,7 @@ def test_all_drives_are_in_the_list_under_titles(window):
     title = page.get_by_role("option", name="joint control", exact=True)
     title.wait_for()
     assert title.get_attribute("aria-disabled") == "true"
-    page.get_by_role("option", name="lqg", exact=True).click()
+    page.get_by_role("option", name="LQG", exact=True).click()
     window.field("drive.preview").wait_for()
     window.wait_until_idle()
     project = saved(window)
@@ -115,7 +115,7 @@ def test_all_drives_are_in_the_list_under_titles(window):
 
 
 def test_instruments_and_motors(window):
-    window.choose("drive.kind", "joint pd")
+    window.choose("drive.kind", "joint PD")
     window.open_group("Hardware")
     window.press("hardware.<new>")
     window.open_part("hardware.motors.<new>")

@@ -17,7 +17,7 @@ from flexarm.studio.state import open_bytes
 def test_page_looks_like_the_picture_of_the_documentation(new_window):
     window = new_window(1400, 900)
     page = window.page
-    window.choose("drive.kind", "joint pd")
+    window.choose("drive.kind", "joint PD")
     window.set(MASS, "0.4")
     window.open_group("Loads")
     window.press("loads.<new>")

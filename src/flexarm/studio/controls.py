@@ -43,7 +43,7 @@ class Control:
         self._slider: ui.slider | None = None
         self._text: ui.input | ui.textarea | None = None
         self._choice: _List | ui.switch | None = None
-        unit = field.unit.replace("^2", "²")
+        unit = field.unit.replace("^2", "²").replace("^3", "³")
         self._name = f"{field.label} [{unit}]" if unit else field.label
         with ui.element("div").classes("field").props(f"data-path={_quoted(field.name)}"):
             add: dict[str, Callable[[], None]] = {

@@ -48,6 +48,7 @@ class Window:
         self._seconds = 0.0
         self._loop = asyncio.get_running_loop()
         self._client = ui.context.client
+        ui.colors(primary="#005A8E")  # dark enough for text on white
         with ui.element("div").classes("studio"):
             self._add_bar()
             with ui.element("main").classes("stage"):

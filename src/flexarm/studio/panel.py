@@ -159,11 +159,11 @@ class _Chooser:
             choice.props("dense outlined")
             with ui.element("div").classes("line"):
                 self._add_button("Copy", lambda: self._try(lambda: now().copied(one)))
-                self._add_button("Remove", lambda: self._try(lambda: now().removed(one)))
                 with self._add_button("Rename"), ui.menu():
                     self._input = ui.input(label=f"name of the {one}", value=chosen)
                     self._input.props("dense outlined autofocus").classes("rename")
                     self._input.on("keydown.enter", self._renamed)
+                self._add_button("Remove", lambda: self._try(lambda: now().removed(one)))
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
 

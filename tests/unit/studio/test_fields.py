@@ -23,7 +23,7 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.wording import look
 from flexarm.studio.state import open_file, paper_project
-from flexarm.studio.values.edits import FORM, KIND, REMOVE, TABLE, WORDS
+from flexarm.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS
 from flexarm.studio.values.field import fields_in
 from flexarm.studio.values.fields import FieldMaker, groups_of
 from flexarm.studio.values.new_values import new_record
@@ -130,7 +130,7 @@ def test_drives_stand_under_the_titles_of_their_groups():
     assert [title for title, _ in choices] == list(DRIVES)
     kinds = [kind for _, entries in choices for kind, _ in entries]
     assert set(kinds) == {"none", "torque", "rigid_inverse_dynamics", *CONTROLLED}
-    assert dict(choices)["joint control"][0] == ("joint_pd", "joint pd")
+    assert dict(choices)["joint control"][0] == ("joint_pd", "joint PD")
 
 
 def test_values_beside_the_usual_ones_are_folded_unless_they_are_given():
@@ -142,6 +142,25 @@ def test_values_beside_the_usual_ones_are_folded_unless_they_are_given():
 
     assert more(paper_project()).folded
     assert not more(paper_project().edited(("arm", "links", 0, "modes"), 2)).folded
+
+
+def test_instruments_and_motors_are_not_folded():
+    project = controlled().edited(("hardware", NEW), None)
+    (group,) = (group for group in groups_of(project) if group.title == "Hardware")
+    assert [getattr(entry, "title", "") or entry.label for entry in group.entries] == [
+        "Instruments",
+        "Add motors",
+        "More values",
+        "Remove hardware",
+    ]
+
+
+def test_names_and_abbreviations_are_written_as_usual():
+    found = fields_of(open_file(ROOT / "tests/unit/studio/every_part.yaml"))
+    labels = {field.label for field in found.values()}
+    assert {"Young's modulus", "Poisson's ratio", "Coulomb friction"} <= labels
+    words = {word for each in found.values() for _, part in each.choices for _, word in part}
+    assert {"joint PID", "LQG", "Euler-Bernoulli", "Rayleigh", "ZVD"} <= words
 
 
 def test_omitted_values_have_fields():

@@ -19,6 +19,7 @@ from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES
+from flexarm.model.hardware import Hardware
 from flexarm.model.scenarios.scenario import RunSettings
 from flexarm.model.wording import Path
 from flexarm.studio.state import STUDIED, Project
@@ -53,6 +54,7 @@ _USUAL: dict[type[Record], tuple[str, ...]] = {
     ),
     Joint: ("damping", "stiffness", "hub_inertia", "mass", "friction"),
     RunSettings: ("duration", "rate", "integrator"),
+    Hardware: ("instruments", "motors"),
 }
 #: Longer lists are edited as text.
 _MOST_NUMBERS = 12
@@ -62,7 +64,24 @@ _AXES = ("x", "y")
 _OMITTED = "not set"
 _MORE = "More values"
 #: Keys whose name in words is another one.
-_NAMES = {"prescribed": "prescribed joints", "initial": "initial state"}
+_NAMES = {
+    "prescribed": "prescribed joints",
+    "initial": "initial state",
+    "youngs_modulus": "Young's modulus",
+    "poissons_ratio": "Poisson's ratio",
+    "coulomb": "Coulomb friction",
+    "viscous": "viscous friction",
+    "static": "static friction",
+    "stribeck_rate": "Stribeck rate",
+    "rtol": "relative tolerance",
+    "atol": "absolute tolerance",
+}
+#: Parts of words that are not in lower case: abbreviations and names.
+_WRITTEN = {
+    **{word: word.upper() for word in ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "ei")},
+    **{word: word.capitalize() for word in ("rayleigh", "timoshenko")},
+    "euler bernoulli": "Euler-Bernoulli",
+}
 #: Fields of a link that its other descriptions replace.
 _DESCRIBING = ("material", "section", "table")
 _WAY = "A link is described by constants, by its material and section, or by a table."
@@ -285,9 +304,15 @@ def _choices(entries: Sequence[tuple[Any, str]]) -> Choices:
     return (("", tuple(entries)),)
 
 
+def _in_words(word: str) -> str:
+    """Return a word of a file as it is usually written, such as joint PD for joint_pd."""
+    plain = word.replace("_", " ")
+    return _WRITTEN.get(plain) or " ".join(_WRITTEN.get(part, part) for part in plain.split())
+
+
 def _grouped(kinds: Sequence[Form], optional: bool) -> Choices:
     """Return the entries of a list of kinds; those of drives under the titles of their groups."""
-    words = {form.type: (form.kind, str(form.kind).replace("_", " ")) for form in kinds}
+    words = {form.type: (form.kind, _in_words(str(form.kind))) for form in kinds}
     drives = tuple(
         (title, tuple(words[record] for record in records if record in words))
         for title, records in DRIVES.items()
@@ -306,7 +331,7 @@ def _words(of: _Value) -> tuple[Any, ...]:
     if len(forms) != 1:
         return ()
     if forms[0].name == "choice":
-        words = [(word, word.replace("_", " ")) for word in forms[0].words]
+        words = [(word, _in_words(word)) for word in forms[0].words]
         return _choices([*omitted, *words])
     if forms[0].name == "flag" and omitted:
         return _choices([*omitted, (True, "yes"), (False, "no")])
