@@ -213,13 +213,13 @@ def test_ctrl_with_the_wheel_zooms_and_the_wheel_alone_scrolls(page):
     canvas.hover(position={"x": 200, "y": 80})
     page.mouse.wheel(0, 60)
     reset = page.get_by_role("button", name="Whole run")
-    page.wait_for_function("window.scrollY > 0")
+    page.wait_for_function("() => window.scrollY > 0")
     assert reset.is_disabled()
     canvas.hover(position={"x": 200, "y": 80})
     page.keyboard.down("Control")
     page.mouse.wheel(0, -100)
     page.keyboard.up("Control")
-    page.wait_for_function("!document.querySelector('.zoom-reset').disabled")
+    page.wait_for_function("() => !document.querySelector('.zoom-reset').disabled")
 
 
 def test_narrow_screen_needs_no_horizontal_scrolling(page):
