@@ -100,7 +100,7 @@ def test_all_samples_count():
         (("peak", "tip", -1.0), "after must be at least 0"),
         (("settling", "tip"), "band is required by settling"),
         (("settling", "tip", 0.0, 0.0), "band must be greater than 0"),
-        (("peak", "tip", 0.0, 1.0), "band is of settling alone"),
+        (("peak", "tip", 0.0, 1.0), "band applies to settling only"),
     ],
 )
 def test_wrong_arguments(arguments, message):

@@ -106,7 +106,7 @@ class Reduction:
             check_channel("channel", name)
         check_nonnegative("after", self.after)
         if (self.kind == "settling") != (self.band is not None):
-            rule = "is required by settling" if self.band is None else "is of settling alone"
+            rule = "is required by settling" if self.band is None else "applies to settling only"
             raise InputError(Problem("band", rule))
         if self.band is not None:
             check_positive("band", self.band)
