@@ -91,13 +91,16 @@ def _declare(function: Any, count: int) -> None:
     """Let the compiler know a function of ``count`` packs, or of packs and numbers."""
 
     class Rule(AbstractTemplate):
+        key = function
+
         def generic(self, args: Any, keywords: Any) -> Any:
             fits = len(args) == count and PACK in args and not keywords
             if fits and all(a == PACK or isinstance(a, _NUMBERS) for a in args):
                 return signature(PACK, *args)
             return None
 
-    infer_global(function)(Rule)
+    # The decorator form reads ``function.__module__``, which ufuncs have since NumPy 2.1 only.
+    infer_global(function, types.Function(Rule))
 
 
 def _define(function: Any, code: Any) -> None:
