@@ -49,14 +49,16 @@ class Outcome(NamedTuple):
     cost: float
 
 
-def run(arm: fa.Arm, settings: dict[str, object], **method: object) -> xr.Dataset:
+def run(
+    arm: fa.Arm, settings: dict[str, object], rate: float = RATE, **method: object
+) -> xr.Dataset:
     """Simulate with large deflections allowed: every method shares their error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.LargeDeflectionWarning)
         return fa.simulate(
             arm,
             DURATION,
-            rate=RATE,
+            rate=rate,
             specialized=False,
             **settings,
             **method,  # type: ignore[arg-type]
