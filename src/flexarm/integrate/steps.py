@@ -135,9 +135,7 @@ def combine(
 
 
 @merged
-def _scale(
-    sizes: Sizes, tolerance: Tolerance, state: Array, new: Array, level: int, i: int
-) -> Any:
+def _scale(sizes: Sizes, tolerance: Tolerance, state: Array, new: Array, level: int, i: int) -> Any:
     """Return the largest modal value of a body at both ends of a step, in metres at the tip."""
     largest: Any = 0.0
     for j in range(len(sizes.modes)):
