@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, Listed, OneOrMany, Pair, Positive, finite, plain
+from flexarm.model.quantities import Count, Finite, Listed, OneOrMany, Pair, Positive, plain
 from flexarm.model.wording import Fault
 
-Ratio = Annotated[float, Field(ge=0, lt=1), BeforeValidator(finite)]
-Part = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+Ratio = Annotated[Finite, Field(ge=0, lt=1), BeforeValidator(plain)]
+Part = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 
 
 def _word_or_list(value: Any) -> str:
