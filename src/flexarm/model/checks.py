@@ -35,9 +35,8 @@ else:
 
 T = TypeVar("T")
 
-#: Attributes of records that pydantic and Python's class machinery define.
-_INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__, "__abstractmethods__", "__annotations__"}
-_INTERNAL -= set(dir(object)) - {"__init_subclass__"}
+#: Attributes of records that pydantic defines.
+_INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__}
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
@@ -74,9 +73,11 @@ class RecordType(ModelMetaclass):
         return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text  # type: ignore[arg-type]
 
     def __dir__(cls) -> list[str]:
-        """List the attributes of a record without pydantic's own, for a short ``help``."""
-        names = super().__dir__()
-        return [n for n in names if n not in _INTERNAL and not n.startswith("__pydantic")]
+        """List the attributes of a record without those of pydantic and of every class.
+
+        ``help`` then ends with the methods of the record.
+        """
+        return [n for n in super().__dir__() if n not in _INTERNAL and not n.startswith("__")]
 
 
 def _by_name(cls: type[Record], args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
