@@ -52,10 +52,10 @@ class SampledReference:
                 return table[k]
         elif name in self._tables:
             times = np.asarray(t, dtype=np.float64)
-            ticks = np.rint(times / self._sample_time)
-            inside = (ticks >= 0.0) & (ticks < len(self._schedule))
-            if np.all(inside & (ticks * self._sample_time == times)):
-                return self._tables[name][ticks.astype(np.intp)]
+            samples = np.rint(times / self._sample_time)
+            inside = (samples >= 0.0) & (samples < len(self._schedule))
+            if np.all(inside & (samples * self._sample_time == times)):
+                return self._tables[name][samples.astype(np.intp)]
         return getattr(self._reference, name)(t)
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:

@@ -109,9 +109,9 @@ class Clock:
         t = np.where(phase < 0.0, self.times[0] + phase / first, t)
         t = np.where(phase > known[-1], self.times[-1] + (phase - known[-1]) / last, t)
         between = (phase >= 0.0) & (phase <= known[-1])
-        inside, wanted = t[between], phase[between]
+        inside, target = t[between], phase[between]
         for _ in range(_NEWTON_STEPS):
-            step = (wanted - self.phase(inside)) / self.rate(inside)
+            step = (target - self.phase(inside)) / self.rate(inside)
             inside = inside + step
             if np.max(np.abs(step), initial=0.0) <= 1e-15 * np.ptp(self.times):
                 break

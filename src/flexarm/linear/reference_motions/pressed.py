@@ -239,7 +239,7 @@ class _Search:
         J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
         sliding = float(np.tanh(tangent @ J @ motion.joint_rate(t) / self._slow))
         on_tip = force * (normal - self._friction * sliding * tangent)
-        angle, wanted = rigid + self._beside + self._drift, motion.tip(t)
+        angle, desired = rigid + self._beside + self._drift, motion.tip(t)
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
         way = np.asarray(np.linalg.pinv(J, rcond=1e-6), dtype=np.float64)
         step, before = np.zeros(arm.joints), np.zeros(2)
@@ -251,7 +251,7 @@ class _Search:
                 start[arm.joint_index] = angle
                 rest = equilibrium(arm, tip_force=on_tip, start=start)
             self._q = rest.q
-            missed = arm.tip(rest.q)[:2] - wanted
+            missed = arm.tip(rest.q)[:2] - desired
             if np.hypot(*missed) < _CLOSE:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
