@@ -34,6 +34,7 @@ else:
     ModelMetaclass = type(BaseModel)
 
 T = TypeVar("T")
+R = TypeVar("R", bound="Record")
 
 #: Attributes of records that pydantic defines.
 _INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__}
@@ -195,6 +196,18 @@ class Record(BaseModel, metaclass=RecordType):
                 return record
         details = [fault.as_details() for fault in faults]
         raise ValidationError.from_exception_data(cls.__name__, details) from None
+
+
+def checked_arguments(kind: type[R], **values: Any) -> R:
+    """Return the arguments of a function as the record that describes the same in files.
+
+    Raises:
+        InputError: if arguments are invalid; lists all problems, which `public_call` completes.
+    """
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise InputError(*(fault.problem() for fault in faults_of(error))) from None
 
 
 def faults_of(error: ValidationError) -> list[Fault]:

@@ -29,7 +29,7 @@ from flexarm.motion import (
 from flexarm.scenarios.file_errors import problems_under
 
 #: Functions of the Python interface by kind; their arguments have the names of the keys.
-_MOTIONS: dict[str, Callable[..., Motion]] = {
+MOTION_FUNCTIONS: dict[str, Callable[..., Motion]] = {
     "line": line_motion,
     "via_points": via_point_motion,
     "spline": spline_motion,
@@ -55,7 +55,7 @@ def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
 
 
 def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
-    make = _MOTIONS[spec.kind]
+    make = MOTION_FUNCTIONS[spec.kind]
     around = {"kind", "shaping", "smoothing"}
     motion = make(arm, **{k: getattr(spec, k) for k in type(spec).model_fields.keys() - around})
     if spec.shaping is not None:

@@ -75,6 +75,9 @@ class ShapingSpec(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
+        for name in ("modes", "frequency_hz", "damping_ratio"):
+            if given.has(name) and given.raw(name) == ():
+                yield Fault((name,), "is empty")
         if given.absent("frequency_hz"):
             return
         for name, usual in (("modes", 1), ("joints", "locked")):
