@@ -76,13 +76,14 @@ def shaped(
         damping_ratio=damping_ratio,
         tolerance=tolerance,
     )
-    if arm is not None:
-        _check_arm(arm, motion)
-    if frequency_hz is None:
+    if arm is not None and check_kind("arm", arm, Arm).joints != motion.joints:
+        rule = f"have the number of joints of the motion ({motion.joints})"
+        raise InputError(Problem("arm", rule, f"{arm.joints}"))
+    if options.frequency_hz is None:
         if arm is None:
             raise InputError(Problem("arm", "is required if there is no frequency_hz"))
         return _by_modes(motion, arm, options, joints)
-    frequencies = np.atleast_1d(options.frequency_hz)
+    frequencies = np.array(options.frequency_hz, dtype=np.float64, ndmin=1)
     ratios = _ratios(options.damping_ratio or 0.0, len(frequencies))
     for hertz, ratio in zip(frequencies, ratios, strict=True):
         rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
@@ -115,12 +116,6 @@ def _by_modes(motion: Motion, arm: Arm, options: ShapingSpec, joints: Joints) ->
 
 def _impulses(options: ShapingSpec, ratio: float) -> FloatArray:
     return impulses(options.method, ratio, options.tolerance)
-
-
-def _check_arm(arm: object, motion: Motion) -> None:
-    if check_kind("arm", arm, Arm).joints != motion.joints:
-        rule = f"have the number of joints of the motion ({motion.joints})"
-        raise InputError(Problem("arm", rule, f"{arm.joints}"))
 
 
 def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
