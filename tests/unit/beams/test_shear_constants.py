@@ -80,13 +80,7 @@ def table(request):
 
 class TestIntegrals:
     def test_momentum(self, table):
-        close = {"rtol": INTEGRATION, "atol": INTEGRATION}
-        linear = table.integral(lambda x: table.mu(x) * table.shapes(x))
-        np.testing.assert_allclose(table.link.S, linear, **close)
-        angular = table.integral(
-            lambda x: table.mu(x) * x * table.shapes(x) + table.rho_i(x) * table.rotation(x)
-        )
-        np.testing.assert_allclose(table.link.a, angular, **close)
+        table.assert_momentum(table.rotation)
 
     def test_tip_rotation_is_that_of_its_section(self, table):
         np.testing.assert_allclose(table.link.P, table.shapes(L), rtol=1e-11)
