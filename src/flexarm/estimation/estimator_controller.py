@@ -19,7 +19,7 @@ from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.model.drives.around import EstimatorParameters
 
 #: Entries of the measurement that the filter supplies to the inner controller.
-_TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
+_ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
 class EstimatorController(Parametrised, EstimatorParameters, Controller):
@@ -62,7 +62,7 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
         """Return the readings of the filter, and those of ``inner`` that it does not supply."""
         inner = requirements_of(self.inner, arm, reference)
         own = [item.label for item in self.estimator.instruments]
-        more = [name for name in inner.measured if name not in _TOLD]
+        more = [name for name in inner.measured if name not in _ESTIMATED]
         joints = self.estimator.arm.joints
         gauges = len(self.estimator.arm.gauges) if "strain" in own else None
         return ControllerRequirements(
