@@ -54,6 +54,7 @@ def test_compile_time_sizes_give_the_same_numbers():
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
 
 
+@pytest.mark.compiled
 def test_compile_time_sizes_give_the_same_motion():
     arm = two_link_arm()
     free, fixed = (fa.simulate(arm, 0.3, specialized=given) for given in (False, True))
