@@ -4,6 +4,7 @@ Each size is compiled again, so all tests here and the benchmark of forward dyna
 """
 
 import numpy as np
+import pytest
 
 import flexarm as fa
 from arm_states import parts, state_array, tip_loads
