@@ -126,8 +126,8 @@ def _chunk(arm: Arm, states: FloatArray, names: Collection[str] | None) -> dict[
     if arm.gauges:
         channels["strain"] = arm.strains(states)
     # Return copies, because a view of one column would keep the pose array of a chunk alive.
-    requested = channels if names is None else channels.keys() & set(names)
-    return {name: np.array(values) for name, values in channels.items() if name in requested}
+    wanted = channels if names is None else channels.keys() & set(names)
+    return {name: np.array(values) for name, values in channels.items() if name in wanted}
 
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:

@@ -57,13 +57,13 @@ def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
     return made
 
 
-def _feedforward(choice: str, around: DriveContext) -> dict[str, Any]:
-    motion = around.motion if choice == "rigid_inverse_dynamics" else None
+def _feedforward(asked: str, around: DriveContext) -> dict[str, Any]:
+    motion = around.motion if asked == "rigid_inverse_dynamics" else None
     return {"feedforward": feedforward(around.arm, motion, around.start)}
 
 
-def _gravity(choice: str, around: DriveContext) -> dict[str, Any]:
-    return {"arm": None if choice == "none" else around.arm, "sag": choice == "sag"}
+def _gravity(asked: str, around: DriveContext) -> dict[str, Any]:
+    return {"arm": None if asked == "none" else around.arm, "sag": asked == "sag"}
 
 
 def _inner(drive: ControllerDrive, around: DriveContext) -> dict[str, Any]:

@@ -49,10 +49,10 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
     Raises:
         EquilibriumError: if an equilibrium is requested and none is found.
     """
-    start = scenario.initial
+    asked = scenario.initial
     angles = np.zeros(arm.joints)
-    if start.joint_angle is not None:
-        angles = np.array(start.joint_angle)
+    if asked.joint_angle is not None:
+        angles = np.array(asked.joint_angle)
     elif motion is not None:
         angles = np.array(motion.joint_angle(0.0))
     prescribed: dict[int, PrescribedAngle | Motion] = {}
@@ -70,8 +70,8 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
             own = motion
             angles[place] = motion.joint_angle(0.0)[place]
         prescribed[spec.joint] = own
-    if not start.equilibrium:
-        chosen = start.joint_angle is not None or prescribed
+    if not asked.equilibrium:
+        chosen = asked.joint_angle is not None or prescribed
         if isinstance(motion, PressedMotion) and not chosen:
             return Start(motion.initial, prescribed)
         return Start(arm.rest(angles), prescribed)
@@ -81,7 +81,7 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         base = interpolated(base).at(np.zeros(1))[0]
     with one_warning():  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
-    return Start(found.q, prescribed, found.torque if start.balance else None)
+    return Start(found.q, prescribed, found.torque if asked.balance else None)
 
 
 def _load_at_start(load: Load) -> Load:

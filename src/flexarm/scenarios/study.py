@@ -52,7 +52,7 @@ class PreparedStudy:
             for motion in study.motions:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
-                with _placed_in_study(drive, motion):
+                with _told_in_study(drive, motion):
                     prepared = prepare(scenario, own, made.get(motion))
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
@@ -105,7 +105,7 @@ def run_study(study: Study | str | PathLike[str], *, progress: bool | None = Non
 
 
 @contextmanager
-def _placed_in_study(drive: str, motion: str) -> Iterator[None]:
+def _told_in_study(drive: str, motion: str) -> Iterator[None]:
     """Report problems of one scenario with their key paths in the study."""
     try:
         yield
