@@ -19,7 +19,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite conformance test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
+.PHONY: help demo test suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -72,6 +72,11 @@ conformance: $(VENV)/.ready-dev ## after an addition: which parts are missing in
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
 		tests/conformance tests/docs/test_docs_reference.py tests/fuzz/test_calls.py \
 		tests/benchmarks/test_controllers_run.py tests/unit/studio/test_state.py
+
+# Compiled code does not check indices of arrays; Python does.
+interpreted: $(VENV)/.ready-dev ## the tests of kernels without compilation, so that wrong indices of arrays are errors
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
+		tests/unit/kernels tests/unit/stations tests/unit/contacts tests/unit/loads tests/oracle_comparison
 
 lint: $(VENV)/.ready-dev ## formatting, style, types and import layers
 	$(BIN)/ruff format --check .

@@ -67,12 +67,12 @@ def compare(theory: str, calls: int = 2_000, repeats: int = 200) -> Comparison:
 def checked_limit(arm: fa.Arm, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> Limit:
     """Return the C++ templates for an arm after verifying their accelerations."""
     limit = Limit(arm, q, qd, torque)
-    wanted = arm.forward_dynamics(q, qd, torque)
+    expected = arm.forward_dynamics(q, qd, torque)
     for repeat in (limit.compile_time_sizes, limit.run_time_sizes):
         repeat(1)
         # The state of the second call differs by 1e-12 rad from that of the first.
         found = arm.unpadded(limit.acceleration)
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     return limit
 
 

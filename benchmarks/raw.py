@@ -82,8 +82,8 @@ def entries(
                     arm = build()
                     return lambda: _steps_alone(case, arm, name, **how)
 
-                told = f"step {1e3 * value:.3g} ms" if word == "step" else f"rtol {value:.0e}"
-                yield Entry(PROGRAM, f"{name}, {basis}, {told}", truth, prepare)
+                label = f"step {1e3 * value:.3g} ms" if word == "step" else f"rtol {value:.0e}"
+                yield Entry(PROGRAM, f"{name}, {basis}, {label}", truth, prepare)
 
 
 def _steps_alone(case: programs.Case, arm: programs.fa.Arm, name: str, **how: Any) -> Outcome:
@@ -121,7 +121,7 @@ def beside_peers(
         for level in LEVELS
         for whole in (False, True)
     ]
-    wanted = {(point.program, point.setting) for point in best if point is not None}
-    peers = [entry for entry in peer_entries(duration) if entry[:2] in wanted]
+    chosen = {(point.program, point.setting) for point in best if point is not None}
+    peers = [entry for entry in peer_entries(duration) if entry[:2] in chosen]
     own = entries(duration=duration, specialized=specialized)
     return measure([*own, *peers], truths(duration), repeats)

@@ -293,8 +293,8 @@ def raw_table(points: list[Point]) -> str:
                 cells[1] = f"{best[1].program}, {best[1].setting}: {times[1]:.3g}"
             ratio = f"{times[1] / times[0]:.3g}" if times[0] and times[1] else ""
             what = "whole call" if whole else "steps"
-            told = f"{goal:g}" if goal else ""
-            rows.append((truth, f"{level:.1e}", what, *cells, ratio, told))
+            stated = f"{goal:g}" if goal else ""
+            rows.append((truth, f"{level:.1e}", what, *cells, ratio, stated))
     header = ("against", "error at most (m)", "what", "flexarm (ms)", "fastest peer (ms)")
     return _table((*header, "ratio", "goal"), rows)
 

@@ -72,7 +72,7 @@ class Case:
     Attributes:
         name: of its page and picture, words joined by hyphens.
         title: what it is called in the table.
-        physics: Markdown; the problem, what is compared, and how the package is asked.
+        physics: Markdown; the problem, what is compared, and how the package is called.
         quantities: compute the rows; called once, then remembered by the caller.
         draw: draw the picture into an empty figure.
         caption: what the picture shows, in a sentence or two.

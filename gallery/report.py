@@ -40,7 +40,7 @@ def table_row(cells: Sequence[str]) -> str:
 
 
 def shown_values(row: Row) -> tuple[str, str]:
-    """Reference and computed value, to one digit more than agree or are asked for."""
+    """Reference and computed value, to one digit more than agree or are requested."""
     digits = max(6, math.ceil(max(row.digits_agreed, row.digits_required)) + 1)
     count = min(15, digits)
     if row.theirs == 0.0:

@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -28,13 +28,19 @@ from mutants.sample import Mutant, mutants_at, sample
 #: Share of mutants that the tests must notice.
 REQUIRED = 0.9
 
-#: A mutant may run this much longer than the unchanged code, plus some time on a busy machine.
+#: A mutant may use this multiple of the processor time of the unchanged code, plus seconds for what
+#: it compiles. The limit is on processor time, because a busy machine would stop more mutants.
 _LONGER, _MORE_SECONDS = 3.0, 60.0
+#: A mutant that only waits is stopped after this multiple of its processor time has passed. It
+#: counts as not noticed, because the reason may be the machine.
+_WAITING = 10.0
 
 #: What pytest returns: all passed; a test failed; a module cannot be imported.
 _PASSED, _FAILED, _INTERRUPTED = 0, 1, 2
+#: What a stopped run returns: at the limit of processor time, or after too much waiting.
+_ENDLESS, _WAITED = -signal.SIGXCPU, -signal.SIGKILL
 
-#: Seconds that tests without a mutant are supposed to take at most.
+#: Processor time that tests without a mutant are supposed to take at most, in seconds.
 _TRUSTED = 200.0
 
 _NUMBERS = itertools.count(1)
@@ -75,7 +81,7 @@ def copies(count: int) -> Iterator[list[Path]]:
 
 
 def run_all(mutants: Sequence[Mutant], places: Sequence[Path], trust: bool) -> list[float]:
-    """Return the seconds after which the tests noticed each mutant; inf if they did not.
+    """Return the processor time (s) until the tests noticed each mutant; inf if they did not.
 
     With ``trust``, the tests without a mutant are supposed to pass within minutes.
     """
@@ -105,63 +111,77 @@ def run_all(mutants: Sequence[Mutant], places: Sequence[Path], trust: bool) -> l
 
 
 def run_unchanged(group: Group, place: Path) -> float:
-    """Return the seconds of a group's tests without a mutant.
+    """Return the processor time of a group's tests without a mutant, in seconds.
 
     Raises:
         RuntimeError: if they fail, because then they would notice every mutant.
     """
-    started = time.monotonic()
-    code, text = run_tests(group, place, None)
+    code, text, seconds = run_tests(group, place, None)
     if code != _PASSED:
         raise RuntimeError(f"These tests fail without a mutant:\n{text}")
-    seconds = time.monotonic() - started
     print(f"{seconds:6.0f} s without a mutant: {' '.join(group.tests)}", flush=True)
     return seconds
 
 
 def run_mutant(mutant: Mutant, place: Path, usual: float) -> float:
-    """Return the seconds after which the tests noticed a mutant; inf if they did not."""
+    """Return the processor time until the tests noticed a mutant, in seconds; inf if they did not.
+
+    A crash and an endless loop are noticed. ``usual`` is the time of the tests without a mutant.
+    """
     file = place / mutant.file
     original, before = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(original.decode()), encoding="utf-8")
     # Python recognises compiled files by size and time in seconds: no two mutants share a time.
     os.utime(file, (before.st_atime, before.st_mtime + next(_NUMBERS)))
-    started = time.monotonic()
     try:
-        code, text = run_tests(mutant.group, place, _LONGER * usual + _MORE_SECONDS)
+        code, text, seconds = run_tests(mutant.group, place, _LONGER * usual + _MORE_SECONDS)
     finally:
         file.write_bytes(original)
         os.utime(file, (before.st_atime, before.st_mtime))
-    seconds = time.monotonic() - started
-    if code not in (_PASSED, _FAILED, _INTERRUPTED):
+    if code > _INTERRUPTED:
         raise RuntimeError(f"pytest ended with {code}:\n{text}")
-    noticed = code != _PASSED
-    print(f"{seconds:6.0f} s {'  noticed' if noticed else 'SURVIVED'}  {mutant}", flush=True)
+    noticed = code not in (_PASSED, _WAITED)
+    words = {_PASSED: "SURVIVED", _WAITED: "WAITED", _ENDLESS: "endless"}.get(code, "noticed")
+    print(f"{seconds:6.0f} s {words:>9}  {mutant}", flush=True)
     return seconds if noticed else float("inf")
 
 
-def run_tests(group: Group, place: Path, seconds: float | None) -> tuple[int, str]:
-    """Run a group's tests in a copy until one fails; a run that takes too long has failed."""
+def run_tests(group: Group, place: Path, limit: float | None) -> tuple[int, str, float]:
+    """Run a group's tests in a copy until one fails; return code, output and processor time (s).
+
+    ``limit`` is on the processor time of each process, in seconds.
+    """
     tests = [f"tests/{name}" for name in group.tests]
     options = ("-x", "-q", "--no-header", "--tb=short", "-p", "no:cacheprovider")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *options, *tests],
+    command = [sys.executable, "-m", "pytest", *options, *tests]
+    if limit is not None:
+        command = ["sh", "-c", f'ulimit -S -t {limit:.0f}; exec "$@"', "sh", *command]
+    with subprocess.Popen(
+        command,
         cwd=place,
         env={**os.environ, **group.environment, "PYTHONPATH": str(place / "src")},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,  # with its children, to end them together
-    )
-    try:
-        text, _ = process.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        return _FAILED, "too long"
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-    return process.returncode, text
+    ) as process:
+        patience = threading.Timer(_WAITING * (limit or 0.0), _kill, (process,))
+        if limit is not None:
+            patience.start()
+        try:
+            assert process.stdout is not None
+            text = process.stdout.read()
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        finally:
+            patience.cancel()
+            if process.returncode is None:  # interrupted
+                _kill(process)
+    return process.returncode, text, usage.ru_utime + usage.ru_stime
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    os.killpg(process.pid, signal.SIGKILL)
 
 
 def report(mutants: Sequence[Mutant], seconds: Sequence[float]) -> int:

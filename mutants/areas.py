@@ -323,7 +323,7 @@ AREAS: dict[str, Area] = {
                     "unit/model/test_model_study.py",
                     "unit/model/test_model_drives.py",
                     "unit/model/test_model_scenario.py",
-                    "unit/model/test_model_outside.py",
+                    "unit/model/test_model_loads.py",
                     "unit/model/test_model_hardware.py",
                     "unit/model/test_variation.py",
                     "unit/model/test_help_text.py",

@@ -1,4 +1,4 @@
-"""The motions that are compared: what every program is told, and nothing else."""
+"""The motions that are compared: the only input of every program."""
 
 from __future__ import annotations
 

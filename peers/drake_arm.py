@@ -38,8 +38,8 @@ def prepare(
     """Build the model; return what integrates it and gives the tip's path (samples, 2), m.
 
     Each link is cut into ``segments`` as in ``bars``. Drake's method of Runge and Kutta of order 3
-    chooses its steps by ``accuracy``, a relative tolerance, up to ``longest`` s: where it is told
-    what is stable it rejects hardly any. It calls no Python between two samples.
+    chooses its steps by ``accuracy``, a relative tolerance, up to ``longest`` s: with a stable
+    limit it rejects hardly any step. It calls no Python between two samples.
     """
     diagram, plant, last = _diagram(case, segments)
     simulator = Simulator(diagram)
@@ -96,7 +96,7 @@ def _diagram(case: Case, segments: int) -> tuple[Diagram, MultibodyPlant, RigidB
 
 
 def _inertia(bar: Bar) -> SpatialInertia:
-    # Inertia about the bar's own axis is wanted too; nothing turns about it in a plane.
+    # Inertia about the bar's own axis is required, although nothing turns about it.
     square = bar.inertia / bar.mass
     centre = np.array([0.5 * bar.length, 0.0, 0.0])
     return SpatialInertia.MakeFromCentralInertia(

@@ -70,7 +70,7 @@ def _model(case: Case, segments: int) -> tuple[pinocchio.Model, int]:
     for number, bar in enumerate(bars(case, segments)):
         hinge = pinocchio.SE3(np.eye(3), np.array([bar.offset, 0.0, 0.0]))
         joint = model.addJoint(joint, pinocchio.JointModelRZ(), hinge, f"hinge{number}")
-        # Inertia about the bar's own axis is wanted too; nothing turns about it in a plane.
+        # Inertia about the bar's own axis is required, although nothing turns about it.
         centre = np.array([0.5 * bar.length, 0.0, 0.0])
         body = pinocchio.Inertia(bar.mass, centre, bar.inertia * np.eye(3))
         model.appendBodyToJoint(joint, body, pinocchio.SE3.Identity())

@@ -121,7 +121,7 @@ def figure(path):
 
 
 def main():
-    """Print the table; draw the figure if it is asked for."""
+    """Print the table; draw the figure if it is requested."""
     print("| the arm and the wall | " + " | ".join(CONTROLLERS) + " |")
     print("| --- |" + " --- |" * len(CONTROLLERS))
     for case, options in CASES.items():

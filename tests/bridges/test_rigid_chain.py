@@ -130,11 +130,9 @@ def state(chain):
     return 0.3 * rng.normal(size=chain.arm.dof), rng.normal(size=chain.arm.dof)
 
 
-@pytest.mark.parametrize("fixed", [False, True])
-def test_equations_in_mujoco(fixed, tmp_path):
-    """Mass matrix, bias with gravity and Coriolis forces, springs and damping."""
-    flexible = fixed_at_joint_2() if fixed else arm()
-    mujoco, model, data = loaded(fa.export_mjcf(flexible, tmp_path / "arm.xml"))
+def placed(flexible, path):
+    """Return a file in MuJoCo and its chain, both in a random state with equal mass matrices."""
+    mujoco, model, data = loaded(path)
     chain = rigid_chain(flexible, 4)
     q, qd = state(chain)
     data.qpos[:], data.qvel[:] = q, qd
@@ -143,6 +141,14 @@ def test_equations_in_mujoco(fixed, tmp_path):
     for column, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, M[column], unit)
     np.testing.assert_allclose(M, chain.arm.mass_matrix(q), rtol=0, atol=1e-12 * np.abs(M).max())
+    return data, chain, q, qd
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_equations_in_mujoco(fixed, tmp_path):
+    """Mass matrix, bias with gravity and Coriolis forces, springs and damping."""
+    flexible = fixed_at_joint_2() if fixed else arm()
+    data, chain, q, qd = placed(flexible, fa.export_mjcf(flexible, tmp_path / "arm.xml"))
     bias = data.qfrc_bias - data.qfrc_passive
     limit = 1e-11 * np.abs(bias).max()
     np.testing.assert_allclose(bias, chain.arm.bias_force(q, qd), rtol=0, atol=limit)
@@ -173,15 +179,7 @@ def test_run_in_mujoco(tmp_path):
 def test_urdf_in_mujoco(fixed, tmp_path):
     """MuJoCo reads URDF without the springs: masses and joints are those of the chain."""
     flexible = fixed_at_joint_2() if fixed else arm()
-    mujoco, model, data = loaded(fa.export_urdf(flexible, tmp_path / "arm.urdf"))
-    chain = rigid_chain(flexible, 4)
-    q, qd = state(chain)
-    data.qpos[:], data.qvel[:] = q, qd
-    mujoco.mj_forward(model, data)
-    M = np.zeros((model.nv, model.nv))
-    for column, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, M[column], unit)
-    np.testing.assert_allclose(M, chain.arm.mass_matrix(q), rtol=0, atol=1e-12 * np.abs(M).max())
+    placed(flexible, fa.export_urdf(flexible, tmp_path / "arm.urdf"))
 
 
 def test_urdf_in_pinocchio(tmp_path):

@@ -3,14 +3,18 @@
 import copy
 import pickle
 from functools import cache
+from inspect import Parameter, signature
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import flexarm as fa
 from flexarm.model import Scenario
+from flexarm.model.scenarios.motions import PlainMotionSpec
+from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 from flexarm.motion import Motion
-from flexarm.scenarios.motions import motion_of
+from flexarm.scenarios.motions import MOTION_FUNCTIONS, motion_of
 from flexarm.scenarios.scenario import prepare
 
 ROD = {"flexural_rigidity": 60.0, "mass_per_length": 0.5}
@@ -54,6 +58,30 @@ def scenario(**parts):
 
 def motion_of_file(**parts):
     return motion_of(two_links(), scenario(**parts))
+
+
+def default_of(field):
+    return Parameter.empty if field.is_required() else field.default
+
+
+CALLS = {
+    **{
+        spec: MOTION_FUNCTIONS[spec.model_fields["kind"].default]
+        for spec in get_args(PlainMotionSpec)
+    },
+    ShapingSpec: fa.shaped,
+    SmoothingSpec: fa.smoothed,
+}
+
+
+@pytest.mark.parametrize("record", CALLS, ids=lambda record: record.__name__)
+def test_keys_of_files_are_the_arguments_of_the_function(record):
+    """Names and defaults are the same, but for arguments that only Python has."""
+    around = {"kind", "shaping", "smoothing"}
+    keys = {k: default_of(f) for k, f in record.model_fields.items() if k not in around}
+    arguments = {k: p.default for k, p in signature(CALLS[record]).parameters.items()}
+    only_python = {"arm", "motion", "posture"}
+    assert keys == {k: value for k, value in arguments.items() if k not in only_python}
 
 
 PATH = {"kind": "joint", "start": [0.3, 0.5], "end": [0.5, 0.8], "duration": 1.0}

@@ -13,7 +13,7 @@ from scipy.linalg import eigvalsh
 from scipy.optimize import brentq
 from shooting import shooting_root
 
-from flexarm.beams.invariants import link_constants
+from beam_links import flexible_link
 
 REFERENCE = json.loads(
     (Path(__file__).parents[1] / "data" / "beam_reference.json").read_text(encoding="utf-8")
@@ -76,7 +76,7 @@ def characteristic(lam, case):
 def uniform(elements, modes, slenderness):
     two = np.ones(2)
     rotary = two / slenderness**2
-    return link_constants([0.0, 1.0], two, two, rotary, elements=elements, modes=modes)
+    return flexible_link([0.0, 1.0], two, two, rotary, elements=elements, modes=modes)
 
 
 def mesh_lambda(case, elements, count=3, modes=None):
@@ -208,7 +208,7 @@ def tapered_root(x, stiffness, mass, guess):
 def test_tapered_beams_converge_to_an_independent_integration(x, stiffness, mass):
     found = []
     for elements in (32, 64):
-        link = link_constants(x, stiffness, mass, np.zeros(len(x)), elements=elements)
+        link = flexible_link(x, stiffness, mass, np.zeros(len(x)), elements=elements)
         found.append(np.sqrt(link.w2[:3]))
     exact = np.array([tapered_root(np.array(x), stiffness, mass, w) for w in found[-1]])
     errors = np.array(found) / exact - 1

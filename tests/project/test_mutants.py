@@ -1,10 +1,12 @@
 """The sample of `make mutants`; the mutants themselves take an hour."""
 
+import signal
+import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from mutants.areas import AREAS, ROOT
+from mutants.areas import AREAS, ROOT, Group
 from mutants.equivalent import EQUIVALENT
 from mutants.sample import Mutant, mutants_at, sample
 
@@ -69,3 +71,31 @@ def test_lines_of_equivalent_mutants_exist() -> None:
         lines = [line.strip() for line in texts[name].splitlines()]
         for before, _ in changes:
             assert before in lines, f"{name}: {before}"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="make mutants requires signals of POSIX")
+@pytest.mark.parametrize(
+    ("line", "limit", "waiting", "end"),
+    [
+        ("pass", 60.0, 10.0, ""),
+        ("while True: pass", 1.0, 60.0, "SIGXCPU"),
+        ("import time; time.sleep(1000)", 60.0, 0.05, "SIGKILL"),
+    ],
+)
+def test_endless_loop_and_waiting_differ(
+    line: str,
+    limit: float,
+    waiting: float,
+    end: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A limit on processor time does not depend on what else the machine does."""
+    from mutants import __main__ as command
+
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "test_line.py").write_text(f"def test():\n    {line}\n")
+    monkeypatch.setattr(command, "_WAITING", waiting)
+    found, _, seconds = command.run_tests(Group((), ("test_line.py",)), tmp_path, limit)
+    assert found == (-getattr(signal, end) if end else 0)
+    assert seconds > 0.0

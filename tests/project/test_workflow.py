@@ -83,7 +83,7 @@ def test_workflow_covers_platforms_and_chores() -> None:
     systems = {name.partition("-")[0] for job in WORKFLOW["jobs"].values() for name in runs_on(job)}
     assert systems == {"ubuntu", "macos", "windows"}
     run = [line for job in WORKFLOW["jobs"] for line in commands(job)]
-    for chore in ("lint", "suite", "test-lowest", "dist"):
+    for chore in ("lint", "suite", "interpreted", "test-lowest", "dist"):
         assert any(line.startswith(f"make {chore} ") for line in run), chore
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.beams import LinkConstants, link_constants, rigid_constants
+from flexarm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
 from flexarm.errors import InputError
 from flexarm.kernels.columns import HAS_JOINT_LAWS
@@ -174,27 +174,20 @@ def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
 @lru_cache(maxsize=64)
 def _segments(link: Link) -> tuple[LinkConstants, ...]:
     """Compute the read-only constants of the segments of a link, from its root outwards."""
-    beam = link.beam()
-    columns = (beam.mass_per_length, beam.rotary_inertia_per_length or ())
+    beam, count = link.beam(), link.segments
+    columns = {name: np.array(values) for name, values in beam if values is not None}
+    x = columns.pop("x")
     if not link.flexible:
-        return (rigid_constants(beam.x, *columns, elements=link.elements),)
-    rigidity, shear = np.array(beam.flexural_rigidity), beam.shear_rigidity
-    count = link.segments
+        mass, rotary = columns["mass_per_length"], columns["rotary_inertia_per_length"]
+        table = BeamTable(x, np.ones(x.shape), mass, rotary)
+        return (rigid_constants(table, link.elements),)
     segments = []
     for k in range(count):
-        x = np.array(beam.x)
         a, b = link.length * k / count, link.length * (k + 1) / count
         stations = np.concatenate([[a], x[(x > a) & (x < b)], [b]])
-        segments.append(
-            link_constants(
-                stations - a,
-                np.interp(stations, x, rigidity),
-                *(np.interp(stations, x, np.array(column)) for column in columns),
-                elements=link.elements // count,
-                modes=link.modes,
-                shear_rigidity=None if shear is None else np.interp(stations, x, np.array(shear)),
-            )
-        )
+        parts = {name: np.interp(stations, x, column) for name, column in columns.items()}
+        table = BeamTable(stations - a, **parts)
+        segments.append(link_constants(table, link.elements // count, link.modes))
     return tuple(segments)
 
 

@@ -56,8 +56,6 @@ class Interior:
             strain_to_nodal: (n, n) F of the static response, rows in metres.
             units: (n,) divisors that convert its rows to nodal coordinates.
         """
-        if not len(self.values):
-            return strain_to_nodal
         from scipy.linalg import solve_triangular
 
         Y = self.stiffening @ (strain_to_nodal / units[:, None])

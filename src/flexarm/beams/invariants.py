@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.beams.assembly import (
     beam_matrices,
@@ -94,7 +93,7 @@ class LinkConstants:
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
-                wanted: dict[str, tuple[int, ...]] = {
+                expected: dict[str, tuple[int, ...]] = {
                     "basis": (len(self.basis), m),
                     "projector": (m, len(self.basis)),
                     "residual_inertia": (3,),
@@ -103,7 +102,7 @@ class LinkConstants:
                     "interior": (len(self.interior), m),
                 }
                 square = field.name in ("rotary", "D0", "D1", "G")
-                shape = wanted.get(field.name, (m, m) if square else (m,))
+                shape = expected.get(field.name, (m, m) if square else (m,))
                 check_array(field.name, value, shape)
 
     @property
@@ -159,24 +158,11 @@ class LinkConstants:
         return np.clip(stations, 0.0, self.length)
 
 
-def link_constants(
-    x: ArrayLike,
-    flexural_rigidity: ArrayLike,
-    mass_per_length: ArrayLike,
-    rotary_inertia_per_length: ArrayLike,
-    *,
-    elements: int,
-    modes: int | None = None,
-    shear_rigidity: ArrayLike | None = None,
-) -> LinkConstants:
+def link_constants(table: BeamTable, elements: int, modes: int | None = None) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
     Args:
-        x: (p,) stations from 0 to the length (m), strictly increasing, p >= 2.
-        flexural_rigidity: (p,) EI (N m^2), positive.
-        mass_per_length: (p,) mu (kg/m).
-        rotary_inertia_per_length: (p,) rho I (kg m); zeros for an Euler-Bernoulli beam.
-        shear_rigidity: (p,) k G A (N), positive, for a Timoshenko beam; None: no shear.
+        table: section properties along the link.
         elements: number of finite elements of equal length.
         modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
             the full finite element model.
@@ -184,10 +170,6 @@ def link_constants(
     Raises:
         InputError: if the mass matrix is not positive definite, or numbers overflow.
     """
-    columns = [x, flexural_rigidity, mass_per_length, rotary_inertia_per_length]
-    if shear_rigidity is not None:
-        columns.append(shear_rigidity)
-    table = BeamTable(*np.array(columns, dtype=np.float64))
     with _in_range(table):
         return _flexible_constants(table, elements, modes)
 
@@ -197,10 +179,11 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
     local = point_shapes(table, quadrature)
     matrices = beam_matrices(table, quadrature, local)
     inside = interior_values(table, quadrature, local, matrices.stiffness)
+    h = quadrature.element_length
+    factor = strain_to_nodal(table, quadrature)
     if len(inside.values):
         matrices = matrices.over(inside.extended)
-    h = quadrature.element_length
-    factor = inside.stiffened(strain_to_nodal(table, quadrature), np.tile([1.0, h], elements))
+        factor = inside.stiffened(factor, np.tile([1.0, h], elements))
     shapes = beam_basis(matrices, factor, h, modes)
     basis, interior = shapes.basis, inside.values @ shapes.basis
     all_values = np.vstack([basis, interior]) if len(interior) else basis
@@ -236,24 +219,16 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
     )
 
 
-def rigid_constants(
-    x: ArrayLike,
-    mass_per_length: ArrayLike,
-    rotary_inertia_per_length: ArrayLike,
-    *,
-    elements: int = 1,
-) -> LinkConstants:
+def rigid_constants(table: BeamTable, elements: int = 1) -> LinkConstants:
     """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
 
     Args:
-        x, mass_per_length, rotary_inertia_per_length: as in `link_constants`.
+        table: section properties along the link; those of stiffness have no effect.
         elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
 
     Raises:
         InputError: if numbers overflow.
     """
-    columns = [x, np.ones(np.shape(x)), mass_per_length, rotary_inertia_per_length]
-    table = BeamTable(*np.array(columns, dtype=np.float64))
     none, square = np.zeros(0), np.zeros((0, 0))
     with _in_range(table):
         length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))

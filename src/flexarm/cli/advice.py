@@ -73,8 +73,8 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state))
     choice = choose_integrator("auto", None, arm, tolerance, touch)
     text = f"{choice.integrator.name} is recommended: {choice.reason}"
-    asked = given.get("integrator", "auto")
-    return [("integrator", text if asked == "auto" else f"{asked}; {text}")]
+    requested = given.get("integrator", "auto")
+    return [("integrator", text if requested == "auto" else f"{requested}; {text}")]
 
 
 def _stability(poles: Sequence[LoopPole]) -> str:

@@ -38,8 +38,8 @@ class Kind(StrEnum):
     STUDY = "study"
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         typer.echo(f"flexarm {version('flexarm')}")

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import as_list, check_choice, check_each, check_kind, check_number
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, is_count, problems_of, public_call, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.linear.vibration.held import Joints
 from flexarm.linear.vibration.tracking import track_modes
+from flexarm.model.checks import checked_arguments
+from flexarm.model.scenarios.shaping import ShapingSpec
 from flexarm.motion.motion import Motion, check_motion
-from flexarm.motion.shaping import SHAPERS, Clock, ShapedMotion, impulses
+from flexarm.motion.shaping import Clock, ShapedMotion, impulses
 
 FloatArray = NDArray[np.float64]
 
@@ -59,95 +61,77 @@ def shaped(
         the path is not linear in them.
 
     Raises:
-        InputError: if an argument has the wrong value, or neither an arm nor frequencies are given.
+        InputError: if an argument has the wrong value, neither an arm nor frequencies are given, or
+            both ``modes`` and frequencies.
 
     Impulse times follow the phase of the vibration along the shaped motion, (C.7). Several modes
     are shaped one after another.
     """
     motion = check_motion(motion)
-    check_choice("method", method, SHAPERS)
-    if arm is not None:
-        check_kind("arm", arm, Arm)
-    _check(motion, arm, tolerance, frequency_hz)
-    if frequency_hz is None:
-        assert arm is not None
-        return _by_modes(motion, arm, method, modes, joints, damping_ratio, tolerance)
-    given = np.atleast_1d(check_each("frequency_hz", frequency_hz, positive=True))
-    ratios = _ratios(0.0 if damping_ratio is None else damping_ratio, len(given))
-    for hertz, ratio in zip(given, ratios, strict=True):
+    options = checked_arguments(
+        ShapingSpec,
+        method=method,
+        modes=modes,
+        frequency_hz=frequency_hz,
+        damping_ratio=damping_ratio,
+        tolerance=tolerance,
+    )
+    if arm is not None and check_kind("arm", arm, Arm).joints != motion.joints:
+        rule = f"have the number of joints of the motion ({motion.joints})"
+        raise InputError(Problem("arm", rule, f"{arm.joints}"))
+    if options.frequency_hz is None:
+        if arm is None:
+            raise InputError(Problem("arm", "is required if there is no frequency_hz"))
+        return _by_modes(motion, arm, options, joints)
+    frequencies = np.array(options.frequency_hz, dtype=np.float64, ndmin=1)
+    ratios = _ratios(options.damping_ratio or 0.0, len(frequencies))
+    for hertz, ratio in zip(frequencies, ratios, strict=True):
         rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
         times = np.linspace(motion.start_time, motion.end_time, 6)
-        motion = ShapedMotion(motion, impulses(method, ratio, tolerance), Clock(times, rates))
+        motion = ShapedMotion(motion, _impulses(options, ratio), Clock(times, rates))
     assert isinstance(motion, ShapedMotion)
     return motion
 
 
-def _by_modes(
-    motion: Motion,
-    arm: Arm,
-    method: str,
-    modes: int | Sequence[int],
-    joints: Joints,
-    damping_ratio: ArrayLike | None,
-    tolerance: float,
-) -> ShapedMotion:
+def _by_modes(motion: Motion, arm: Arm, options: ShapingSpec, joints: Joints) -> ShapedMotion:
     """Iterate until the frequencies are those along the motion that is shaped with them."""
-    chosen = _chosen(modes, arm)
+    chosen = _chosen(options.modes, arm)
     unshaped, made = motion, motion
     before = np.zeros((_POSTURES, len(chosen)))
     for _ in range(_REPEATED):
         along = track_modes(arm, made, joints, count=int(chosen.max()) + 1, samples=_POSTURES)
         hertz, own = along.frequency_hz[:, chosen], along.damping_ratio[:, chosen]
-        ratios = _ratios(own.mean(axis=0) if damping_ratio is None else damping_ratio, len(chosen))
+        given = options.damping_ratio
+        ratios = _ratios(own.mean(axis=0) if given is None else given, len(chosen))
         if np.max(np.abs(hertz / np.where(before > 0.0, before, 1.0) - 1.0)) < _SETTLED:
             break
         before, motion = hertz, unshaped
         for column, ratio in zip(hertz.T, ratios, strict=True):
             clock = Clock(along.parameter, 2.0 * np.pi * column * np.sqrt(1.0 - ratio**2))
-            motion = ShapedMotion(motion, impulses(method, ratio, tolerance), clock)
+            motion = ShapedMotion(motion, _impulses(options, ratio), clock)
         made = motion
     assert isinstance(made, ShapedMotion)
     return made
 
 
-def _check(
-    motion: Motion, arm: Arm | None, tolerance: float, frequency_hz: ArrayLike | None
-) -> None:
-    fits, rule = lambda part: 0.0 < part < 1.0, "be between 0 and 1"
-    problems = [*problems_of(check_number, "tolerance", tolerance, fits, rule)]
-    if arm is not None and arm.joints != motion.joints:
-        rule = f"have the number of joints of the motion ({motion.joints})"
-        problems.append(Problem("arm", rule, f"{arm.joints}"))
-    elif arm is None and frequency_hz is None:
-        problems.append(Problem("arm", "is required if there is no frequency_hz"))
-    if problems:
-        raise InputError(*problems)
+def _impulses(options: ShapingSpec, ratio: float) -> FloatArray:
+    return impulses(options.method, ratio, options.tolerance)
 
 
 def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     """Return the indices (from 0) of the modes to shape for."""
-    if isinstance(modes, int) and not isinstance(modes, bool):
-        numbers = np.arange(1, min(modes, arm.dof + 1) + 1)
-    else:
-        listed = as_list(modes) or []
-        numbers = np.array(listed if all(map(is_count, listed)) else [], dtype=np.intp)
     most = arm.dof - arm.joints
-    if numbers.size == 0:
-        rule = "be a count of modes, or a list of their numbers, from 1"
-        raise InputError(Problem("modes", rule, shown(modes)))
     if most == 0:
         raise InputError(Problem("arm", "has no bending modes"))
-    if numbers.min() < 1 or numbers.max() > most or len(set(numbers.tolist())) < numbers.size:
+    numbers = range(1, modes + 1) if isinstance(modes, int) else modes
+    if not numbers or max(numbers) > most or len(set(numbers)) < len(numbers):
         rule = f"be different numbers from 1 to {most} (the bending modes of the arm)"
         raise InputError(Problem("modes", rule, shown(modes)))
-    chosen: NDArray[np.intp] = numbers - 1
-    return chosen
+    return np.array(numbers, dtype=np.intp) - 1
 
 
 def _ratios(given: ArrayLike, count: int) -> FloatArray:
-    ratios = check_each("damping_ratio", given)
-    if np.any((ratios < 0.0) | (ratios >= 1.0)):
-        raise InputError(Problem("damping_ratio", "be at least 0 and less than 1", shown(given)))
+    ratios = np.asarray(given, dtype=np.float64)
     if ratios.ndim and ratios.size != count:
         rule = f"be one number, or one for each of the {count} modes"
         raise InputError(Problem("damping_ratio", rule, f"{ratios.size} numbers"))

@@ -167,9 +167,9 @@ def design(
         rule = f"have at most one component for each joint of the arm ({m})"
         raise InputError(Problem("integral", rule, str(len(Z))))
     scale = sizes_of("acceptable", model, requirements.acceptable)
-    wanted = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
+    outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
     windup = sizes_of("integral", model, requirements.integrated)
-    weight = block_diag(wanted.T @ wanted, np.diag(windup**-2.0))
+    weight = block_diag(outputs.T @ outputs, np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
     stiffness, bend_energy = bending(arm, model, requirements.acceptable_torque)
     weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)

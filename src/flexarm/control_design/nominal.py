@@ -117,8 +117,8 @@ class PreviewedReference:
                 buffer[:known] = buffer[self._start : self._end].copy()
             self._first_tick += self._start
             self._start, self._end = 0, known
-        ticks = self._first_tick + np.arange(self._end, self._end + count)
-        times = np.asarray(ticks * self._sample_time, dtype=np.float64)
+        samples = self._first_tick + np.arange(self._end, self._end + count)
+        times = np.asarray(samples * self._sample_time, dtype=np.float64)
         self._fill(*self._motion(times, angle_now, reference, many))
 
     def _motion(
@@ -134,11 +134,14 @@ class PreviewedReference:
         end = float(getattr(reference, "end_time", np.inf))
         rests = times > end
         times = np.minimum(times, end)
-        ask: list[Any] = [reference.joint_angle, reference.joint_rate, reference.joint_acceleration]
+        names = "joint_angle", "joint_rate", "joint_acceleration"
+        parts: list[Any] = [getattr(reference, name) for name in names]
         if many:
-            found = [np.array(one(times), dtype=np.float64) for one in ask]
+            found = [np.array(part(times), dtype=np.float64) for part in parts]
         else:
-            found = [np.array([one(t) for t in times.tolist()], dtype=np.float64) for one in ask]
+            found = [
+                np.array([part(t) for t in times.tolist()], dtype=np.float64) for part in parts
+            ]
         for part in found[1:]:
             part[rests] = 0.0
         return found

@@ -115,7 +115,7 @@ class _Rows:
 
 def _task_reference(reference: Any, name: str, t: FloatArray) -> FloatArray:
     """Evaluate one method of a reference at times (T,)."""
-    ask = getattr(reference, name)
+    function = getattr(reference, name)
     if getattr(reference, "vectorized", False):
-        return np.asarray(ask(t), dtype=np.float64)
-    return np.array([ask(now) for now in t.tolist()], dtype=np.float64)
+        return np.asarray(function(t), dtype=np.float64)
+    return np.array([function(now) for now in t.tolist()], dtype=np.float64)

@@ -90,8 +90,8 @@ def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: f
         state: (2, n, 1 + m).
         integrator, step: as requested for ``run``.
     """
-    asked = run.tolerance
-    tolerance = tolerance_of(run.arm, state, asked.absolute, asked.relative)
+    requested = run.tolerance
+    tolerance = tolerance_of(run.arm, state, requested.absolute, requested.relative)
     choice = choose_integrator(integrator, step, run.arm, tolerance)
     return replace(
         run,

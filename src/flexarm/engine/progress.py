@@ -27,7 +27,7 @@ class Meter:
             check_flag("progress", shown)
         self._label = label
         self._forced = shown is True
-        self._wanted = sys.stderr.isatty() if shown is None else shown
+        self._requested = sys.stderr.isatty() if shown is None else shown
         self._start = time.perf_counter()
         self._bar: Any = None
         self._task: Any = None
@@ -37,7 +37,7 @@ class Meter:
 
     def update(self, fraction: float) -> None:
         """Report the completed fraction, 0 to 1."""
-        if not self._wanted:
+        if not self._requested:
             return
         if self._bar is None:
             if time.perf_counter() - self._start < PATIENCE:

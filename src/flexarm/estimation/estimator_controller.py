@@ -19,7 +19,7 @@ from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.model.drives.around import EstimatorParameters
 
 #: Entries of the measurement that the filter supplies to the inner controller.
-_TOLD = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
+_ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
 class EstimatorController(Parametrised, EstimatorParameters, Controller):
@@ -40,7 +40,7 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
     inner: Controller
 
     def __post_init__(self) -> None:
-        self._asked: FloatArray | None = None
+        self._commanded: FloatArray | None = None
 
     @property
     def sample_time(self) -> float:
@@ -56,13 +56,13 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
         self.estimator.sample_time = self.inner.sample_time
         self.estimator.reset()
         self.inner.reset()
-        self._asked = None
+        self._commanded = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the readings of the filter, and those of ``inner`` that it does not supply."""
         inner = requirements_of(self.inner, arm, reference)
         own = [item.label for item in self.estimator.instruments]
-        more = [name for name in inner.measured if name not in _TOLD]
+        more = [name for name in inner.measured if name not in _ESTIMATED]
         joints = self.estimator.arm.joints
         gauges = len(self.estimator.arm.gauges) if "strain" in own else None
         return ControllerRequirements(
@@ -78,8 +78,8 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         known = self.estimator
-        if self._asked is not None:
-            known.predict(measurement.get("torque", self._asked))
+        if self._commanded is not None:
+            known.predict(measurement.get("torque", self._commanded))
         known.correct(measurement)
         q, qd, joints = known.q, known.qd, known.arm.joint_index
         seen = dict(measurement) | {
@@ -90,5 +90,5 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
             "payload_mass": np.array([known.payload_mass]),
         }
         torque = self.inner.update(t, Measurement(**seen), reference)
-        self._asked = np.array(torque, dtype=np.float64)
-        return self._asked.copy()
+        self._commanded = np.array(torque, dtype=np.float64)
+        return self._commanded.copy()

@@ -47,7 +47,7 @@ class JointSupport:
     start: float
     end: float
 
-    def _wanted(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _desired(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the reference angles and rates (..., joints) of the feedback."""
         u = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)[..., None]
         ease = u**3 * (10.0 + u * (-15.0 + 6.0 * u))
@@ -59,8 +59,8 @@ class JointSupport:
 
     def feedback(self, t: FloatArray, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the torque (T, joints) of springs and dampers, N m, at joint angles and rates."""
-        wanted, wanted_rate = self._wanted(t)
-        torque: FloatArray = self.stiffness * (wanted - angle) + self.damping * (wanted_rate - rate)
+        desired, speed = self._desired(t)
+        torque: FloatArray = self.stiffness * (desired - angle) + self.damping * (speed - rate)
         return torque
 
 

@@ -176,7 +176,7 @@ def tip_inversion(
     """
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
-    wanted = check_positive("reduction", reduction)
+    goal = check_positive("reduction", reduction)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
@@ -191,8 +191,8 @@ def tip_inversion(
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)
     search = _Search(constraint, first, last, start, end, support)
-    found, rigid = search.run(wanted)
-    if found.tip > max(wanted, 1e-2) * search.yardstick(rigid.tip):
+    found, rigid = search.run(goal)
+    if found.tip > max(goal, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
     warn_of_bending(arm, found.q)
     ends, errors = (first.q, last.q), (found.tip, rigid.tip)

@@ -43,8 +43,8 @@ class ClosedLoop:
         self._schedule = SampleSchedule(run, controller.sample_time, hardware)
         self._runaway = RunawayWatch(run.arm)
         self.hardware = hardware
-        self.ticks: list[float] = []
-        self.asked: list[FloatArray] = []
+        self.times: list[float] = []
+        self.commands: list[FloatArray] = []
         self.measured: list[Measurement] = []
         self.seconds = 0.0  # spent in the controller
 
@@ -55,16 +55,16 @@ class ClosedLoop:
             SimulationError: if the integrator fails, the motion diverges, or the controller
                 raises or does not return finite torques.
         """
-        run, ticks = self._run, self._schedule
+        run, schedule = self._run, self._schedule
         self.controller.reset()
         # Skip a last sample time that lies before the end by rounding alone.
-        while ticks.time < run.duration * (1.0 - 1e-12):
-            torque = self._update(ticks.time, ticks.measure())
-            self.ticks.append(ticks.time)
-            self.asked.append(torque)
-            ticks.hold(torque)
-            self._look(ticks.time)
-            if ticks.tick % 256 == 0:
+        while schedule.time < run.duration * (1.0 - 1e-12):
+            torque = self._update(schedule.time, schedule.measure())
+            self.times.append(schedule.time)
+            self.commands.append(torque)
+            schedule.hold(torque)
+            self._look(schedule.time)
+            if schedule.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
 
     def _look(self, t: float) -> None:
@@ -95,16 +95,16 @@ class ClosedLoop:
         """Return the applied torque (T, joints) at times (T,)."""
         return self._schedule.acting.at(times)
 
-    def asked_at(self, times: FloatArray) -> FloatArray:
+    def command_at(self, times: FloatArray) -> FloatArray:
         """Return the last torque commanded by the controller (T, joints) at times (T,)."""
-        index = np.searchsorted(np.asarray(self.ticks), times * (1.0 + 1e-12), side="right") - 1
-        return np.asarray(self.asked)[np.clip(index, 0, None)]
+        index = np.searchsorted(np.asarray(self.times), times * (1.0 + 1e-12), side="right") - 1
+        return np.asarray(self.commands)[np.clip(index, 0, None)]
 
     def report(self) -> dict[str, float]:
         """Return the controller's own report on its run."""
         return report_of(self.controller)
 
     def readings(self) -> Mapping[str, FloatArray]:
-        """Return the readings of the hardware's instruments by name: (ticks, k)."""
+        """Return the readings of the hardware's instruments by name: (samples, k)."""
         names = self.measured[0] if self.measured else ()
         return {name: np.array([item[name] for item in self.measured]) for name in names}

@@ -12,7 +12,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
 
-_MOST_TICKS = 1e8  # limit on the sample times of a run, given by the memory
+_LONGEST = 1e8  # limit on the sample times of a run, given by the memory
 #: Methods of a reference that are tabulated, in addition to the motion of the joints.
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
@@ -30,8 +30,8 @@ class SampledReference:
     def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
         self._reference = reference
         self._sample_time = sample_time
-        if not duration / sample_time <= _MOST_TICKS:
-            rule = f"be at least {duration / _MOST_TICKS:.3g} s for a duration of {duration:.6g} s"
+        if not duration / sample_time <= _LONGEST:
+            rule = f"be at least {duration / _LONGEST:.3g} s for a duration of {duration:.6g} s"
             raise InputError(Problem("controller.sample_time", rule, shown(sample_time)))
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
@@ -52,10 +52,10 @@ class SampledReference:
                 return table[k]
         elif name in self._tables:
             times = np.asarray(t, dtype=np.float64)
-            ticks = np.rint(times / self._sample_time)
-            inside = (ticks >= 0.0) & (ticks < len(self._schedule))
-            if np.all(inside & (ticks * self._sample_time == times)):
-                return self._tables[name][ticks.astype(np.intp)]
+            samples = np.rint(times / self._sample_time)
+            inside = (samples >= 0.0) & (samples < len(self._schedule))
+            if np.all(inside & (samples * self._sample_time == times)):
+                return self._tables[name][samples.astype(np.intp)]
         return getattr(self._reference, name)(t)
 
     def joint_angle(self, t: ArrayLike) -> FloatArray:

@@ -37,7 +37,7 @@ def for_margin(
             ``rigidity_uncertainty`` or ``recovery``.
     """
     rule = "be greater than 0 and less than 2"
-    wanted = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
+    required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
     for name in ("rigidity_uncertainty", "recovery"):
         if name in options:
             raise InputError(Problem(name, "is not supported, because the design searches for it"))
@@ -47,7 +47,7 @@ def for_margin(
     for unsure, recovery in _TRIED:
         made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
         margin = _least(made, arms, postures, best)
-        if margin >= wanted:
+        if margin >= required:
             return made
         if margin > best:
             best, found = margin, (unsure, recovery)
@@ -55,7 +55,7 @@ def for_margin(
         f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
         "deviations or less torque, or add gauges."
     )
-    rule = f"of {wanted:g} cannot be reached: the best found is {best:.3g}"
+    rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
     raise InputError(Problem("disk_margin", rule, hint=hint))
 
 

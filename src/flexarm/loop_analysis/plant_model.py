@@ -164,9 +164,9 @@ def loop_of(
         value = about.signals[item.output].value
         if item.signal == "contact_force":
             value = value.reshape(-1, 2).copy()
-            asked: Any = reference
-            if hasattr(asked, "contact_force"):
-                value[0] = asked.contact_force(t) * asked.normal(t)
+            requested: Any = reference
+            if hasattr(requested, "contact_force"):
+                value[0] = requested.contact_force(t) * requested.normal(t)
         labels = item.labels
         measured[labels[0]] = value
         if len(labels) > 1:

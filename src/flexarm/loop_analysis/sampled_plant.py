@@ -78,16 +78,16 @@ def sampled_plant(
         hint = "Use sample times with a smaller common multiple, or shorter delays."
         raise InputError(Problem("the sampled plant", rule, value, hint))
     # Entry j selects the torque requested j samples ago. That of the current sample is the input.
-    asked = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
+    commands = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
     step, push = np.zeros((size, size)), np.zeros((size, m))
     step[:n, :n] = after @ before
-    step[:n] += after @ push_before @ asked[late + 1] + push_after @ asked[late]
+    step[:n] += after @ push_before @ commands[late + 1] + push_after @ commands[late]
     if late == 0:
         push[:n] = push_after
     push[n : n + m] = np.eye(m)
     for j in range(1, past):
-        step[n + m * j : n + m * (j + 1)] = asked[j]
-    acting = _places(m, n - m, size) if lag > 0.0 else asked[late + 1]
+        step[n + m * j : n + m * (j + 1)] = commands[j]
+    acting = _places(m, n - m, size) if lag > 0.0 else commands[late + 1]
     steps, outputs = [], []
     for k in range(period):
         now, shown = step.copy(), []

@@ -34,10 +34,10 @@ else:
     ModelMetaclass = type(BaseModel)
 
 T = TypeVar("T")
+R = TypeVar("R", bound="Record")
 
-#: Attributes of records that pydantic and Python's class machinery define.
-_INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__, "__abstractmethods__", "__annotations__"}
-_INTERNAL -= set(dir(object)) - {"__init_subclass__"}
+#: Attributes of records that pydantic defines.
+_INTERNAL = {*dir(BaseModel), *BaseModel.__annotations__}
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
@@ -74,9 +74,11 @@ class RecordType(ModelMetaclass):
         return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text  # type: ignore[arg-type]
 
     def __dir__(cls) -> list[str]:
-        """List the attributes of a record without pydantic's own, for a short ``help``."""
-        names = super().__dir__()
-        return [n for n in names if n not in _INTERNAL and not n.startswith("__pydantic")]
+        """List the attributes of a record without those of pydantic and of every class.
+
+        ``help`` then ends with the methods of the record.
+        """
+        return [n for n in super().__dir__() if n not in _INTERNAL and not n.startswith("__")]
 
 
 def _by_name(cls: type[Record], args: tuple[Any, ...], kwargs: dict[str, Any]) -> dict[str, Any]:
@@ -194,6 +196,18 @@ class Record(BaseModel, metaclass=RecordType):
                 return record
         details = [fault.as_details() for fault in faults]
         raise ValidationError.from_exception_data(cls.__name__, details) from None
+
+
+def checked_arguments(kind: type[R], **values: Any) -> R:
+    """Return the arguments of a function as the record that describes the same in files.
+
+    Raises:
+        InputError: if arguments are invalid; lists all problems, which `public_call` completes.
+    """
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise InputError(*(fault.problem() for fault in faults_of(error))) from None
 
 
 def faults_of(error: ValidationError) -> list[Fault]:

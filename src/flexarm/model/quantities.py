@@ -31,26 +31,6 @@ def plain(value: Any) -> Any:
     return convert() if callable(convert) else value
 
 
-def finite(value: Any) -> float:
-    """Return a finite real number; raise for text and booleans."""
-    given = plain(value)
-    if isinstance(given, bool) or not isinstance(given, int | float):
-        hint = "Write the bare number, in SI units." if isinstance(given, str) else ""
-        raise refuse("be a number", given, hint)
-    try:
-        number = float(given)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise refuse("be a finite number", given)
-    return number
-
-
-def _limit(value: Any) -> float:
-    """Return a finite number, or infinity for a limit that does not exist."""
-    return math.inf if plain(value) == math.inf else finite(value)
-
-
 def _unlimited(value: Any) -> Any:
     return math.inf if value is None else value
 
@@ -158,11 +138,12 @@ else:
     Named = Annotated[dict[str, T], BeforeValidator(_named), AfterValidator(Names)]
     Mapped = Annotated[dict[str, T], BeforeValidator(_mapped), AfterValidator(Names)]  # or empty
 
-# Bounds precede the validator of the type, so that they apply to the number and to the schema.
-Number = Annotated[float, BeforeValidator(finite)]
-Positive = Annotated[float, Field(gt=0), BeforeValidator(finite)]
-NonNegative = Annotated[float, Field(ge=0), BeforeValidator(finite)]
-Fraction = Annotated[float, Field(ge=0, le=1), BeforeValidator(finite)]
+# Bounds precede the conversion, so that they apply to the plain number and to the schema.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number = Annotated[Finite, BeforeValidator(plain)]
+Positive = Annotated[Finite, Field(gt=0), BeforeValidator(plain)]
+NonNegative = Annotated[Finite, Field(ge=0), BeforeValidator(plain)]
+Fraction = Annotated[Finite, Field(ge=0, le=1), BeforeValidator(plain)]
 Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
 Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
@@ -178,7 +159,7 @@ NO_LIMIT: dict[str, Any] = {"default": None}  # in the schema
 if not TYPE_CHECKING:
     Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
     Direction = Annotated[Pair, AfterValidator(_directed)]  # of any length but zero
-    _Limit = Annotated[float, Field(gt=0), BeforeValidator(_limit)]
+    _Limit = Annotated[float, Field(strict=True, gt=0), BeforeValidator(plain)]  # or infinite
     Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]
     Limits = Annotated[OneOrMany[_Limit] | None, AfterValidator(_unlimited)]
 

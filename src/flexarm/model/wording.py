@@ -88,6 +88,8 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
     if details["type"].startswith("union_tag"):
         return _wrong_kind(path, value, context)
     fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
+    if details["type"] == "float_type":
+        return _not_a_number(fault, value)
     if details["type"] == "literal_error":
         return replace(fault, hint=nearest(value, _choices(context["expected"])))
     return fault
@@ -104,6 +106,8 @@ def _rule(kind: str, context: dict[str, Any]) -> str:
             return f"be less than {context['lt']:g}"
         case "less_than_equal":
             return f"be at most {context['le']:g}"
+        case "finite_number":
+            return "be a finite number"
         case "int_type":
             return "be a whole number"
         case "bool_type":
@@ -126,6 +130,14 @@ def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
     kind = value["kind"] if isinstance(value, dict) else context["tag"]
     hint = nearest(context["tag"], choices)
     return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
+
+
+def _not_a_number(fault: Fault, value: object) -> Fault:
+    """Return the fault of a value that is not a number, or an integer beyond the largest float."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return replace(fault, rule="be a finite number")
+    hint = "Write the bare number, in SI units." if isinstance(value, str) else ""
+    return replace(fault, rule="be a number", hint=hint)
 
 
 def _choices(listed: str) -> list[str]:

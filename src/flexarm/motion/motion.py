@@ -213,6 +213,30 @@ class JointMotion(PathMotion):
         return JointState(angles, straight + (self.end - self.start), straight)
 
 
+@dataclass(frozen=True, eq=False)
+class DerivedMotion(Motion):
+    """A motion computed from another one, whose chain it has; derived classes are dataclasses.
+
+    Attributes:
+        motion: the original motion.
+    """
+
+    motion: Motion
+    chain: RigidChain = field(init=False, repr=False)
+    duration: float = field(init=False)
+    start_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        start, duration = self._times()
+        object.__setattr__(self, "chain", self.motion.chain)
+        object.__setattr__(self, "start_time", start)
+        object.__setattr__(self, "duration", duration)
+
+    def _times(self) -> tuple[float, float]:
+        """Return the start and the duration, s: by default those of the original motion."""
+        return self.motion.start_time, self.motion.duration
+
+
 @public_call
 def joint_motion(
     arm: Arm,

@@ -10,13 +10,11 @@ import numpy as np
 
 from flexarm.arguments import check_number, check_times
 from flexarm.errors import public_call
-from flexarm.motion.motion import JointState, Motion
+from flexarm.motion.motion import DerivedMotion, JointState, Motion
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.interpolate import PPoly
-
-    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 
@@ -28,7 +26,7 @@ _TESTS = np.array([0.14, 0.28, 0.5, 0.86])
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMotion(Motion):
+class SampledMotion(DerivedMotion):
     """A motion tabulated at a constant rate, with polynomials of degree 5 between the samples.
 
     At the samples angles, rates and accelerations are those of the original. In between, rates and
@@ -36,24 +34,14 @@ class SampledMotion(Motion):
     after the motion, are preserved. ``tip`` is that of the original.
 
     Attributes:
-        motion: the original motion.
         rate: samples per second, Hz.
         error: largest differences from the original, at four instants between neighbouring samples:
             angle (rad), rate (rad/s) and acceleration (rad/s^2) of each joint, (n,) each.
     """
 
-    motion: Motion
     rate: float
     error: JointState
     _table: PPoly = field(repr=False)
-    chain: RigidChain = field(init=False, repr=False)
-    duration: float = field(init=False)
-    start_time: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "chain", self.motion.chain)
-        object.__setattr__(self, "duration", self.motion.duration)
-        object.__setattr__(self, "start_time", self.motion.start_time)
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -11,19 +11,17 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.motion.motion import JointState, Motion
+from flexarm.motion.motion import DerivedMotion, JointState
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.interpolate import BSpline
-
-    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 
@@ -109,9 +107,9 @@ class Clock:
         t = np.where(phase < 0.0, self.times[0] + phase / first, t)
         t = np.where(phase > known[-1], self.times[-1] + (phase - known[-1]) / last, t)
         between = (phase >= 0.0) & (phase <= known[-1])
-        inside, wanted = t[between], phase[between]
+        inside, target = t[between], phase[between]
         for _ in range(_NEWTON_STEPS):
-            step = (wanted - self.phase(inside)) / self.rate(inside)
+            step = (target - self.phase(inside)) / self.rate(inside)
             inside = inside + step
             if np.max(np.abs(step), initial=0.0) <= 1e-15 * np.ptp(self.times):
                 break
@@ -120,28 +118,21 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedMotion(Motion):
+class ShapedMotion(DerivedMotion):
     """A motion convolved with impulses.
 
     Attributes:
-        motion: the original motion.
         amplitudes: amplitudes of the impulses (k,), with sum 1, half a period apart.
         clock: phase of the vibration as a function of time.
     """
 
-    motion: Motion
     amplitudes: Floats
     clock: Clock
-    chain: RigidChain = field(init=False, repr=False)
-    duration: float = field(init=False)
-    start_time: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "chain", self.motion.chain)
-        object.__setattr__(self, "start_time", self.motion.start_time)
-        own = np.array([self.motion.end_time])
+    def _times(self) -> tuple[float, float]:
+        start, own = self.motion.start_time, np.array([self.motion.end_time])
         last = self.clock.phase(own) + np.pi * (len(self.amplitudes) - 1)
-        object.__setattr__(self, "duration", float(self.clock.time(last)[0]) - self.start_time)
+        return start, float(self.clock.time(last)[0]) - start
 
     @property
     def breaks(self) -> tuple[float, ...]:

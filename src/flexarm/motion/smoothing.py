@@ -6,19 +6,17 @@ Theory page "position control", (C.9) and (C.10).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm.arguments import check_choice, check_positive
 from flexarm.errors import public_call
-from flexarm.motion.motion import JointState, Motion, check_motion
+from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from flexarm.motion.geometry.chain import RigidChain
 
     Floats = NDArray[np.float64]
 
@@ -35,26 +33,19 @@ WINDOWS: dict[str, Callable[[Floats], Floats]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothedMotion(Motion):
+class SmoothedMotion(DerivedMotion):
     """A motion averaged over a window: it starts with the original and ends a window later.
 
     Attributes:
-        motion: the original motion.
         window: name of the weights in `WINDOWS`.
         span: length of the window, s.
     """
 
-    motion: Motion
     window: str
     span: float
-    chain: RigidChain = field(init=False, repr=False)
-    duration: float = field(init=False)
-    start_time: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "chain", self.motion.chain)
-        object.__setattr__(self, "duration", self.motion.duration + self.span)
-        object.__setattr__(self, "start_time", self.motion.start_time)
+    def _times(self) -> tuple[float, float]:
+        return self.motion.start_time, self.motion.duration + self.span
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -80,12 +80,12 @@ def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
     found = _all(result, plain)
     if not bracket:
         return found
-    wanted = "".join(part.rstrip("]").split())
-    if wanted not in found.keys:
+    component = "".join(part.rstrip("]").split())
+    if component not in found.keys:
         keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
         hint = f"Its components are {keys}{', ...' if len(found.keys) > 4 else ''}."
         raise InputError(Problem(name, "be a component of its channel", shown(channel), hint))
-    k = found.keys.index(wanted)
+    k = found.keys.index(component)
     values = found.values[:, k : k + 1]
     label, key = found.labels[k : k + 1], found.keys[k : k + 1]
     return Signals(plain, found.time, values, found.unit, label, key)

@@ -81,18 +81,18 @@ def report(
     notes = check_kind("notes", notes, str, "text")
     magnify = check_magnify(magnify)
     ghost = rigid_result(rigid, arm, result)
-    asked, touched = surroundings(arm, result, reference, contacts)
-    histories = panels(result, arm, asked, channels)
+    desired, touched = surroundings(arm, result, reference, contacts)
+    histories = panels(result, arm, desired, channels)
     engine = template_engine()
     place = None if path is None else check_place("path", path, (".html",))
     wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
     times, fps, speed = clock(result, arm.links)
     start = float(result["time"].values[0])
     scene = scene_of(
-        "", arm, result, start + times, wishes, ghost, asked, touched, fitted(histories)
+        "", arm, result, start + times, wishes, ghost, desired, touched, fitted(histories)
     )
     player = fragment([scene], fps, speed, _BESIDE)
-    text = render(engine, result, arm, asked, histories, title, notes, player, magnify)
+    text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
     if place is not None:
         write_text(text, place)
     return text

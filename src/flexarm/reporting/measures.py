@@ -63,8 +63,8 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
             rows.append((name, number(values[metric.name])))
             notes[name] = metric.meaning
     rows.append(("Tip error at the end [m]", number(float(tip_error(arm, reference, result)[-1]))))
-    asked = np.asarray(reference.joint_angle(float(result["time"].values[-1])))
-    missed = result["joint_angle"].values[-1] - asked
+    desired = np.asarray(reference.joint_angle(float(result["time"].values[-1])))
+    missed = result["joint_angle"].values[-1] - desired
     for joint, value in zip(arm.joint_numbers, missed, strict=True):
         rows.append((f"Joint {joint}: error at the end [rad]", number(float(value))))
     return Table("Errors from the reference", ("", "value"), tuple(rows), notes)

@@ -29,7 +29,7 @@ from flexarm.motion import (
 from flexarm.scenarios.file_errors import problems_under
 
 #: Functions of the Python interface by kind; their arguments have the names of the keys.
-_MOTIONS: dict[str, Callable[..., Motion]] = {
+MOTION_FUNCTIONS: dict[str, Callable[..., Motion]] = {
     "line": line_motion,
     "via_points": via_point_motion,
     "spline": spline_motion,
@@ -48,39 +48,39 @@ def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
         InputError: if the motion leaves the arm's reach, or the deflected arm cannot follow;
             problems have the names of the motion's keys.
     """
-    asked = scenario.motion
-    if isinstance(asked, PressedMotionSpec):
-        return _pressed(arm, asked, scenario)
-    return None if asked is None else _plain(arm, asked)
+    spec = scenario.motion
+    if isinstance(spec, PressedMotionSpec):
+        return _pressed(arm, spec, scenario)
+    return None if spec is None else _plain(arm, spec)
 
 
-def _plain(arm: Arm, asked: PlainMotionSpec) -> Motion:
-    make = _MOTIONS[asked.kind]
+def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
+    make = MOTION_FUNCTIONS[spec.kind]
     around = {"kind", "shaping", "smoothing"}
-    motion = make(arm, **{k: getattr(asked, k) for k in type(asked).model_fields.keys() - around})
-    if asked.shaping is not None:
-        options = {name: getattr(asked.shaping, name) for name in type(asked.shaping).model_fields}
+    motion = make(arm, **{k: getattr(spec, k) for k in type(spec).model_fields.keys() - around})
+    if spec.shaping is not None:
+        options = {name: getattr(spec.shaping, name) for name in type(spec.shaping).model_fields}
         with problems_under("shaping"):
             motion = shaped(motion, arm, **options)
-    if asked.smoothing is not None:
+    if spec.smoothing is not None:
         with problems_under("smoothing"):
-            motion = smoothed(motion, asked.smoothing.duration, asked.smoothing.window)
+            motion = smoothed(motion, spec.smoothing.duration, spec.smoothing.window)
     return motion
 
 
-def _pressed(arm: Arm, asked: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
+def _pressed(arm: Arm, spec: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
     with problems_under("path"):
-        path = _plain(arm, asked.path)
-    force = asked.force
+        path = _plain(arm, spec.path)
+    force = spec.force
     surface = scenario.contacts[0].surface if scenario.contacts else None
     return pressed_motion(
         arm,
         path,
         _over_time(force) if isinstance(force, ForceTable) else force,
-        asked.normal if asked.normal is not None else _normal(surface, path),
+        spec.normal if spec.normal is not None else _normal(surface, path),
         duration=max(scenario.run.duration, path.end_time),
-        friction=asked.friction,
-        interval=asked.interval,
+        friction=spec.friction,
+        interval=spec.interval,
     )
 
 

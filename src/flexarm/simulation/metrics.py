@@ -76,8 +76,8 @@ def metrics_of(
     tip = result["tip"].values
     missed = tip - tip_reference(arm, reference, times)
     distance = np.hypot(*missed.T)
-    asked = _joint_angles(reference, times[moving], arm.joints)
-    joints = result["joint_angle"].values[moving] - asked
+    desired = _joint_angles(reference, times[moving], arm.joints)
+    joints = result["joint_angle"].values[moving] - desired
     torque = result["torque"].values
     values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
     if moving.any():
@@ -114,14 +114,14 @@ def _force_error(
     result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
 ) -> FloatArray | None:
     """Return the error of the normal contact force during the motion, N; None without one."""
-    asked, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
-    if asked is None or normal is None or "contact_force" not in result:
+    force, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
+    if force is None or normal is None or "contact_force" not in result:
         return None
     now = times[moving]
     on_arm = result["contact_force"].values[moving, 0]
-    wanted = np.array([asked(float(t)) for t in now])
+    desired = np.array([force(float(t)) for t in now])
     across = np.array([normal(float(t)) for t in now])
-    missed: FloatArray = np.sum(across * on_arm, axis=1) - wanted
+    missed: FloatArray = np.sum(across * on_arm, axis=1) - desired
     return missed
 
 

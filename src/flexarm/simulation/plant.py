@@ -179,20 +179,20 @@ class Plant:
             LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
                 reset.
         """
-        ticks = self._schedule
-        asked = check_array("torque", torque, (self.arm.joints,))
-        self._check_time((ticks.tick + 1) * self.sample_time)
-        if ticks.tick == 0:  # not in __init__, because a reset may first move the arm
-            start, contacts = ticks.run.progress.state, ticks.run.loads.placed.contacts
+        schedule = self._schedule
+        command = check_array("torque", torque, (self.arm.joints,))
+        self._check_time((schedule.tick + 1) * self.sample_time)
+        if schedule.tick == 0:  # not in __init__, because a reset may first move the arm
+            start, contacts = schedule.run.progress.state, schedule.run.loads.placed.contacts
             refuse_deep_start(self.arm, start, contacts)
         try:
-            ticks.hold(asked)
+            schedule.hold(command)
         except SimulationError as error:
             self._stopped_at = error.time
             raise
-        self.measurement = ticks.measure()
+        self.measurement = schedule.measure()
         if not self.warning:
-            self.warning = self._bending(ticks.run.progress.state)
+            self.warning = self._bending(schedule.run.progress.state)
             if self.warning and self._warn:
                 warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement

@@ -118,16 +118,16 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     """
     dataset.attrs["controller"] = type(loop.controller).__name__
     dataset.attrs["sample_time"] = float(loop.controller.sample_time)
-    dataset.attrs["controller_calls"] = len(loop.ticks)
+    dataset.attrs["controller_calls"] = len(loop.times)
     dataset.attrs["controller_seconds"] = loop.seconds
     dataset.attrs |= loop.report()
     if "torque_command" not in dataset.variables:
-        asked = loop.asked_at(dataset["time"].values)
+        command = loop.command_at(dataset["time"].values)
         labels = _channel_labels("torque_command")
-        dataset["torque_command"] = (("time", "joint"), asked, labels)
+        dataset["torque_command"] = (("time", "joint"), command, labels)
     if loop.hardware is None:
         return dataset
-    times = np.asarray(loop.ticks)
+    times = np.asarray(loop.times)
     ticks = ("tick", times, {"units": "s", "long_name": "sample time of the controller"})
     for name, values in loop.readings().items():
         reading = f"measured_{name}"

@@ -228,7 +228,7 @@ def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
     except SimulationError as error:
         if unstable:  # the instability is the cause of every later failure
             error.hint = f"{unstable[0].upper()}{unstable[1:]}"
-        if loop.ticks:
+        if loop.times:
             result = _result(run, loop, started, str(error), unstable)
             error.result = add_loop(result, loop)
         raise
@@ -271,7 +271,7 @@ def _result(
     given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
     channels = channels_of_run(run, given)
     if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
-        channels["torque_command"] = drive.asked_at(times)
+        channels["torque_command"] = drive.command_at(times)
     result = make_result(run.arm, times, channels, attributes)
     return result if log is None else result.assign(event_variables(run.arm, log))
 

@@ -43,7 +43,7 @@ class Window:
         self._margins_key = f"{self.key} margins"
         # Numbers of pictures: the last request, the one shown, the oldest that may be shown.
         self._newest = self._shown = self._oldest = 0
-        self._asked: Project | None = None
+        self._requested: Project | None = None
         self._pictured: Project | None = None
         self._seconds = 0.0
         self._loop = asyncio.get_running_loop()
@@ -189,9 +189,9 @@ class Window:
 
     def _ask(self, project: Project) -> None:
         """Compute the picture of a project, unless it is shown or was requested last."""
-        if project == self._asked:
+        if project == self._requested:
             return
-        self._asked = project
+        self._requested = project
         self._worker.forget(self._margins_key)
         self._margins.classes(add="waiting")
         if project == self._pictured:

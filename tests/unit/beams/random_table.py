@@ -12,7 +12,10 @@ INTEGRATION = 1e-9
 
 
 class RandomTable:
-    """Stations, masses and rotary inertias; derived classes set ``link``, ``slopes``, ``kinks``."""
+    """Stations, masses and rotary inertias.
+
+    Derived classes set ``link``, ``shapes``, ``slopes`` and ``kinks``.
+    """
 
     def __init__(self, seed, least_rotary):
         self.rng = np.random.default_rng(seed)
@@ -30,6 +33,16 @@ class RandomTable:
 
     def rho_i(self, x):
         return np.interp(x, self.x, self.rotary)
+
+    def assert_momentum(self, rotation):
+        """Compare S and a of the link with integrals over shapes with a rotation of sections."""
+        close = {"rtol": INTEGRATION, "atol": INTEGRATION}
+        linear = self.integral(lambda x: self.mu(x) * self.shapes(x))
+        np.testing.assert_allclose(self.link.S, linear, **close)
+        angular = self.integral(
+            lambda x: self.mu(x) * x * self.shapes(x) + self.rho_i(x) * rotation(x)
+        )
+        np.testing.assert_allclose(self.link.a, angular, **close)
 
     def square(self, x):
         return np.outer(self.slopes(x), self.slopes(x))

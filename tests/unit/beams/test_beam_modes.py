@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from beam_links import flexible_link
 from flexarm.beams.assembly import beam_matrices
 from flexarm.beams.flexibility import strain_to_nodal
-from flexarm.beams.invariants import link_constants
 from flexarm.beams.modes import BeamBasis, beam_basis
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
@@ -20,12 +20,12 @@ ELEMENTS = 6
 
 
 def ragged(modes=None, elements=ELEMENTS):
-    return link_constants(X, STIFFNESS, MASS, ROTARY, elements=elements, modes=modes)
+    return flexible_link(X, STIFFNESS, MASS, ROTARY, elements=elements, modes=modes)
 
 
 def uniform(elements, modes=None):
     one, zero = np.ones(2), np.zeros(2)
-    return link_constants([0.0, 1.0], one, one, zero, elements=elements, modes=modes)
+    return flexible_link([0.0, 1.0], one, one, zero, elements=elements, modes=modes)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_sign_follows_the_largest_entry_if_the_tip_hardly_moves():
     x = np.array([0.0, 0.999, 0.9991, 1.0])
     mass = np.array([1.0, 1.0, 1e10, 1e10])
     one = np.ones(4)
-    link = link_constants(x, one, mass, 1e-3 * mass, elements=4)
+    link = flexible_link(x, one, mass, 1e-3 * mass, elements=4)
     signs = link.P > 0.0
     units = np.tile([1.0, 0.25], 4)[:, None]
     scaled = link.basis * units
@@ -151,7 +151,7 @@ def test_projection_of_a_shape_outside_the_span_is_the_nearest_one(matrices):
 def test_massless_part_is_rejected():
     x = [0.0, 0.1, 0.2, 1.0]
     with pytest.raises(InputError, match="the mass matrix must be positive"):
-        link_constants(x, np.ones(4), [1.0, 0.0, 0.0, 0.0], np.zeros(4), elements=8)
+        flexible_link(x, np.ones(4), [1.0, 0.0, 0.0, 0.0], np.zeros(4), elements=8)
 
 
 def test_basis_that_is_not_orthonormal_is_rejected():
@@ -174,5 +174,5 @@ def test_extreme_tables_pass_the_internal_checks(seed):
     x = np.concatenate([[0.0], np.sort(rng.uniform(0.0, 2.0, 9)), [2.0]])
     stiffness, mass = 10.0 ** rng.uniform(-6, 6, (2, 11))
     elements = [1, 3, 10, 24, 40, 64][seed]
-    link = link_constants(x, stiffness, mass, 0.1 * mass, elements=elements)
+    link = flexible_link(x, stiffness, mass, 0.1 * mass, elements=elements)
     assert link.w2.size == 2 * elements

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvalsh
 
-from flexarm.beams.invariants import link_constants
+from beam_links import flexible_link
 
 REFERENCE = json.loads(
     (Path(__file__).parents[2] / "data" / "beam_reference.json").read_text(encoding="utf-8")
@@ -20,7 +20,7 @@ MESH = 3e-6
 @pytest.fixture(scope="module")
 def link():
     one, zero = np.ones(2), np.zeros(2)
-    return link_constants([0.0, 1.0], one, one, zero, elements=ELEMENTS)
+    return flexible_link([0.0, 1.0], one, one, zero, elements=ELEMENTS)
 
 
 def frequencies(stiffness):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.beams.invariants import link_constants, rigid_constants
+from beam_links import flexible_link, rigid_link
 from flexarm.beams.parts import part_constants
 from flexarm.beams.shortening import shortening_matrices
 
@@ -24,7 +24,7 @@ KINDS = {
 
 @pytest.fixture(scope="module", params=KINDS)
 def link(request):
-    return link_constants(TABLE, **COLUMNS, **KINDS[request.param])
+    return flexible_link(TABLE, **COLUMNS, **KINDS[request.param])
 
 
 def fine_points(link, end):
@@ -82,7 +82,7 @@ def test_part_up_to_the_root_is_zero(link):
 
 
 def test_rigid_link_has_the_same_mass_and_no_shapes():
-    link = rigid_constants(TABLE, COLUMNS["mass_per_length"], COLUMNS["rotary_inertia_per_length"])
+    link = rigid_link(TABLE, COLUMNS["mass_per_length"], COLUMNS["rotary_inertia_per_length"])
     parts = part_constants(link, STATIONS, shortening=True)
     assert parts.S.shape == (6, 0)
     assert parts.spread.shape == (6, 0, 0)
@@ -92,7 +92,7 @@ def test_rigid_link_has_the_same_mass_and_no_shapes():
 
 
 def test_stations_in_any_order_with_duplicates():
-    link = link_constants(TABLE, **COLUMNS, elements=3)
+    link = flexible_link(TABLE, **COLUMNS, elements=3)
     mixed = np.array([1.1, 0.1, 1.1, 0.0])
     parts = part_constants(link, mixed, shortening=True)
     for k, end in enumerate(mixed):

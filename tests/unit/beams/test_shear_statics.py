@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.beams.invariants import link_constants
+from beam_links import flexible_link
 
 L, EI, MU, KGA = 1.4, 105.0, 0.6, 400.0
 # Handbook values, to the rounding of sums over at most 64 coordinates.
@@ -12,7 +12,7 @@ EXACT = 1e-12
 
 def uniform(elements, modes=None, shear=KGA):
     two = np.ones(2)
-    return link_constants(
+    return flexible_link(
         [0.0, L],
         EI * two,
         MU * two,
@@ -79,7 +79,7 @@ def test_tapered_tip_compliance_converges_to_castigliano():
     exact = weight @ (lever**2 / rigidity + 1 / np.interp(s, [0, 1], shear)) / 2
     missed = []
     for elements in (16, 32, 64):
-        link = link_constants(
+        link = flexible_link(
             [0.0, 1.0], bending, [1.0, 1.0], [0.0, 0.0], elements=elements, shear_rigidity=shear
         )
         missed.append(1 - link.P @ (link.P / link.w2) / exact)

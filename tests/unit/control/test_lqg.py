@@ -353,6 +353,15 @@ def test_wrong_arguments_are_rejected(options, word):
         fa.LQG(arm_with_gauges(), **options)
 
 
+@pytest.mark.parametrize("design", [fa.LQG, fa.MPC])
+def test_wrong_sample_time_names_the_property_and_is_not_set(design):
+    controller = design(arm_with_gauges(), torque_limit=1.0)
+    message = f"^{design.__name__}.sample_time: sample_time must be greater than 0, got 0"
+    with pytest.raises(fa.InputError, match=message):
+        controller.sample_time = 0.0
+    assert controller.sample_time > 0.0
+
+
 @pytest.mark.parametrize(
     ("design", "options", "message"),
     [

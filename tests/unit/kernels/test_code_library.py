@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.compiled
+
 # Kernels of a user. The code of the callers, in another file, is kept if this file changes.
 HALF = """
 from flexarm.kernels.compilation.cache import compiled

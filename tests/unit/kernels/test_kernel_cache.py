@@ -18,6 +18,8 @@ import pytest
 import flexarm
 import flexarm as fa
 
+pytestmark = pytest.mark.compiled
+
 NOTICE = "flexarm: compiling for this machine"
 
 # A kernel of the package that calls others, added to the copy; the real ones compile for seconds.

@@ -4,6 +4,7 @@ Each size is compiled again, so all tests here and the benchmark of forward dyna
 """
 
 import numpy as np
+import pytest
 
 import flexarm as fa
 from arm_states import parts, state_array, tip_loads
@@ -54,6 +55,7 @@ def test_compile_time_sizes_give_the_same_numbers():
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
 
 
+@pytest.mark.compiled
 def test_compile_time_sizes_give_the_same_motion():
     arm = two_link_arm()
     free, fixed = (fa.simulate(arm, 0.3, specialized=given) for given in (False, True))

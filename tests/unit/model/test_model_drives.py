@@ -187,6 +187,10 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
             "motion.shaping.method must be one of 'zv', 'zvd', 'ei', got 'zvdd'. Did you mean",
         ),
         (
+            {"motion": {**LINE, "shaping": {"frequency_hz": []}}},
+            "motion.shaping.frequency_hz is empty.",
+        ),
+        (
             {"motion": {**LINE, "shaping": {"frequency_hz": 1, "modes": 2}}},
             "motion.shaping.modes cannot be combined with frequency_hz.",
         ),

@@ -24,6 +24,11 @@ WAYS = (
 RIGID = "Only a rigid link (flexible: false)"
 CONSTANTS = {"length": 2.0, "flexural_rigidity": 3.0, "mass_per_length": 0.5}
 TABLE = {"x": [0, 2], "flexural_rigidity": [3, 1], "mass_per_length": [0.5, 0.2]}
+THREE_POINTS = {
+    "x": [0, 1.5, 2],
+    "flexural_rigidity": [3, 2, 1],
+    "mass_per_length": [0.5, 0.3, 0.2],
+}
 
 
 def problems_of(make, **values):
@@ -122,7 +127,7 @@ def test_coordinates():
             ],
         ),
         (
-            {"length": 2.5, "table": TABLE},
+            {"length": 2.5, "table": THREE_POINTS},
             [
                 (
                     "table.x must end at 2.5 (the length of the link), got 2. A table covers "

@@ -139,20 +139,20 @@ def _is_exact(arm: Arm, path: str) -> bool:
         places = arm.assembly.coordinates, changed.assembly.coordinates
         exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
         return np.array_equal(*places) and all(
-            _agree(found.astype(np.float64), wanted)
-            for found, wanted in zip((*constants, rows), exact, strict=True)
+            _agree(found.astype(np.float64), expected)
+            for found, expected in zip((*constants, rows), exact, strict=True)
         )
     return False
 
 
-def _agree(found: FloatArray, wanted: FloatArray) -> bool:
-    if found.shape != wanted.shape:
+def _agree(found: FloatArray, expected: FloatArray) -> bool:
+    if found.shape != expected.shape:
         return False
-    difference = np.abs(found - wanted)
+    difference = np.abs(found - expected)
     # Scale by the column, which has one unit, because small entries may be rounding of larger ones.
-    scale = np.abs(wanted)
-    if wanted.ndim > 1:
-        scale = scale.max(axis=tuple(range(wanted.ndim - 1)), initial=0.0)
+    scale = np.abs(expected)
+    if expected.ndim > 1:
+        scale = scale.max(axis=tuple(range(expected.ndim - 1)), initial=0.0)
     return bool(np.all(difference <= _ROUNDING * scale))
 
 

@@ -59,7 +59,7 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
     for reference in table["reference"].values:
         screen.print(_printed(table.sel(reference=reference), str(reference)), soft_wrap=True)
     for kind in ("failure", "warning"):
-        for text in _told(table, kind):
+        for text in _conclusions(table, kind):
             warn(text)
     if out is not None:
         _save(table, out)
@@ -91,7 +91,7 @@ def _printed(table: xr.Dataset, reference: str) -> object:
     return numbers(title, ["drive", "plant", *heads], rows)
 
 
-def _told(table: xr.Dataset, kind: str) -> list[str]:
+def _conclusions(table: xr.Dataset, kind: str) -> list[str]:
     """Return the failures or warnings of runs, with the names of the runs."""
     reported = []
     for drive in table["controller"].values:

@@ -49,7 +49,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
     """
     arm = load_arm(path)
     posture = joint_numbers("--angles", arm, options.angles, "rad")
-    joints, told_joints = _joints(arm, options)
+    joints, joints_text = _joints(arm, options)
     for option, place, suffixes in (
         ("--csv", options.csv, (".csv",)),
         ("--plot", options.plot, FIGURE_SUFFIXES),
@@ -58,7 +58,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
             check_place(option, place, suffixes)
     _check_together(options)
     if options.to is not None or options.campbell_to is not None:
-        _show_tracks(_tracks(arm, posture, joints, options), told_joints, options)
+        _show_tracks(_tracks(arm, posture, joints, options), joints_text, options)
         return
     with one_warning():  # printed below in one line
         about = equilibrium(arm, posture) if options.sag else posture
@@ -67,7 +67,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
         warn(warning)
     state = " sagging" if options.sag else ""
     turning = f", turning at {options.spin:g} rad/s" if options.spin else ""
-    title = f"Modes{told_joints}{at(posture)}{state}{turning}"
+    title = f"Modes{joints_text}{at(posture)}{state}{turning}"
     _show(found, title, options)
 
 

@@ -58,9 +58,9 @@ class TaskController(OfArm, Controller):
     ) -> FloatArray:
         """Return the torque of a motion without force: computed torque, regular at any posture."""
         w = self._posture_frequency
-        wanted = request.acceleration + w * w * (request.angle - angle)
-        wanted += 2.0 * w * (request.rate - rate)
-        torque: FloatArray = state.mass.dot(wanted)
+        desired = request.acceleration + w * w * (request.angle - angle)
+        desired += 2.0 * w * (request.rate - rate)
+        torque: FloatArray = state.mass.dot(desired)
         torque += state.bias_torque
         torque += request.pressing
         return torque

@@ -48,11 +48,11 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         now, speed = measurement.joint_angle, measurement.joint_rate
-        angle, rate = self._wanted(t, measurement, reference)
-        wanted: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
+        angle, rate = self._desired(t, measurement, reference)
+        desired: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
         if self.feedforward is not None:
-            return self._fed_forward(t) + self._model.mass_matrix(now) @ wanted
+            return self._fed_forward(t) + self._model.mass_matrix(now) @ desired
         if reference is not None:
-            wanted = wanted + reference.joint_acceleration(t)
+            desired = desired + reference.joint_acceleration(t)
         # Return a copy, because the next call of the model overwrites the array.
-        return self._model.torque(now, speed, wanted).copy()
+        return self._model.torque(now, speed, desired).copy()

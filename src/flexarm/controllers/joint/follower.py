@@ -53,7 +53,7 @@ class JointFollower(Parametrised, Controller):
         """Return the number of joints of all parameters with a value for each, and of ``more``."""
         return joints_of(arm.joints, *self._per_joint(), *more)
 
-    def _wanted(
+    def _desired(
         self, t: float, measurement: Measurement, reference: Reference | None
     ) -> tuple[FloatArray, FloatArray]:
         """Return the reference angles (rad) and rates (rad/s)."""

@@ -27,7 +27,7 @@ class JointPD(JointFollower, JointPDParameters):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        angle, rate = self._wanted(t, measurement, reference)
+        angle, rate = self._desired(t, measurement, reference)
         torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         if self.feedforward is not None:

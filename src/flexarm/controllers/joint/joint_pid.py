@@ -81,7 +81,7 @@ class JointPID(JointFollower, JointPIDParameters):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        angle, rate = self._wanted(t, measurement, reference)
+        angle, rate = self._desired(t, measurement, reference)
         error: FloatArray = angle - measurement.joint_angle
         torque: FloatArray = self.proportional * error + self._sum
         torque = torque + self.derivative * (rate - measurement.joint_rate)

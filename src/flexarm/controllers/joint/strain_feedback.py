@@ -69,7 +69,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        angle, rate = self._wanted(t, measurement, reference)
+        angle, rate = self._desired(t, measurement, reference)
         torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         strain = measurement.strain

@@ -114,9 +114,9 @@ class Composite(CompositeParameters, LQG):
         A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
         A, B = held(A, model.B[moved], self.sample_time)
         size = sizes_of("acceptable", model, weighted)
-        wanted = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
+        rows = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
-        weighed = wanted.T @ wanted
+        weighed = rows.T @ rows
         stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
         weighed[:k, :k] += bend_weight(
             self.design_requirements.rigidity_uncertainty, stiffness, energy

@@ -73,7 +73,7 @@ class LQG(LQGParameters, OfArm, Controller):
         self._grid = PostureGrid(self.posture, self.schedule)
         with one_warning() as bent:
             # The constructor leaves the number in the dictionary of the object, under the property.
-            self.sample_time = vars(self).pop("sample_time")
+            self._design_for(vars(self).pop("sample_time"))
         warn_of_first(bent)
 
     def _regulated(self) -> Mapping[str, Any] | None:
@@ -86,12 +86,18 @@ class LQG(LQGParameters, OfArm, Controller):
         return self._sample_time
 
     @sample_time.setter
+    @public_call
     def sample_time(self, value: float) -> None:
-        self._sample_time = check_positive("sample_time", value)
+        valid = check_positive("sample_time", value)
         with one_warning() as bent:
-            self.designs = self._design_all()
-        self._prepare()
+            self._design_for(valid)
         warn_of_first(bent)
+
+    def _design_for(self, sample_time: float) -> None:
+        """Design the controller of each posture for a sample time (s)."""
+        self._sample_time = sample_time
+        self.designs = self._design_all()
+        self._prepare()
 
     def _design_all(self) -> tuple[Design, ...]:
         return tuple(
@@ -192,13 +198,13 @@ class LQG(LQGParameters, OfArm, Controller):
         self._known[n:] -= nominal.shown
         # ``dot`` takes half the time of ``@`` on small arrays.
         self._whole[:n] = self._pushed[:n] = self._correct.dot(self._known)
-        wanted = nominal.torque + self._feedback()
-        torque = self._within_limits(wanted)
+        desired = nominal.torque + self._feedback()
+        torque = self._within_limits(desired)
         self._pushed[n : n + m] = torque - nominal.torque
         self._pushed[n + m :] = nominal.missing
         self._known[:n] = self._predict.dot(self._pushed)
         if self._integrals:
-            self._integrate(measurement, nominal, wanted - torque)
+            self._integrate(measurement, nominal, desired - torque)
         return torque
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
@@ -236,13 +242,13 @@ class LQG(LQGParameters, OfArm, Controller):
     def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
         """Advance the integrals, unless that would increase a torque at its limit."""
         (name,) = self.design_requirements.integrated
-        wanted = nominal.angle if name == "joint_angle" else self._wanted_tip(nominal)
-        step = self.sample_time * (getattr(measurement, name) - wanted)
+        desired = nominal.angle if name == "joint_angle" else self._desired_tip(nominal)
+        step = self.sample_time * (getattr(measurement, name) - desired)
         request = -(self._gain[:, self._states :] @ step)
         # Without a branch, so that the law is also evaluated over symbols.
         self._whole[self._states :] += (request @ excess <= 0.0) * step
 
-    def _wanted_tip(self, nominal: Nominal) -> FloatArray:
+    def _desired_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""
         bend = nominal.q[self._model.elastic]
         return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)

@@ -113,12 +113,12 @@ class MPC(MPCParameters, LQG):
         nominal = self._motion.torques(N).ravel()
         low, high = self._bounds(nominal, free)
         if np.all(low <= 0.0) and np.all(high >= 0.0):
-            wanted = free  # the regulator is optimal if it is within the limits
+            correction = free  # the regulator is optimal if it is within the limits
         else:
             self.limited += 1
-            wanted = self._limited(nominal, free, low, high)
-        self._plan = nominal + wanted
-        return wanted[:m]
+            correction = self._limited(nominal, free, low, high)
+        self._plan = nominal + correction
+        return correction[:m]
 
     def _limited(
         self, nominal: FloatArray, free: FloatArray, low: FloatArray, high: FloatArray

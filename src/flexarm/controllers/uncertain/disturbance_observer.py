@@ -44,7 +44,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
         self._model = RigidParameters(self.arm)
         self._estimate = np.zeros(self.arm.joints)
         self._last: FloatArray | None = None
-        self._asked = np.zeros(self.arm.joints)
+        self._commanded = np.zeros(self.arm.joints)
 
     @property
     def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
@@ -52,7 +52,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
         inside = memory_of(self.inner)
         if inside is None:
             return None
-        return ("_estimate", "_last", "_asked", *(f"inner.{name}" for name in inside))
+        return ("_estimate", "_last", "_commanded", *(f"inner.{name}" for name in inside))
 
     @property
     def sample_time(self) -> float:
@@ -92,14 +92,14 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
             # The trapezoidal rule is accurate, because the torque is constant over the sample and
             # the other terms are nearly linear.
             pushed = (now[0] - self._last[0]) / self.sample_time
-            pushed -= measurement.get("torque", self._asked)
+            pushed -= measurement.get("torque", self._commanded)
             pushed -= 0.5 * (now[1] + self._last[1])
             pushed -= self._estimate
             self._estimate += self._taken * pushed
         self._last = now
         torque = np.asarray(self.inner.update(t, measurement, reference))
-        self._asked = torque - self.compensation * self._estimate
-        return self._asked.copy()
+        self._commanded = torque - self.compensation * self._estimate
+        return self._commanded.copy()
 
     def report(self) -> dict[str, float]:
         """Return the report of the inner controller."""

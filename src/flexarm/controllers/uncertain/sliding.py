@@ -79,9 +79,9 @@ class SlidingVariable:
             self.reference_rate = pull
             self.reference_acceleration = -self.bandwidth * self.rate
         else:
-            wanted = reference.joint_rate(t)
-            self.reference_rate = wanted + self.bandwidth * (reference.joint_angle(t) - self.angle)
-            change = self.bandwidth * (wanted - self.rate)
+            desired = reference.joint_rate(t)
+            self.reference_rate = desired + self.bandwidth * (reference.joint_angle(t) - self.angle)
+            change = self.bandwidth * (desired - self.rate)
             self.reference_acceleration = reference.joint_acceleration(t) + change
         if self._fed:
             self._feed(measurement.strain[self._gauge])

@@ -87,7 +87,7 @@ def linearize(
     environment = Environment.of(arm, *given)
     environment.placed(arm)  # errors name this function
     count = len(q.contacts if isinstance(q, Equilibrium) else environment.contacts)
-    wanted, seen = find_inputs(arm, inputs), find_outputs(arm, outputs, count)
+    driven, observed = find_inputs(arm, inputs), find_outputs(arm, outputs, count)
     if q is None and base_acceleration is not None:
         rule = "is not supported with an equilibrium: give q"
         raise InputError(Problem("base_acceleration", rule))
@@ -97,7 +97,7 @@ def linearize(
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
         holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
         point.torque[:] = holding[arm.joint_index]
-    return _Perturbed(arm, point, wanted, seen).model()
+    return _Perturbed(arm, point, driven, observed).model()
 
 
 @dataclass

@@ -61,7 +61,7 @@ InputName = str | Load | tuple[str, Load]
 OutputName = str | Sensor
 
 
-def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
+def find_inputs(arm: Arm, requested: Sequence[InputName]) -> list[Input]:
     """Return the inputs for the names and loads that the user gives.
 
     Raises:
@@ -70,7 +70,7 @@ def find_inputs(arm: Arm, wanted: Sequence[InputName]) -> list[Input]:
     """
     found: list[Input] = []
     loads = 0
-    for item in _listed(wanted):
+    for item in _listed(requested):
         if isinstance(item, str):
             found += _named_inputs(arm, item)
             continue
@@ -110,7 +110,7 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     raise InputError(Problem("inputs", rule, shown(name)))
 
 
-def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> list[Output]:
+def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
     """Return the outputs for the names and sensors that the user gives.
 
     Args:
@@ -128,7 +128,7 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
         "contact": [str(n) for n in range(1, contacts + 1)],
     }
     found = []
-    for item in _listed(wanted):
+    for item in _listed(requested):
         if isinstance(item, Sensor):
             place_loads(arm, [marker(item.link, item.station)], what="Sensor")
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
@@ -151,14 +151,15 @@ def find_outputs(arm: Arm, wanted: Sequence[OutputName], contacts: int = 0) -> l
     return found
 
 
-def _listed(wanted: object) -> list[object]:
+def _listed(requested: object) -> list[object]:
     """Return a list of names; a single name becomes a list of one."""
-    pair = isinstance(wanted, tuple) and len(wanted) == 2 and isinstance(wanted[1], Load)
-    if isinstance(wanted, (str, Load, Sensor)) or pair:
-        return [wanted]
-    if not isinstance(wanted, list | tuple):
-        raise InputError(Problem("inputs and outputs", "be names, Loads or Sensors", shown(wanted)))
-    return list(wanted)
+    pair = isinstance(requested, tuple) and len(requested) == 2 and isinstance(requested[1], Load)
+    if isinstance(requested, (str, Load, Sensor)) or pair:
+        return [requested]
+    if not isinstance(requested, list | tuple):
+        rule = "be names, Loads or Sensors"
+        raise InputError(Problem("inputs and outputs", rule, shown(requested)))
+    return list(requested)
 
 
 def _check_names(which: str, names: list[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,8 @@ from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
+
+T = TypeVar("T")
 
 #: Tolerance of the tip position (m), and largest number of corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
@@ -184,7 +186,8 @@ def pressed_motion(
     end = check_positive("duration", motion.end_time if duration is None else duration)
     count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
-    pressing, outward = _force(force), _normal(normal)
+    pressing = _over_time("force", force, check_nonnegative)
+    outward = _over_time("normal", normal, check_direction)
     search = _Search(arm, motion, friction)
     with one_warning():
         held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
@@ -192,30 +195,17 @@ def pressed_motion(
     return PressedMotion(motion, pressing, outward, times, held)
 
 
-def _force(given: float | Callable[[float], float]) -> Callable[[float], float]:
-    """Return the force as a function of time that raises for negative values."""
+def _over_time(name: str, given: Any, check: Callable[[str, object], T]) -> Callable[[float], T]:
+    """Return a value, or a function of time, as a function of time that checks its values."""
     if callable(given):
-        check_function("force", given)
-    return partial(_checked_force, given)
+        check_function(name, given)
+    return partial(_checked, name, given, check)
 
 
-def _checked_force(given: float | Callable[[float], float], t: float) -> float:
-    value = call("the force", given, t) if callable(given) else given
-    name = f"force at t = {t:g} s" if callable(given) else "force"
-    return check_nonnegative(name, value)
-
-
-def _normal(given: ArrayLike | Callable[[float], ArrayLike]) -> Callable[[float], FloatArray]:
-    """Return the unit normal as a function of time."""
-    if callable(given):
-        check_function("normal", given)
-    return partial(_unit_normal, given)
-
-
-def _unit_normal(given: ArrayLike | Callable[[float], ArrayLike], t: float) -> FloatArray:
-    value = call("the normal", given, t) if callable(given) else given
-    name = f"normal at t = {t:g} s" if callable(given) else "normal"
-    return check_direction(name, value)
+def _checked(name: str, given: Any, check: Callable[[str, object], T], t: float) -> T:
+    if not callable(given):
+        return check(name, given)
+    return check(f"{name} at t = {t:g} s", call(f"the {name}", given, t))
 
 
 class _Search:
@@ -239,7 +229,7 @@ class _Search:
         J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
         sliding = float(np.tanh(tangent @ J @ motion.joint_rate(t) / self._slow))
         on_tip = force * (normal - self._friction * sliding * tangent)
-        angle, wanted = rigid + self._beside + self._drift, motion.tip(t)
+        angle, desired = rigid + self._beside + self._drift, motion.tip(t)
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
         way = np.asarray(np.linalg.pinv(J, rcond=1e-6), dtype=np.float64)
         step, before = np.zeros(arm.joints), np.zeros(2)
@@ -251,7 +241,7 @@ class _Search:
                 start[arm.joint_index] = angle
                 rest = equilibrium(arm, tip_force=on_tip, start=start)
             self._q = rest.q
-            missed = arm.tip(rest.q)[:2] - wanted
+            missed = arm.tip(rest.q)[:2] - desired
             if np.hypot(*missed) < _CLOSE:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid

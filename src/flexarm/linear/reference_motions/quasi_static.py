@@ -21,8 +21,7 @@ from flexarm.errors import InputError, Problem, SimulationError, public_call
 from flexarm.linear.vibration.modal import modes
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.dynamics.tip_constraint import TipConstraint
-from flexarm.motion.geometry.chain import RigidChain
-from flexarm.motion.motion import JointState, Motion, check_motion
+from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 from flexarm.motion.smoothing import window_points
 
 if TYPE_CHECKING:
@@ -38,29 +37,24 @@ _SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class QuasiStaticReference(Motion):
+class QuasiStaticReference(DerivedMotion):
     """Joint angles that keep the tip of a flexible arm on a motion, and the torques for them.
 
     The bending at each instant is the static response to inertia and gravity, without vibration.
 
     Attributes:
-        arm: the flexible arm.
         motion: motion of the rigid arm, which the tip follows.
+        arm: the flexible arm.
         smoothing: s, window over which the bending is averaged, centred at each instant.
     """
 
     arm: Arm = field(repr=False)
-    motion: Motion
     smoothing: float
     _bends: tuple[BSpline, ...] = field(repr=False)  # before, between two breaks each, after
-    chain: RigidChain = field(init=False, repr=False)
-    duration: float = field(init=False)
-    start_time: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "chain", self.motion.chain)
-        object.__setattr__(self, "duration", self.motion.duration + self.smoothing)
-        object.__setattr__(self, "start_time", self.motion.start_time - 0.5 * self.smoothing)
+    def _times(self) -> tuple[float, float]:
+        start = self.motion.start_time - 0.5 * self.smoothing
+        return start, self.motion.duration + self.smoothing
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -197,7 +191,7 @@ def quasi_static_reference(
         window = check_positive("smoothing", smoothing, "s")
     pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
     rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
-    reference = QuasiStaticReference(arm, motion, window, (rests[0], *pieces, rests[1]))
+    reference = QuasiStaticReference(motion, arm, window, (rests[0], *pieces, rests[1]))
     times = np.linspace(reference.start_time, reference.end_time, _INSTANTS)
     warn_of_bending(arm, reference.coordinates(times)[0])
     return reference

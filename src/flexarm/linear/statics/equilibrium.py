@@ -262,16 +262,16 @@ class _Search:
         """Increase the load from zero to one; ``at_once`` permits the full load only."""
         done, step = 0.0, 1.0
         while done < 1.0:
-            wanted = min(1.0, done + step)
+            target = min(1.0, done + step)
             try:
-                q = self.newton(q, wanted)
+                q = self.newton(q, target)
             except (np.linalg.LinAlgError, ValueError):
                 step *= 0.25
                 if at_once or step < _SMALLEST_STEP:
                     reason = "the arm buckles or swings away."
                     raise EquilibriumError(done, q, reason) from None
             else:
-                done, step = wanted, 2.0 * step
+                done, step = target, 2.0 * step
         return q
 
     def result(self, q: FloatArray) -> Equilibrium:

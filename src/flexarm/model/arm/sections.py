@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Listed, NonNegative, Number, Positive, finite
+from flexarm.model.quantities import Finite, Listed, NonNegative, Number, Positive, plain
 from flexarm.model.wording import Fault, refuse, suggestion
 
 
@@ -26,7 +26,7 @@ def _of_a_section(value: float) -> float:
 
 
 Dimension = Annotated[Positive, AfterValidator(_of_a_section)]
-PoissonsRatio = Annotated[float, Field(gt=-1, le=0.5), BeforeValidator(finite)]
+PoissonsRatio = Annotated[Finite, Field(gt=-1, le=0.5), BeforeValidator(plain)]
 
 
 class Material(Record):

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.drives.base import ControllerParameters, SampleTime
 from flexarm.model.quantities import (
+    Finite,
     Flag,
     Listed,
     ListPerJoint,
@@ -19,7 +20,6 @@ from flexarm.model.quantities import (
     PerJoint,
     Positive,
     Word,
-    finite,
     plain,
 )
 
@@ -40,8 +40,8 @@ _Integral = Annotated[
 
 
 # Beyond the upper bound rounding errors dominate a design.
-_Robustness = Annotated[float, Field(ge=0, le=1e6), BeforeValidator(finite)]
-_Preview = Annotated[float, Field(ge=0, le=60), BeforeValidator(finite)]
+_Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
+_Preview = Annotated[Finite, Field(ge=0, le=60), BeforeValidator(plain)]
 _Horizon = Annotated[int, Field(strict=True, ge=1, le=500), BeforeValidator(plain)]
 
 

@@ -13,18 +13,19 @@ from flexarm.model.environment.polygon import closed_polygon, polygon_faults
 from flexarm.model.quantities import (
     Count,
     Direction,
+    Finite,
     Flag,
     Listed,
     NonNegative,
     Number,
     Pair,
     Positive,
-    finite,
     length_of,
+    plain,
 )
 from flexarm.model.wording import Fault
 
-Exponent = Annotated[float, Field(ge=1, le=5), BeforeValidator(finite)]
+Exponent = Annotated[Finite, Field(ge=1, le=5), BeforeValidator(plain)]
 
 
 class Wall(Record, kw_only=False):

@@ -146,10 +146,10 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
     if own or not others:
         return
     names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
-    wanted, (other, command) = names[kind][0], names[_OTHERS[kind]]
+    expected, (other, command) = names[kind][0], names[_OTHERS[kind]]
     hint = f"Run it with `flexarm {command}`, or with run_{other} in Python."
     place = document.where((min(others),))
-    raise ModelError(Problem("the file", f"is a {other}, not a {wanted}", hint=hint, where=place))
+    raise ModelError(Problem("the file", f"is a {other}, not a {expected}", hint=hint, where=place))
 
 
 _OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}

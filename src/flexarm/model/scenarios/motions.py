@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
-from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
+from flexarm.model.environment.tables import TimeTable
 from flexarm.model.quantities import (
     Direction,
     Listed,
@@ -16,7 +16,6 @@ from flexarm.model.quantities import (
     Number,
     Pair,
     Positive,
-    length_of,
     plain,
 )
 from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
@@ -121,28 +120,18 @@ PlainMotionSpec = TipMotionSpec | JointMotionSpec
 PathSpec = Annotated[PlainMotionSpec, Field(discriminator="kind")]
 
 
-class ForceTable(Record):
+class ForceTable(TimeTable):
     """A force as a function of time: smooth between the values, constant before and after."""
 
     times: Listed[Number] = Field(description="Increasing times (s).")
     values: Listed[NonNegative] = Field(description="The force at each time (N).")
 
-    _columns: ClassVar[tuple[str, ...]] = ("times", "values")
-
-    @classmethod
-    def _faults(cls, given: Given) -> Iterator[Fault]:
-        times, values = length_of(given.raw("times")), length_of(given.raw("values"))
-        if times == 0:
-            yield Fault(("times",), "is empty")
-        elif times is not None and values is not None and values != times:
-            yield Fault(("values",), f"have length {times}, one value for each time", str(values))
-        if not given.has("times"):
-            return
-        for k in range(1, len(given.times)):
-            if given.times[k] <= given.times[k - 1]:
-                rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
-                yield Fault(("times", k), rule, shown(given.times[k]))
-                return
+    @staticmethod
+    def _order_fault(times: Sequence[float]) -> tuple[int, str] | None:
+        for k in range(1, len(times)):
+            if times[k] <= times[k - 1]:
+                return k, f"be greater than {times[k - 1]:.9g} (the previous time)"
+        return None
 
 
 def _number_or_table(value: Any) -> str:

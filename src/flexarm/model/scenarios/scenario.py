@@ -14,14 +14,14 @@ from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
 from flexarm.model.environment.contacts import Contact, contact_faults
 from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
-from flexarm.model.quantities import Flag, Listed, Number, Positive, Word, finite, length_of, plain
+from flexarm.model.quantities import Finite, Flag, Listed, Number, Positive, Word, length_of, plain
 from flexarm.model.scenarios.events import EventSpec, event_faults
 from flexarm.model.scenarios.motions import MotionSpec, motion_faults
 from flexarm.model.scenarios.prescribed import PrescribedJoint, prescribed_faults
 from flexarm.model.wording import Fault, Path, look
 
 MOST_SAMPLES = 10**7
-Tolerance = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+Tolerance = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
 
 

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, Listed, OneOrMany, Pair, Positive, finite, plain
+from flexarm.model.quantities import Count, Finite, Listed, OneOrMany, Pair, Positive, plain
 from flexarm.model.wording import Fault
 
-Ratio = Annotated[float, Field(ge=0, lt=1), BeforeValidator(finite)]
-Part = Annotated[float, Field(gt=0, lt=1), BeforeValidator(finite)]
+Ratio = Annotated[Finite, Field(ge=0, lt=1), BeforeValidator(plain)]
+Part = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 
 
 def _word_or_list(value: Any) -> str:
@@ -75,6 +75,9 @@ class ShapingSpec(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
+        for name in ("modes", "frequency_hz", "damping_ratio"):
+            if given.has(name) and given.raw(name) == ():
+                yield Fault((name,), "is empty")
         if given.absent("frequency_hz"):
             return
         for name, usual in (("modes", 1), ("joints", "locked")):

@@ -152,10 +152,10 @@ def placed(path: Path, drive: str, motion: str) -> Path:
 
 
 def _content(source: Any, drive: str, motion: str) -> dict[str, Any]:
-    asked = source.drives[drive]
-    content = {"arm": source.arm, "motion": source.motions[motion], "drive": asked}
+    chosen = source.drives[drive]
+    content = {"arm": source.arm, "motion": source.motions[motion], "drive": chosen}
     content |= {"loads": source.loads or (), "contacts": source.contacts or ()}
-    if asked.kind in CONTROLLED:
+    if chosen.kind in CONTROLLED:
         content["hardware"] = source.hardware
     return {**content, "run": source.run.settings()}
 

@@ -148,7 +148,7 @@ def animate(
         if len(histories) > _MOST_HISTORIES:
             rule = f"be at most {_MOST_HISTORIES} channels"
             raise InputError(Problem("channels", rule, shown(len(histories))))
-        asked, touched = surroundings(arm, result, reference, contacts)
+        desired, touched = surroundings(arm, result, reference, contacts)
         scenes.append(
             scene_of(
                 name,
@@ -157,7 +157,7 @@ def animate(
                 float(result["time"].values[0]) + times,
                 options,
                 rigid_result(rigid, arm, result),
-                asked,
+                desired,
                 touched,
                 [thin(signals, _INTERVALS) for signals in histories],
             )

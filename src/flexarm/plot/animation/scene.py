@@ -100,14 +100,14 @@ def scene_of(
         q = at_times(time, result["q"].values, path_times)
         path = shapes_of(arm, q, options.magnify, 2)[:, -1, -1]
     straight = None if ghost is None else ghost.shapes(now, 2)
-    asked = None
+    desired = None
     if reference is not None:
         twice = np.concatenate([path_times, now])
         tips = tip_reference(arm, reference, twice)
-        asked = tips[: len(path_times)], tips[len(path_times) :]
+        desired = tips[: len(path_times)], tips[len(path_times) :]
     shown = [links.reshape(-1, 2), path]
     shown += [] if straight is None else [straight.reshape(-1, 2)]
-    shown += [] if asked is None else [asked[0]]
+    shown += [] if desired is None else [desired[0]]
     view = _view(np.concatenate(shown))
     joints = links[:, [seat.link for seat in arm.assembly.seats], 0]
     arrows = None
@@ -133,7 +133,7 @@ def scene_of(
         ghost=straight,
         path=path if options.trace else None,
         path_times=path_times,
-        reference=asked,
+        reference=desired,
         solids=tuple(solid_of(contact.surface, view) for contact in contacts),
         histories=tuple(histories),
         view=view,
