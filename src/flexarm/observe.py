@@ -6,6 +6,7 @@ Complex states give complex values, from which linear models derive their exact 
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,15 @@ from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, 
 _ENERGIES = {"kinetic_energy", "strain_energy", "gravity_energy"}
 #: Number of samples processed together, which bounds the scratch memory of long runs.
 _CHUNK = 4096
+
+
+class Observed(NamedTuple):
+    """Quantities of states from which the channels follow."""
+
+    poses: FloatArray  # (samples, n, 10)
+    tips: FloatArray  # (samples, 6)
+    energy: FloatArray  # (samples, 3)
+    strains: FloatArray | None  # (samples, gauges)
 
 
 def channels_of(
@@ -78,18 +88,18 @@ def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str
 
 
 def _observed(
-    arm: Arm, states: FloatArray, with_energies: bool = True
+    arm: Arm, states: FloatArray, energies: bool = True
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return poses (samples, n, 10), tips (samples, 6) and energies (samples, 3).
 
-    Without ``with_energies``, the energies are zero.
+    Without ``energies``, they are zero.
     """
     count, constants = len(states), arm.assembly.constants
     poses = np.zeros((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.zeros((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
     sizes = run_time_sizes(constants)
-    if with_energies:
+    if energies:
         observe_many(sizes, constants, states, poses, tips, energy)
     else:
         poses_many(sizes, constants, states, poses, tips)
@@ -97,9 +107,26 @@ def _observed(
 
 
 def _chunk(arm: Arm, states: FloatArray, names: Collection[str] | None) -> dict[str, FloatArray]:
+    strains = arm.strains(states) if arm.gauges else None
+    observed = Observed(*_observed(arm, states, with_energies(names)), strains)
+    return named_channels(arm, states, observed, names)
+
+
+def with_energies(names: Collection[str] | None) -> bool:
+    """Return whether channels require energies, whose computation takes most of the time."""
+    return names is None or not _ENERGIES.isdisjoint(names)
+
+
+def named_channels(
+    arm: Arm, states: FloatArray, observed: Observed, names: Collection[str] | None
+) -> dict[str, FloatArray]:
+    """Return the channels of states (samples, 2, n, 1 + m) from their observed quantities.
+
+    Args:
+        names: as in ``channels_of``.
+    """
     assembly = arm.assembly
-    all_of_them = names is None or not _ENERGIES.isdisjoint(names)
-    poses, tips, energy = _observed(arm, states, all_of_them)
+    poses, tips, energy, strains = observed
     link = poses[:, assembly.link_body]
     bent = _link_tips(arm, poses, tips)
     q, qd = arm.unpadded(states[:, 0]), arm.unpadded(states[:, 1])
@@ -123,8 +150,8 @@ def _chunk(arm: Arm, states: FloatArray, names: Collection[str] | None) -> dict[
         "q": q,
         "qd": qd,
     }
-    if arm.gauges:
-        channels["strain"] = arm.strains(states)
+    if strains is not None:
+        channels["strain"] = strains
     # Return copies, because a view of one column would keep the pose array of a chunk alive.
     wanted = channels if names is None else channels.keys() & set(names)
     return {name: np.array(values) for name, values in channels.items() if name in wanted}

@@ -214,6 +214,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "shaped": {"motion": motion, "arm": arm},
     "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "simulate_batch": {"arm": arm, "duration": 0.01, "rate": 500.0, "initial": [Q, Q]},
+    "sensitivities": {"arm": arm, "duration": 0.01, "parameters": ["payload.mass"], "rate": 500.0},
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},

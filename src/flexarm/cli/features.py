@@ -151,6 +151,15 @@ def _batch() -> None:
         fa.simulate_batch(_arm(), 0.01, initial=starts, integrator=integrator, progress=False)
 
 
+def _differentiate() -> None:
+    for name, kind in INTEGRATORS.items():
+        step = None if kind.adaptive else 1e-4
+        torque = [[0.1, 0.0]] * 3
+        fa.sensitivities(
+            _arm(), 0.002, ["payload.inertia"], torque=torque, integrator=name, step=step
+        )
+
+
 def _prescribe() -> None:
     held = fa.PrescribedAngle.hold(0.4)
     fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
@@ -161,6 +170,7 @@ FEATURES: dict[str, Callable[[], None]] = {
     "forward dynamics and derivatives": _dynamics,
     "simulate": _simulate,
     **{f"integrator {name}": partial(_integrate, name) for name in INTEGRATORS},
+    "derivatives of runs": _differentiate,
     "force control": _force_control,
     "state estimation": _estimate,
     "tip inversion": _invert,

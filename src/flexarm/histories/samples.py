@@ -59,11 +59,44 @@ def sampled_torque(
     return _spline(times, samples, beside.astype(np.intp)).held_to(duration)
 
 
+def torque_by_sample(
+    history: PiecewiseCubic, shape: tuple[int, int], rate: float, interpolation: str, sample: int,
+    joint: int,
+) -> FloatArray:  # fmt: skip
+    """Return the derivative (pieces, 4, joints) of the coefficients of ``sampled_torque``.
+
+    Args:
+        history: the torque, whose kinks stay where they are.
+        shape: (samples, joints).
+        sample, joint: place of the number by which to differentiate.
+    """
+    times, unit = np.arange(shape[0]) / rate, np.zeros(shape)
+    unit[sample, joint] = 1.0
+    if interpolation == "hold":
+        at_jumps = np.repeat(times, 2)[1:], np.repeat(unit, 2, axis=0)[:-1]
+        return PiecewiseCubic.table(*at_jumps).coefficients
+    if interpolation == "linear" or len(times) == 1:
+        return PiecewiseCubic.table(times, unit).coefficients
+    kinks = np.rint(history.stops * rate).astype(np.intp)
+    coefficients = _cubics(times, unit, kinks[kinks < len(times) - 1])
+    if len(history.coefficients) > len(coefficients):  # constant after the last sample
+        end = np.zeros((1, 4, shape[1]))
+        end[0, 0] = unit[-1]
+        coefficients = np.concatenate([coefficients, end])
+    return coefficients
+
+
 def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:
+    kinks = np.union1d(find_kinks(samples), parted)
+    kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
+    return PiecewiseCubic(times, _cubics(times, samples, kinks), times[kinks])
+
+
+def _cubics(times: FloatArray, samples: FloatArray, kinks: NDArray[np.intp]) -> FloatArray:
+    """Return the coefficients of splines between kinks, which are samples inside the range."""
     from scipy.interpolate import CubicSpline
 
-    kinks = np.union1d(find_kinks(samples), parted)
-    edges = np.unique(np.concatenate([[0], kinks, [len(times) - 1]]))
+    edges = [0, *kinks.tolist(), len(times) - 1]
     coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))
     for first, last in pairwise(edges):
         piece = slice(first, last + 1)
@@ -72,7 +105,7 @@ def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) ->
         c = np.zeros((4, last - first, samples.shape[1]))
         c[4 - len(spline.c) :] = spline.c
         coefficients[first:last] = c[::-1].transpose(1, 0, 2)
-    return PiecewiseCubic(times, coefficients, times[edges[1:-1]])
+    return coefficients
 
 
 def find_kinks(samples: FloatArray) -> NDArray[np.intp]:

@@ -12,6 +12,7 @@ import math
 from flexarm.integrate.base import System
 from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
 from flexarm.kernels.compilation.cache import merged
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
 
 #: Allowed distance in time of a corner from an end of a step, as a fraction of the time in which
@@ -71,15 +72,15 @@ def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -
     longest = h
     for _ in range(len(sizes.joint_laws)):
         for i in range(len(sizes.bodies)):
-            stiffness = c.body[i, STOP_STIFFNESS] * c.body[i, FREE]
+            stiffness = real(c.body[i, STOP_STIFFNESS] * c.body[i, FREE])
             if stiffness <= 0.0:
                 continue
-            inertia = max(system.work.body[i, JOINT_UW], 0.0)
+            inertia = max(real(system.work.body[i, JOINT_UW]), 0.0)
             allowed = max(_SHARE * math.sqrt(inertia / stiffness), _ROUNDING * abs(t))
             for side in range(2):
                 found = _crossing(
-                    c.body[i, LOWER_STOP + side], h, state[0, i, 0], state[1, i, 0], new[0, i, 0],
-                    new[1, i, 0], allowed,
+                    real(c.body[i, LOWER_STOP + side]), h, real(state[0, i, 0]),
+                    real(state[1, i, 0]), real(new[0, i, 0]), real(new[1, i, 0]), allowed,
                 )  # fmt: skip
                 # Aim beyond the corner: after a step that ends before it, a tiny one would follow.
                 if found + allowed < h:

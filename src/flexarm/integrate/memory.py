@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
@@ -57,8 +58,8 @@ def new_memory(state: Array, step: float) -> Memory:
         clock=clock,
         counts=np.zeros(COUNT_PLACES, dtype=np.int64),
         state=state,
-        new=np.zeros_like(state),
-        torque=np.zeros_like(state[0, :, 0]),
+        new=zeros_like(state, *state.shape),
+        torque=zeros_like(state, state.shape[1]),
         sample_times=np.zeros(0),
-        samples=np.zeros((0, *state.shape)),
+        samples=zeros_like(state, 0, *state.shape),
     )

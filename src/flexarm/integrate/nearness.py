@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from flexarm.kernels.compilation.cache import apart, merged
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.forces.contact import (
     BEND,
     DAMPING,
@@ -60,8 +61,8 @@ def turning_time(contacts: Contacts, k: int, speed: float) -> float:
     because a point can pass through a soft post.
     """
     law = contacts.law
-    above = law[k, EXPONENT] + 1.0
-    pull = law[k, STIFFNESS] * law[k, MOBILITY] * (2.0 + law[k, DAMPING] * speed)
+    above = real(law[k, EXPONENT]) + 1.0
+    pull = real(law[k, STIFFNESS] * law[k, MOBILITY] * (2.0 + law[k, DAMPING] * speed))
     if pull <= 0.0 or speed <= 0.0:
         return math.inf
     deepest: float = (above * speed * speed / pull) ** (1.0 / above)
@@ -81,10 +82,11 @@ def _fastest_change(contacts: Contacts, k: int) -> float:
     """Return the time constant (s) of the fastest vibration or decay in a contact during a step."""
     law = contacts.law
     depth = -min(contacts.seen[0, k, GAP], contacts.seen[1, k, GAP])
-    exponent = law[k, EXPONENT]
-    push = law[k, STIFFNESS] * depth**exponent
-    spring = push * exponent / max(depth, _TINY) * law[k, MOBILITY]
-    decay = push * law[k, MOBILITY] * (law[k, FRICTION] / law[k, FRICTION_SPEED] + law[k, DAMPING])
+    exponent = real(law[k, EXPONENT])
+    push = real(law[k, STIFFNESS]) * depth**exponent
+    spring = push * exponent / max(depth, _TINY) * real(law[k, MOBILITY])
+    loss = real(law[k, FRICTION] / law[k, FRICTION_SPEED] + law[k, DAMPING])
+    decay = push * real(law[k, MOBILITY]) * loss
     rate: float = max(math.sqrt(spring), decay, _TINY)
     return _STABLE / rate
 

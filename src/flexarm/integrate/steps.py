@@ -41,6 +41,7 @@ from flexarm.integrate.status import (
 )
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.compilation.cache import apart, inner, merged
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array, Sizes
 
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
@@ -199,7 +200,7 @@ def error_norm(
     ``error`` (2, stages): weights of the error estimate and of a less accurate one.
     """
     worst, worst_low, check = error_sizes(system.sizes, tolerance, state, new, stages, error, h)
-    norm: float = norm_of(worst, worst_low, check)
+    norm: float = norm_of(real(worst), real(worst_low), real(check))
     return norm
 
 
@@ -239,9 +240,9 @@ def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
     A fixed step has no error estimate, so without this check a diverging run would overflow.
     """
     largest, check = motion_sizes(sizes, tolerance, new, h)
-    if not math.isfinite(check):
+    if not math.isfinite(real(check)):
         return NOT_FINITE
-    return DIVERGED if largest > 1.0 else DONE
+    return DIVERGED if real(largest) > 1.0 else DONE
 
 
 # Step control ------------------------------------------------------------------------------------

@@ -1,10 +1,7 @@
 """Constants of an arm as functions of parameters, which are identified by paths in its file.
 
-Numbers of joints, payload, gravity, gauges and damping enter the constants through the formulas of
-`assemble`, which are evaluated over symbols. Numbers of a link enter through its modes. If a number
-scales the link's rigidity, mass or length as a whole, the mode shapes do not change, and the
-constants are proportional to powers of the scale factor; theory page "separation", (D.15). Any
-other number of a link changes the mode shapes, for which there is no formula, and is rejected.
+The formulas are those of `formulas`. A number of a link that changes the mode shapes has none and
+is rejected.
 
 Each formula is verified numerically: the parameter is multiplied by four, and the constants from
 the formula are compared with those of an arm with the changed number.
@@ -12,21 +9,18 @@ the formula are compared with those of an arm with the changed number.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray, constants_of_links, place_joints_and_payload
+from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.coordinates import check_joint
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
-from flexarm.bridges.symbolic.scalars import Objects
 from flexarm.errors import InputError, Problem, shown
-from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.parameters import POWERS
-from flexarm.model import ArmSpec, Link
+from flexarm.linear.step_derivatives.formulas import constants_at
 from flexarm.model.file_format.paths import number_at, number_paths, with_number
 from flexarm.stations import place_gauges
 
@@ -70,61 +64,9 @@ class ParametricArm:
     def at(self, values: Sequence[Any]) -> KernelCalls:
         """Return the kernels for values of the parameters, `Scalar` objects or numbers."""
         given = dict(zip(self.paths, values, strict=True))
-        constants, rows = _constants(self.arm, given)
+        constants, rows = constants_at(self.arm, given)
         bodies = place_gauges(self.arm, self.arm.gauges)[1]
         return KernelCalls(self.arm, constants, bodies, rows, self._free)
-
-
-def _constants(arm: Arm, values: Mapping[str, Any]) -> tuple[ArmConstants, Objects]:
-    """Return the constants and the rows of gauges (gauges, m) as arrays of objects."""
-    spec, assembly = arm.spec, arm.assembly
-    for path, value in values.items():
-        spec = with_number(spec, path, value, checked=False)
-    own = constants_of_links(arm.spec, assembly.pieces)
-    constants = ArmConstants(*(array.astype(object) for array in own))
-    scales = [_scales(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
-    for piece in assembly.pieces:
-        for law, factor in scales[piece.link].items():
-            for field, power in POWERS[law].items():
-                column = getattr(constants, field)
-                column[piece.body] = _scaled(column[piece.body], factor, power)
-    place_joints_and_payload(constants, spec, assembly.pieces, assembly.seats)
-    return constants, _gauge_rows(arm, spec, scales)
-
-
-def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]]) -> Objects:
-    at_unit_distance = [(i, station, 1.0) for i, station, _ in arm.gauges]
-    rows = place_gauges(arm, at_unit_distance)[0].astype(object)
-    distances = [gauge.distance for link in spec.links for gauge in link.gauges]
-    for row, distance, (i, _, _) in zip(rows, distances, arm.gauges, strict=True):
-        # Mode shapes are mass-normalised, so they scale with the mass as the shapes at the tip do.
-        mass = scales[i].get("mass", 1.0)
-        row[:] = _scaled(row * distance, mass, POWERS["mass"]["P"])
-    return rows
-
-
-def _scales(link: Link, changed: Link) -> dict[str, Any]:
-    """Return the factors on a link's length, mass and rigidity, by the names of `POWERS`."""
-    if changed is link:
-        return {}
-    factors = {}
-    tables = link.beam(), changed.beam()
-    laws = {"length": "x", "rigidity": "flexural_rigidity", "mass": "mass_per_length"}
-    for law, column in laws.items():
-        before, after = (getattr(table, column) for table in tables)
-        if before is None or after is None:
-            continue
-        place = next((k for k in reversed(range(len(before))) if before[k]), None)
-        if place is not None and after[place] is not before[place]:
-            factors[law] = after[place] / before[place]
-    return factors
-
-
-def _scaled(value: Any, factor: Any, power: Any) -> Any:
-    """Multiply a number or an array by a power of a factor; a tuple has one power per entry."""
-    if isinstance(power, tuple):
-        return [number * factor**one for number, one in zip(value, power, strict=True)]
-    return value * factor**power
 
 
 def _is_exact(arm: Arm, path: str) -> bool:
@@ -135,7 +77,7 @@ def _is_exact(arm: Arm, path: str) -> bool:
             changed = Arm(with_number(arm.spec, path, other))
         except InputError:  # the model limits this number on one side
             continue
-        constants, rows = _constants(arm, {path: other})
+        constants, rows = constants_at(arm, {path: other})
         places = arm.assembly.coordinates, changed.assembly.coordinates
         exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
         return np.array_equal(*places) and all(

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.explicit_runge_kutta.explicit import ExplicitRecord, advance_explicit
 from flexarm.integrate.tableau import Tableau
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import ArmConstants
 
 
@@ -35,6 +36,6 @@ class ExplicitRungeKutta(Integrator):
             dense=tableau.dense,
             order=tableau.order,
             adaptive=self.adaptive,
-            stages=np.zeros((rows, *state.shape)),
+            stages=zeros_like(state, rows, *state.shape),
             weights=np.zeros((1, rows)),
         )

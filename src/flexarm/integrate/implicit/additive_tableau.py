@@ -11,6 +11,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.additive import AdditiveRecord, advance_additive
 from flexarm.integrate.tableau import demand, demand_order, demand_zero
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 
@@ -84,8 +85,8 @@ def additive_record(
         c=tableau.c,
         error=tableau.error,
         order=tableau.order,
-        known=np.zeros_like(state),
-        stages=np.zeros((len(tableau.c), *state.shape), dtype=state.dtype),
+        known=zeros_like(state, *state.shape),
+        stages=zeros_like(state, len(tableau.c), *state.shape),
         softened=constants_to_soften(constants),
     )
 

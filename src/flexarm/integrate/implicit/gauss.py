@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.collocation import CollocationRecord, advance_collocation
 from flexarm.integrate.tableau import demand_order, demand_zero
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 
@@ -80,12 +81,12 @@ class Gauss6(Integrator):
             **_COEFFICIENTS._asdict(),
             pull=_PULL,
             drag=_DRAG,
-            inner=np.zeros_like(state),
-            lost=np.zeros_like(state),
-            stages=np.zeros((count, *shape)),
-            earlier=np.zeros((2 * count, *shape)),
-            ends=np.zeros((2, *state.shape)),
-            change=np.zeros((1, *state.shape)),
+            inner=zeros_like(state, *state.shape),
+            lost=zeros_like(state, *state.shape),
+            stages=zeros_like(state, count, *shape),
+            earlier=zeros_like(state, 2 * count, *shape),
+            ends=zeros_like(state, 2, *state.shape),
+            change=zeros_like(state, 1, *state.shape),
             one=np.ones((2, 1)),
             softened=constants_to_soften(constants),
         )

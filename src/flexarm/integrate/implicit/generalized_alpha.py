@@ -10,6 +10,7 @@ from flexarm.arguments import check_number
 from flexarm.errors import public_call
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.newmark import NewmarkRecord, advance_newmark
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 
@@ -54,10 +55,10 @@ class GeneralizedAlpha(Integrator):
             alpha_f=alpha_f,
             beta=(radius + 1.0) ** -2,
             gamma=0.5 + alpha_f - alpha_m,
-            known=np.zeros_like(state),
-            averaged=np.zeros(state.shape[1:]),
-            ends=np.zeros((2, *state.shape)),
-            change=np.zeros((1, *state.shape)),
+            known=zeros_like(state, *state.shape),
+            averaged=zeros_like(state, *state.shape[1:]),
+            ends=zeros_like(state, 2, *state.shape),
+            change=zeros_like(state, 1, *state.shape),
             one=np.ones((2, 1)),
             softened=constants_to_soften(constants),
         )

@@ -28,6 +28,7 @@ from flexarm.integrate.steps import begin_span, error_norm, followed, inertia_le
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import MODE_DAMPING, W2
 from flexarm.kernels.compilation.cache import merged, unlocked
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
@@ -98,10 +99,8 @@ def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) ->
             known[1, i, j] = v + h * ((1.0 - gamma) * mean + gamma * rest)
             stiff = False
             if j > 0:
-                stiff = (
-                    h * max(math.sqrt(c.mode[i, j - 1, W2]), c.mode[i, j - 1, MODE_DAMPING])
-                    > RESOLVED
-                )
+                fastest = math.sqrt(real(c.mode[i, j - 1, W2]))
+                stiff = h * max(fastest, real(c.mode[i, j - 1, MODE_DAMPING])) > RESOLVED
             # The acceleration of a mode that the step does not resolve is useless for a prediction.
             smooth[0, i, j] = q if stiff else q + h * (v + 0.5 * h * a)
             smooth[1, i, j] = v if stiff else v + h * a

@@ -41,6 +41,7 @@ from flexarm.integrate.steps import begin_span, followed, inertia_left, step_of_
 from flexarm.integrate.torque import loads_at, piece_after, piece_of, slope_at, torque_in
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
@@ -193,8 +194,8 @@ def _follows(
     miss: float = 0.0
     size: float = 0.0
     for i in range(len(system.sizes.bodies)):
-        used = past[k & 3, 2, i, 0]
-        miss = max(miss, abs(slope[1, i, 0] - used) / tolerance.unit[1, i, 0])
+        used = real(past[k & 3, 2, i, 0])
+        miss = max(miss, abs(real(slope[1, i, 0]) - used) / tolerance.unit[1, i, 0])
         size = max(size, abs(used) / tolerance.unit[1, i, 0])
     missed[0] += _LOOK * h * miss
     missed[1] += _LOOK * h * size

@@ -16,6 +16,7 @@ from flexarm.integrate.base import System
 from flexarm.integrate.multistep.cowell_formulas import BETA, GAMMA, STIFF_BETA, STIFF_GAMMA
 from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
 from flexarm.kernels.compilation.cache import apart, merged
+from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import implicit_dynamics
 from flexarm.kernels.recursion.implicit_step import add_to_diagonal
@@ -68,7 +69,7 @@ def _largest(
         size: float = 0.0
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
-                size += direction[i, j] * direction[i, j]
+                size += real(direction[i, j]) * real(direction[i, j])
         square = math.sqrt(size)
         if square == 0.0:
             return 0.0
@@ -111,7 +112,7 @@ def longest_step(
     damped = 0.0
     for i in range(len(sizes.bodies)):
         stiff[i, 0] = 0.0
-        damped = max(damped, c.body[i, JOINT_DAMPING])
+        damped = max(damped, real(c.body[i, JOINT_DAMPING]))
         for j in range(len(sizes.modes)):
             dying = (
                 c.mode[i, j, MODE_DAMPING] * c.mode[i, j, MODE_DAMPING] > _DYING * c.mode[i, j, W2]
@@ -121,7 +122,7 @@ def longest_step(
             if stiff[i, 1 + j] != 0.0:
                 found_for = h
             else:
-                damped = max(damped, c.mode[i, j, MODE_DAMPING])
+                damped = max(damped, real(c.mode[i, j, MODE_DAMPING]))
     part = h * h * bounds[0] / _RESTARTED + h * bounds[1] / _DAMPED
     if bounds[2] == found_for and part < _NEAR:
         return h

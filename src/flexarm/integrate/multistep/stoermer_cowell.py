@@ -10,6 +10,7 @@ from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.additive_tableau import additive_record
 from flexarm.integrate.implicit.kennedy_carpenter import ORDER_4
 from flexarm.integrate.multistep.cowell import CowellRecord, advance_cowell
+from flexarm.kernels.compilation.dual_arrays import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 
@@ -42,8 +43,8 @@ class Cowell4(Integrator):
         shape = state.shape[1:]
         return CowellRecord(
             start=additive_record(ORDER_4, constants, state),
-            past=np.zeros((4, 3, *shape)),
-            rise=np.zeros(shape),
+            past=zeros_like(state, 4, 3, *shape),
+            rise=zeros_like(state, *shape),
             stiff=np.zeros(shape),
             missed=np.zeros(3),
             bounds=np.zeros(5),

@@ -13,6 +13,7 @@ import numpy as np
 from numba import extending
 
 from flexarm.kernels.compilation.cache import merged
+from flexarm.kernels.compilation.duals import DUAL, chained
 
 #: 2 pi in three parts: the first two have 33 bits, so that their products with the number of
 #: turns are exact up to 2^20 turns.
@@ -58,11 +59,15 @@ _turned = extending.register_jitable(_sine_and_versine)
 # Numba compares the signatures of these functions with those of the code: no annotations.
 @extending.overload(_sine)
 def _compiled_sine(x):
+    if x == DUAL:
+        return lambda x: chained(_turned(x.real)[0], 1.0 - _turned(x.real)[1], x)
     return lambda x: _turned(x)[0]
 
 
 @extending.overload(_cosine)
 def _compiled_cosine(x):
+    if x == DUAL:
+        return lambda x: chained(1.0 - _turned(x.real)[1], -_turned(x.real)[0], x)
     return lambda x: 1.0 - _turned(x)[1]
 
 

@@ -34,9 +34,9 @@ from numpy.typing import NDArray
 LANES = 8
 #: Whether kernels are compiled; plain Python has no packs.
 COMPILED = not getattr(config, "DISABLE_JIT", False)
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 #: The fast-math options of all kernels.
-_FAST = ("contract", "nsz")
+FAST = ("contract", "nsz")
 _NUMBERS = types.Float, types.Integer
 
 
@@ -61,12 +61,12 @@ PACK = PackType()
 @register_model(PackType)
 class _PackModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, VECTOR)
 
 
-def _equal_lanes(builder: Any, value: Any) -> Any:
+def equal_lanes(builder: Any, value: Any) -> Any:
     """Return a pack whose lanes are all a number."""
-    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    undefined = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     return builder.shuffle_vector(first, undefined, mask)
@@ -75,7 +75,7 @@ def _equal_lanes(builder: Any, value: Any) -> Any:
 def _as_pack(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     if kind == PACK:
         return value
-    return _equal_lanes(builder, context.cast(builder, value, kind, types.float64))
+    return equal_lanes(builder, context.cast(builder, value, kind, types.float64))
 
 
 @lower_cast(types.Float, PackType)
@@ -126,7 +126,7 @@ def _define_one(function: Any, code: Any) -> None:
 
 
 def _instruction(name: str) -> Any:
-    return lambda builder, x, y: getattr(builder, name)(x, y, flags=_FAST)
+    return lambda builder, x, y: getattr(builder, name)(x, y, flags=FAST)
 
 
 for _name, _code in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
@@ -140,7 +140,7 @@ def _larger(builder: Any, x: Any, y: Any) -> Any:
 
 
 def _intrinsic(name: str) -> Any:
-    kind = ir.FunctionType(_VECTOR, [_VECTOR])
+    kind = ir.FunctionType(VECTOR, [VECTOR])
 
     def code(builder: Any, x: Any) -> Any:
         name_of_kind = f"llvm.{name}.v{LANES}f64"
@@ -161,7 +161,7 @@ def _chosen(typing: Any, mask: Any, first: Any, second: Any) -> Any:
     """Return the pack ``first`` in lanes in which ``mask`` is positive, otherwise ``second``."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        positive = builder.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES))
+        positive = builder.fcmp_ordered(">", args[0], ir.Constant(VECTOR, [0.0] * LANES))
         return builder.select(positive, args[1], args[2])
 
     return PACK(PACK, PACK, PACK), code
@@ -242,7 +242,7 @@ def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     places = [context.cast(builder, one, of, types.intp) for of, one in indices]
     places.append(ir.Constant(ir.IntType(64), 0))
     pointer = cgutils.get_item_pointer(context, builder, kind.array, array, places)
-    return builder.bitcast(pointer, _VECTOR.as_pointer())
+    return builder.bitcast(pointer, VECTOR.as_pointer())
 
 
 def _load_pack(typing: Any, packs: Any, index: Any) -> Any:

@@ -110,8 +110,8 @@ def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple
 def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
     """Return gap, normal and curvature at the nearest point of a table, (T.3), (T.4)."""
     knots = contacts.knots
-    first = int(contacts.law[k, FIRST])
-    last = first + int(contacts.law[k, COUNT]) - 1
+    first = int(real(contacts.law[k, FIRST]))
+    last = first + int(real(contacts.law[k, COUNT])) - 1
     near, place = _nearest_chord(knots, first, last, x, y)
     s = place + 0.0 * x
     # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.

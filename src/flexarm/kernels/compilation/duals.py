@@ -1,0 +1,248 @@
+"""Dual numbers as a number type of the kernels: a value and its derivatives in eight directions.
+
+A kernel that is called with ``Duals`` arrays computes values and derivatives together, by the chain
+rule at every operation. The values are those of the kernel over float64. Comparisons, ``max``,
+``min`` and ``abs`` decide by the values, and ``x.real`` is the value, so that step control and
+other decisions are constants of the differentiation. The derivatives are one vector
+(``packs.PACK``), so that eight directions cost little more than one.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, make_attribute_wrapper, models, register_model
+
+from flexarm.kernels.compilation.packs import FAST, LANES, PACK, VECTOR, equal_lanes
+
+#: Number of directions of a dual number.
+DIRECTIONS = LANES
+_NUMBERS = types.Float, types.Integer
+_DOUBLE = ir.DoubleType()
+
+
+class DualType(types.Type):
+    """Type of a dual number."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Dual8")
+
+    def unify(self, typing: Any, other: Any) -> Any:
+        """Return the type of a variable that is a number or a dual number."""
+        return self if isinstance(other, _NUMBERS) else None
+
+    def can_convert_from(self, typing: Any, other: Any) -> Any:
+        """Return whether a value of another type becomes a dual number without derivatives."""
+        return Conversion.safe if isinstance(other, _NUMBERS) else None
+
+
+DUAL = DualType()
+
+
+@register_model(DualType)
+class _DualModel(models.StructModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, [("value", types.float64), ("slopes", PACK)])
+
+
+make_attribute_wrapper(DualType, "value", "real")
+make_attribute_wrapper(DualType, "slopes", "slopes")
+
+
+def parts_of(context: Any, builder: Any, kind: Any, number: Any) -> tuple[Any, Any]:
+    """Return value and derivatives; None for the derivatives of an ordinary number."""
+    if kind != DUAL:
+        return context.cast(builder, number, kind, types.float64), None
+    dual = cgutils.create_struct_proxy(DUAL)(context, builder, value=number)
+    return dual.value, dual.slopes
+
+
+def joined(context: Any, builder: Any, value: Any, slopes: Any) -> Any:
+    dual = cgutils.create_struct_proxy(DUAL)(context, builder)
+    dual.value = value
+    dual.slopes = ir.Constant(VECTOR, [0.0] * DIRECTIONS) if slopes is None else slopes
+    return dual._getvalue()
+
+
+@lower_cast(types.Float, DualType)
+@lower_cast(types.Integer, DualType)
+def _number_to_dual(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
+    return joined(context, builder, *parts_of(context, builder, source, value))
+
+
+# Operations ----------------------------------------------------------------------------------
+
+
+def _define(function: Any, count: int, code: Any, result: Any = DUAL) -> None:
+    """Define a function of dual numbers, and of dual numbers and ordinary ones.
+
+    ``code(builder, *parts)`` receives value and derivatives of each argument and returns those of
+    the result, or only a value if ``result`` is not ``DUAL``.
+    """
+
+    class Rule(AbstractTemplate):
+        key = function
+
+        def generic(self, args: Any, keywords: Any) -> Any:
+            fits = len(args) == count and DUAL in args and not keywords
+            if fits and all(a == DUAL or isinstance(a, _NUMBERS) for a in args):
+                return signature(result, *args)
+            return None
+
+    # The decorator form reads ``function.__module__``, which ufuncs have since NumPy 2.1 only.
+    infer_global(function, types.Function(Rule))
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pair = zip(sig.args, args, strict=True)
+        found = code(builder, *(parts_of(context, builder, kind, one) for kind, one in pair))
+        return joined(context, builder, *found) if result == DUAL else found
+
+    kinds: list[tuple[Any, ...]] = [(DualType,)]
+    if count == 2:
+        kinds = [(DualType, DualType), (DualType, types.Number), (types.Number, DualType)]
+    for one in kinds:
+        lower_builtin(function, *one)(lower)
+
+
+def _scaled(builder: Any, slopes: Any, factor: Any) -> Any:
+    """Return derivatives times a number; None for no derivatives."""
+    if slopes is None:
+        return None
+    return builder.fmul(slopes, equal_lanes(builder, factor), flags=FAST)
+
+
+def _sum(builder: Any, first: Any, second: Any) -> Any:
+    if first is None or second is None:
+        return second if first is None else first
+    return builder.fadd(first, second, flags=FAST)
+
+
+def _difference(builder: Any, first: Any, second: Any) -> Any:
+    if second is None:
+        return first
+    if first is None:
+        return builder.fneg(second)
+    return builder.fsub(first, second, flags=FAST)
+
+
+def _added(builder: Any, x: Any, y: Any) -> Any:
+    return builder.fadd(x[0], y[0], flags=FAST), _sum(builder, x[1], y[1])
+
+
+def _subtracted(builder: Any, x: Any, y: Any) -> Any:
+    return builder.fsub(x[0], y[0], flags=FAST), _difference(builder, x[1], y[1])
+
+
+def _multiplied(builder: Any, x: Any, y: Any) -> Any:
+    by_first, by_second = _scaled(builder, x[1], y[0]), _scaled(builder, y[1], x[0])
+    return builder.fmul(x[0], y[0], flags=FAST), _sum(builder, by_first, by_second)
+
+
+def _divided(builder: Any, x: Any, y: Any) -> Any:
+    quotient = builder.fdiv(x[0], y[0], flags=FAST)
+    inverse = builder.fdiv(ir.Constant(_DOUBLE, 1.0), y[0], flags=FAST)
+    rest = _difference(builder, x[1], _scaled(builder, y[1], quotient))
+    return quotient, _scaled(builder, rest, inverse)
+
+
+for _name, _code in (
+    ("add", _added),
+    ("sub", _subtracted),
+    ("mul", _multiplied),
+    ("truediv", _divided),
+):
+    _define(getattr(operator, _name), 2, _code)
+    _define(getattr(operator, f"i{_name}"), 2, _code)
+
+
+def _selected(builder: Any, condition: Any, x: Any, y: Any) -> Any:
+    """Return x where the condition holds, otherwise y."""
+    zero = ir.Constant(VECTOR, [0.0] * DIRECTIONS)
+    slopes = [zero if part[1] is None else part[1] for part in (x, y)]
+    return builder.select(condition, x[0], y[0]), builder.select(condition, *slopes)
+
+
+def _larger(builder: Any, x: Any, y: Any) -> Any:
+    return _selected(builder, builder.fcmp_ordered(">", y[0], x[0]), y, x)
+
+
+def _smaller(builder: Any, x: Any, y: Any) -> Any:
+    return _selected(builder, builder.fcmp_ordered("<", y[0], x[0]), y, x)
+
+
+def _negative(builder: Any, x: Any) -> Any:
+    return builder.fneg(x[0]), builder.fneg(x[1])
+
+
+def _absolute(builder: Any, x: Any) -> Any:
+    below = builder.fcmp_ordered("<", x[0], ir.Constant(_DOUBLE, 0.0))
+    return _selected(builder, below, _negative(builder, x), x)
+
+
+def _comparison(sign: str) -> Any:
+    kind = "fcmp_unordered" if sign == "!=" else "fcmp_ordered"
+    return lambda builder, x, y: getattr(builder, kind)(sign, x[0], y[0])
+
+
+_define(max, 2, _larger)
+_define(min, 2, _smaller)
+_define(operator.neg, 1, _negative)
+_define(abs, 1, _absolute)
+for _name, _sign in (
+    ("lt", "<"),
+    ("le", "<="),
+    ("gt", ">"),
+    ("ge", ">="),
+    ("eq", "=="),
+    ("ne", "!="),
+):
+    _define(getattr(operator, _name), 2, _comparison(_sign), types.boolean)
+
+
+def _of_library(builder: Any, name: str, x: Any) -> Any:
+    """Return a function of the C library of a float64."""
+    kind = ir.FunctionType(_DOUBLE, [_DOUBLE])
+    function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.f64")
+    return builder.call(function, [x])
+
+
+def _root(builder: Any, x: Any) -> Any:
+    root = _of_library(builder, "sqrt", x[0])
+    slope = builder.fdiv(ir.Constant(_DOUBLE, 0.5), root, flags=FAST)
+    return root, _scaled(builder, x[1], slope)
+
+
+def _exponential(builder: Any, x: Any) -> Any:
+    value = _of_library(builder, "exp", x[0])
+    return value, _scaled(builder, x[1], value)
+
+
+def _logarithm(builder: Any, x: Any) -> Any:
+    slope = builder.fdiv(ir.Constant(_DOUBLE, 1.0), x[0], flags=FAST)
+    return _of_library(builder, "log", x[0]), _scaled(builder, x[1], slope)
+
+
+_define(np.sqrt, 1, _root)
+_define(np.exp, 1, _exponential)
+_define(np.log, 1, _logarithm)
+
+
+def _chained(typing: Any, value: Any, slope: Any, x: Any) -> Any:
+    """Return f(x) from its ``value`` and its derivative ``slope`` at the value of x."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        slopes = parts_of(context, builder, DUAL, args[2])[1]
+        return joined(context, builder, args[0], _scaled(builder, slopes, args[1]))
+
+    return DUAL(types.float64, types.float64, DUAL), code
+
+
+chained: Any = intrinsic(_chained)

@@ -1,0 +1,1 @@
+"""Derivatives of whole runs with respect to parameters and initial states."""

@@ -1,0 +1,74 @@
+"""Derivatives of the channels of a run, from its samples in dual numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.integrate.base import FloatArray
+from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.derivatives.sensitivity import STEP
+from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, poses_many
+from flexarm.kernels.observation.shapes import gauge_strains
+from flexarm.observe import Observed, named_channels, with_energies
+from flexarm.run_derivatives.dual_run import DualRun
+from flexarm.stations import place_gauges
+
+#: Samples whose poses are computed together, which bounds the scratch memory of long runs.
+_CHUNK = 1024
+
+
+def channel_derivatives(
+    arm: Arm, run: DualRun, count: int, names: Collection[str]
+) -> list[dict[str, FloatArray]]:
+    """Return the derivatives of channels (samples, ...) in each of ``count`` directions.
+
+    The kernels compute poses and strains in dual numbers. What NumPy computes from them is
+    evaluated at complex numbers.
+    """
+    samples = run.samples.array
+    parts: list[list[dict[str, FloatArray]]] = [[] for _ in range(count)]
+    for first in range(0, len(samples), _CHUNK):
+        states = Duals(samples[first : first + _CHUNK])
+        observed = _observed(arm, run, states, with_energies(names))
+        for place, found in enumerate(parts):
+            complex_states = _complex(states, place)
+            values: Any = (None if part is None else _complex(part, place) for part in observed)
+            channels = named_channels(arm, complex_states, Observed(*values), names)
+            found.append({name: array.imag / STEP for name, array in channels.items()})
+    return [
+        {name: np.concatenate([part[name] for part in found]) for name in names} for found in parts
+    ]
+
+
+def _observed(
+    arm: Arm, run: DualRun, states: DualArray, energies: bool
+) -> tuple[DualArray, DualArray, DualArray, DualArray | None]:
+    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m).
+
+    Without ``energies``, they are zero.
+    """
+    count, sizes = states.shape[0], run_time_sizes(arm.assembly.constants)
+    poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
+    tips: DualArray = Duals.zeros(count, 6)
+    energy: DualArray = Duals.zeros(count, 3)
+    if energies:
+        observe_many(sizes, run.constants, states, poses, tips, energy)
+    else:
+        poses_many(sizes, run.constants, states, poses, tips)
+    strains: DualArray = None
+    if arm.gauges:
+        strains = Duals.zeros(count, len(arm.gauges))
+        bodies = place_gauges(arm, arm.gauges)[1]
+        gauge_strains(sizes, states, bodies, run.gauges, strains)
+    return poses, tips, energy, strains
+
+
+def _complex(duals: Duals, place: int) -> FloatArray:
+    """Return values that are perturbed in one direction by an imaginary step."""
+    perturbed: FloatArray = duals.value + 1j * STEP * duals.array[..., 1 + place]
+    return perturbed

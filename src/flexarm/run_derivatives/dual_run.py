@@ -1,0 +1,95 @@
+"""A run in dual numbers: the steps of ``simulate``, with derivatives in eight directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.engine.stepping import Run
+from flexarm.integrate.base import Progress, Status, System
+from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
+from flexarm.run_derivatives.inputs import ArmInputs, Inputs
+
+#: Steps in one compiled call, after which Ctrl-C is noticed.
+_STEPS = 4096
+
+
+class DualRun(NamedTuple):
+    """Samples of a run and the numbers of its arm, as dual numbers."""
+
+    samples: DualArray  # (samples, 2, n, 1 + m)
+    constants: ArmConstants
+    gauges: DualArray  # (gauges, m)
+    steps: int
+
+
+def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
+    """Repeat a run that has been simulated, with derivatives in up to eight directions.
+
+    The steps are chosen by the values alone, so that they are those of the run.
+
+    Args:
+        inputs: numbers of the run.
+        by: derivatives of ``inputs`` in each direction.
+
+    Raises:
+        SimulationError: if the run fails.
+    """
+    numbers = _dual(inputs, by)
+    assert run.history is not None
+    own = _dual_system(run.system(run.history), numbers)
+    step = run.progress.step if run.default_step is not None else 0.0
+    progress = Progress(0.0, numbers.state, step)
+    samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
+    integrator, status = run.integrator, Status.PAUSED
+    while status == Status.PAUSED:
+        status = integrator.advance(
+            own, run.tolerance, progress, run.duration, run.sample_times, samples, _STEPS
+        )
+    if status != Status.DONE:
+        raise run.failure(status)
+    return DualRun(samples, own.constants, numbers.arm.gauges, progress.steps)
+
+
+def _dual(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
+    """Return the numbers of a run as dual numbers."""
+    arm = zip(inputs.arm, *(one.arm for one in by), strict=True)
+    rest = zip(inputs[1:], *(one[1:] for one in by), strict=True)
+    return Inputs(ArmInputs(*_joined(arm)), *_joined(rest))
+
+
+def _joined(columns: Any) -> Iterator[Any]:
+    for value, *slopes in columns:
+        yield Duals.of(value, np.stack(slopes))
+
+
+def _dual_system(system: System, numbers: Inputs) -> System:
+    """Return a system with dual numbers; integers and step control keep their type."""
+    drive, own = system.drive, numbers.arm
+    work: Any = {
+        name: Duals.zeros(*array.shape)
+        for name, array in new_workspace(system.constants)._asdict().items()
+    }
+    contacts: Any = drive.loads.contacts._replace(
+        rows=own.point_rows,
+        shortening=own.point_shortening,
+        law=own.point_law,
+        seen=drive.loads.contacts.seen.copy(),
+    )
+    loads: Any = drive.loads._replace(
+        weight=own.load_weight,
+        lever=own.load_lever,
+        rows=own.load_rows,
+        slopes=own.load_slopes,
+        shortening=own.load_shortening,
+        value=numbers.load_value.copy(),
+        base_acceleration=drive.loads.base_acceleration.copy(),
+        contacts=contacts,
+    )
+    moved: Any = drive._replace(
+        coefficients=numbers.torque, loads=loads, amplitude=numbers.load_value
+    )
+    return System(run_time_sizes(system.constants), own.constants, moved, Workspace(**work))

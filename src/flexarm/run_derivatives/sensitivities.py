@@ -1,0 +1,229 @@
+"""Derivatives of a run with respect to parameters: ``flexarm.sensitivities``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.actions.environment import BaseAcceleration, Environment
+from flexarm.arguments import check_kind, check_list_of, check_mapping
+from flexarm.arm import Arm
+from flexarm.engine.channels import CHANNELS
+from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.progress import Meter
+from flexarm.engine.stepping import Run
+from flexarm.errors import AccuracyWarning, InputError, Problem, nearest, public_call, warn_caller
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.prescribed import Prescribed
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.model import Contact, Load
+from flexarm.run_derivatives.channels import channel_derivatives
+from flexarm.run_derivatives.dual_run import run_in_duals
+from flexarm.run_derivatives.inputs import Inputs, inputs_of_run
+from flexarm.run_derivatives.parameters import Parameters, has_samples
+from flexarm.simulation.preparation import Torque, run_options, start_of, torque_history
+from flexarm.simulation.result import coordinates_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Channels that follow from the states alone.
+_OF_STATES = (
+    *("joint_angle", "joint_rate", "joint_twist", "link_angle", "link_rate"),
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+    *("tip", "tip_velocity", "tip_angle", "tip_angle_rate"),
+    *("kinetic_energy", "strain_energy", "gravity_energy", "strain", "q", "qd"),
+)
+
+
+@public_call
+def sensitivities(
+    arm: Arm,
+    duration: float,
+    parameters: Sequence[str],
+    *,
+    channels: Sequence[str] | None = None,
+    torque: Torque | None = None,
+    prescribed: Prescribed | None = None,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: BaseAcceleration | None = None,
+    contacts: Sequence[Contact] = (),
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Compute the derivatives of a run with respect to parameters, exact to rounding.
+
+    They are the derivatives of the numbers that ``simulate`` computes, with the steps of the
+    integrator constant.
+
+    Args:
+        arm: the arm.
+        duration: s, positive.
+        parameters: paths of numbers of the arm, ``links[0].flexural_rigidity``,
+            ``joints[1].friction.coulomb``, ``payload.mass``; entries of the initial state,
+            ``initial[0]`` (of q) and ``initial_rate[0]`` (of qd); and numbers of other arguments:
+            ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
+            ``loads[0].force[0]``, ``contacts[0].stiffness``.
+        channels: names of channels that follow from the states; None: all of them.
+
+    The other arguments are those of ``simulate``. Controllers, events and section forces are not
+    supported.
+
+    Returns:
+        Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
+        the channel per unit of the parameter.
+
+    Raises:
+        InputError: if an argument has the wrong type or value, or a parameter does not exist or is
+            not one on which the equations depend smoothly.
+        SimulationError: if the run stops early, or a function of time raises an exception.
+
+    Warns:
+        AccuracyWarning: under the conditions of ``simulate``.
+
+    Theory page "separation", section 7.
+    """
+    check_kind("arm", arm, Arm)
+    paths = check_list_of("parameters", parameters, str)
+    names = _channels(arm, channels)
+    if not paths:
+        raise InputError(Problem("parameters", "must not be empty"))
+    if not COMPILED:
+        raise InputError(Problem("sensitivities", "requires compiled kernels"))
+    if prescribed is not None:
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
+    options = run_options(
+        duration,
+        rate=rate,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        breaks=breaks,
+        torque_interpolation=torque_interpolation,
+        integrator=integrator,
+        stations=0,
+        specialized=None,
+    )
+    state = start_of(arm, initial, initial_rate, None, torque)
+    environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
+    with Meter("differentiating", progress) as meter:
+        run = options.new_run(arm, state, environment, None, meter)
+        refuse_deep_start(arm, state, run.loads.placed.contacts)
+        run.prescribed = tuple(prescribed or ())
+        history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
+        if has_samples(paths):
+            history_of = partial(_with_stops, history_of)
+        run_through_impacts(run, history_of)
+        known = Parameters(
+            run,
+            environment,
+            inputs_of_run(run, environment),
+            _shape(torque),
+            options.rate,
+            options.interpolation,
+            int(tip_force is not None),
+        )
+        found = _derivatives(known, paths, names)
+    if run.doubt:
+        warn_caller(run.doubt, AccuracyWarning)
+    return _dataset(run, paths, found)
+
+
+def _channels(arm: Arm, given: Sequence[str] | None) -> list[str]:
+    """Return the names of the channels.
+
+    Raises:
+        InputError: if a channel does not exist or does not follow from the states.
+    """
+    possible = [name for name in _OF_STATES if name != "strain" or arm.gauges]
+    if given is None:
+        return possible
+    names = check_list_of("channels", given, str)
+    problems = [
+        Problem(
+            f"channels[{k}]",
+            "be a channel that follows from the states",
+            repr(name),
+            nearest(name, possible),
+        )
+        for k, name in enumerate(names)
+        if name not in possible
+    ]
+    if problems:
+        raise InputError(*problems)
+    return names
+
+
+def _shape(torque: Any) -> tuple[int, int] | None:
+    """Return the shape of torque samples; None for another kind of torque."""
+    if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
+        return None
+    samples, joints = np.shape(torque)
+    return samples, joints
+
+
+def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
+    """Return a history in which steps end at every break.
+
+    A step that spans several torque samples computes their derivatives inaccurately.
+    """
+    history = history_of(relative)
+    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
+
+
+def _derivatives(
+    known: Parameters, paths: Sequence[str], names: Sequence[str]
+) -> list[dict[str, FloatArray]]:
+    """Return the derivatives of the channels by each parameter, eight at a time in each thread."""
+    by = known.derivatives(paths)
+    blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
+
+    def of_block(block: list[Inputs]) -> list[dict[str, FloatArray]]:
+        found = run_in_duals(known.run, known.inputs, block)
+        return channel_derivatives(known.run.arm, found, len(block), names)
+
+    threads = min(len(blocks), os.cpu_count() or 1)
+    with ThreadPoolExecutor(threads) as pool:
+        return [one for found in pool.map(of_block, blocks) for one in found]
+
+
+def _dataset(run: Run, paths: Sequence[str], found: Sequence[dict[str, FloatArray]]) -> xr.Dataset:
+    import xarray as xr
+
+    variables = {}
+    for name in found[0]:
+        channel = CHANNELS[name]
+        labels = {
+            "units": f"{channel.unit} per unit of the parameter",
+            "long_name": f"derivative of: {channel.meaning}",
+        }
+        values = np.stack([one[name] for one in found])
+        variables[name] = (("parameter", "time", *channel.dims), values, labels)
+    coordinates = coordinates_of(run.arm, run.sample_times) | {
+        "parameter": ("parameter", list(paths), {"long_name": "path of the parameter"})
+    }
+    used = {"parameter", "time"}.union(*(variable[0] for variable in variables.values()))
+    coordinates = {name: value for name, value in coordinates.items() if name in used}
+    attributes = {"integrator": run.integrator.name, "steps": run.progress.steps}
+    return xr.Dataset(variables, coords=coordinates, attrs=attributes)
