@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.actions.environment import Environment
 from flexarm.engine.stepping import Run
 from flexarm.errors import InputError, Problem, shown
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import torque_by_sample
 from flexarm.kernels.layout import Array
 from flexarm.model.file_format.paths import number_at, with_number
@@ -31,6 +33,15 @@ def has_samples(paths: Sequence[str]) -> bool:
     return any(_SAMPLE.fullmatch(path) for path in paths)
 
 
+class Samples(NamedTuple):
+    """Torque samples of a run."""
+
+    history: PiecewiseCubic  # with stops at its kinks alone
+    shape: tuple[int, int]  # (samples, joints)
+    rate: float  # Hz
+    interpolation: str
+
+
 @dataclass(frozen=True, eq=False)
 class Parameters:
     """Parameters of a run that has been simulated.
@@ -39,17 +50,14 @@ class Parameters:
         run: the run.
         environment: loads and contacts of the run.
         inputs: its numbers.
-        samples: shape of the torque samples; None if the torque does not consist of samples.
-        rate, interpolation: of the torque samples.
+        samples: the torque samples; None if the torque does not consist of samples.
         tip_forces: number of loads at the beginning that are the force on the tip.
     """
 
     run: Run
     environment: Environment
     inputs: Inputs
-    samples: tuple[int, int] | None
-    rate: float
-    interpolation: str
+    samples: Samples | None
     tip_forces: int
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:
@@ -104,18 +112,14 @@ class Parameters:
 
     def _sample(self, name: str, path: str, sample: int, joint: int) -> Array:
         """Return the derivative of the torque by one of its samples."""
-        run = self.run
-        if self.samples is None or run.prescribed:
+        arm, samples = self.run.arm, self.samples
+        if samples is None or self.run.prescribed:
             rule = "requires torque as an array of samples, and no prescribed motion"
             raise InputError(Problem(name, rule))
-        if sample >= self.samples[0] or joint >= self.samples[1]:
-            rule = f"be a sample of torque, which has shape {self.samples}"
+        if sample >= samples.shape[0] or joint >= samples.shape[1]:
+            rule = f"be a sample of torque, which has shape {samples.shape}"
             raise InputError(Problem(name, rule, shown(path)))
-        assert run.history is not None
-        coefficients = torque_by_sample(
-            run.history, self.samples, self.rate, self.interpolation, sample, joint
-        )
-        return run.arm.padded_torque(coefficients)
+        return arm.padded_torque(torque_by_sample(*samples, sample, joint))
 
     def _of_record(self, name: str, path: str, which: str, place: int, inside: str) -> Inputs:
         """Return the derivatives by a number of a load or a contact."""

@@ -32,8 +32,8 @@ from flexarm.model import Contact, Load
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
 from flexarm.run_derivatives.inputs import Inputs, inputs_of_run
-from flexarm.run_derivatives.parameters import Parameters, has_samples
-from flexarm.simulation.preparation import Torque, run_options, start_of, torque_history
+from flexarm.run_derivatives.parameters import Parameters, Samples, has_samples
+from flexarm.simulation.preparation import RunOptions, Torque, run_options, start_of, torque_history
 from flexarm.simulation.result import coordinates_of
 
 if TYPE_CHECKING:
@@ -132,16 +132,13 @@ def sensitivities(
         refuse_deep_start(arm, state, run.loads.placed.contacts)
         run.prescribed = tuple(prescribed or ())
         history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
-        if has_samples(paths):
-            history_of = partial(_with_stops, history_of)
-        run_through_impacts(run, history_of)
+        stopping = partial(_with_stops, history_of) if has_samples(paths) else history_of
+        run_through_impacts(run, stopping)
         known = Parameters(
             run,
             environment,
             inputs_of_run(run, environment),
-            _shape(torque),
-            options.rate,
-            options.interpolation,
+            _samples(torque, history_of, options),
             int(tip_force is not None),
         )
         found = _derivatives(known, paths, names)
@@ -175,12 +172,15 @@ def _channels(arm: Arm, given: Sequence[str] | None) -> list[str]:
     return names
 
 
-def _shape(torque: Any) -> tuple[int, int] | None:
-    """Return the shape of torque samples; None for another kind of torque."""
+def _samples(
+    torque: Any, history_of: Callable[[float], PiecewiseCubic], options: RunOptions
+) -> Samples | None:
+    """Return torque samples; None for another kind of torque."""
     if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
         return None
     samples, joints = np.shape(torque)
-    return samples, joints
+    history = history_of(options.rtol)
+    return Samples(history, (samples, joints), options.rate, options.interpolation)
 
 
 def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
