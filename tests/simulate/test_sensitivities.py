@@ -366,3 +366,28 @@ def test_torque_samples_with_controlled_steps(interpolation):
     # The largest error of rk4 at this step, and of the steps of ``auto``, is below 1e-4.
     largest = np.abs(wanted).max()
     np.testing.assert_allclose(found["joint_angle"].values[0], wanted, atol=1e-4 * largest)
+
+
+def test_through_a_joint_stop():
+    """The joint meets the stop at an instant that depends on the parameter."""
+    limits = fa.JointLimits(lower=-1.0, upper=0.05, stiffness=500.0, damping=0.2)
+    arm = fa.Arm(
+        links=[fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5, modes=2)],
+        joints=[fa.Joint(hub_inertia=0.05, limits=limits)],
+        payload=fa.Payload(mass=0.2),
+    )
+    given = {"torque": lambda t: [2.0], "rate": 200.0}
+    run = fa.simulate(arm, 0.4, **given)
+    assert run.attrs["impact_steps"] > 2
+    path = "payload.mass"
+    found = fa.sensitivities(arm, 0.4, [path], **given)
+
+    def result(v):
+        return fa.simulate(fa.Arm(with_number(arm.spec, path, v)), 0.4, **given)
+
+    for name, (wanted, error) in differences(result, 0.2, 1e-4).items():
+        allowed = 10.0 * error + 1e-5 * np.abs(wanted).max() + 1e-9
+        np.testing.assert_allclose(
+            found[name].values[0], wanted, rtol=0, atol=allowed, err_msg=name
+        )
+        assert allowed < 0.05 * np.abs(wanted).max() + 1e-6

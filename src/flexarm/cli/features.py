@@ -152,12 +152,8 @@ def _batch() -> None:
 
 
 def _differentiate() -> None:
-    for name, kind in INTEGRATORS.items():
-        step = None if kind.adaptive else 1e-4
-        torque = [[0.1, 0.0]] * 3
-        fa.sensitivities(
-            _arm(), 0.002, ["payload.inertia"], torque=torque, integrator=name, step=step
-        )
+    for name in ("auto", "kennedy_carpenter_5"):  # the others are rare, and compile as slowly
+        fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=name)
 
 
 def _prescribe() -> None:

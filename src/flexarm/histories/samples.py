@@ -59,29 +59,26 @@ def sampled_torque(
     return _spline(times, samples, beside.astype(np.intp)).held_to(duration)
 
 
-def torque_by_sample(
-    history: PiecewiseCubic, shape: tuple[int, int], rate: float, interpolation: str, sample: int,
-    joint: int,
-) -> FloatArray:  # fmt: skip
-    """Return the derivative (pieces, 4, joints) of the coefficients of ``sampled_torque``.
+def added_coefficients(
+    history: PiecewiseCubic, units: FloatArray, rate: float, interpolation: str
+) -> FloatArray:
+    """Return the derivatives (pieces, 4, columns) of the coefficients of ``sampled_torque``.
 
     Args:
         history: the torque, whose kinks stay where they are.
-        shape: (samples, joints).
-        sample, joint: place of the number by which to differentiate.
+        units: (samples, columns) changes of the samples of one joint, one in each column.
     """
-    times, unit = np.arange(shape[0]) / rate, np.zeros(shape)
-    unit[sample, joint] = 1.0
+    times = np.arange(len(units)) / rate
     if interpolation == "hold":
-        at_jumps = np.repeat(times, 2)[1:], np.repeat(unit, 2, axis=0)[:-1]
+        at_jumps = np.repeat(times, 2)[1:], np.repeat(units, 2, axis=0)[:-1]
         return PiecewiseCubic.table(*at_jumps).coefficients
     if interpolation == "linear" or len(times) == 1:
-        return PiecewiseCubic.table(times, unit).coefficients
+        return PiecewiseCubic.table(times, units).coefficients
     kinks = np.rint(history.stops * rate).astype(np.intp)
-    coefficients = _cubics(times, unit, kinks[kinks < len(times) - 1])
+    coefficients = _cubics(times, units, kinks[kinks < len(times) - 1])
     if len(history.coefficients) > len(coefficients):  # constant after the last sample
-        end = np.zeros((1, 4, shape[1]))
-        end[0, 0] = unit[-1]
+        end = np.zeros((1, 4, units.shape[1]))
+        end[0, 0] = units[-1]
         coefficients = np.concatenate([coefficients, end])
     return coefficients
 

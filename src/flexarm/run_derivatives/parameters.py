@@ -13,7 +13,7 @@ from flexarm.actions.environment import Environment
 from flexarm.engine.stepping import Run
 from flexarm.errors import InputError, Problem, shown
 from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.samples import torque_by_sample
+from flexarm.histories.samples import added_coefficients
 from flexarm.kernels.layout import Array
 from flexarm.model.file_format.paths import number_at, with_number
 from flexarm.run_derivatives.arm_parameters import arm_derivative
@@ -40,6 +40,10 @@ class Samples(NamedTuple):
     shape: tuple[int, int]  # (samples, joints)
     rate: float  # Hz
     interpolation: str
+
+    def added(self, units: Array) -> Array:
+        """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
+        return added_coefficients(self.history, units, self.rate, self.interpolation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +123,9 @@ class Parameters:
         if sample >= samples.shape[0] or joint >= samples.shape[1]:
             rule = f"be a sample of torque, which has shape {samples.shape}"
             raise InputError(Problem(name, rule, shown(path)))
-        return arm.padded_torque(torque_by_sample(*samples, sample, joint))
+        unit = np.zeros(samples.shape)
+        unit[sample, joint] = 1.0
+        return arm.padded_torque(samples.added(unit))
 
     def _of_record(self, name: str, path: str, which: str, place: int, inside: str) -> Inputs:
         """Return the derivatives by a number of a load or a contact."""
