@@ -1,7 +1,8 @@
-"""Time of `fa.sensitivities` over that of `fa.simulate`: the table of "Differentiate a run".
+"""Time of `fa.sensitivities` and `fa.goal_gradient` over that of `fa.simulate`, in two tables.
 
 The arm of Table I with two elements on each link, a payload, damping and viscous friction moves for
-some seconds under smooth torques, with 100 samples per second. Medians of alternating calls.
+some seconds under smooth torques, with 100 samples per second. Medians of alternating calls. The
+tables are those of the page "Differentiate a run".
 
     python docs/how-to/measure_derivatives.py
 """
@@ -95,5 +96,45 @@ def table(repeats: int = REPEATS, shortest: float = 1.0) -> str:
     return "\n".join(lines)
 
 
+#: Integrator and number of torque samples of each joint, at 500 Hz, of each row of the gradient.
+GRADIENTS = ("dormand_prince_8", 100), ("dormand_prince_8", 1000), ("kennedy_carpenter_5", 1000)
+
+
+def gradient_table(repeats: int = REPEATS) -> str:
+    """Return the table of `fa.goal_gradient`, by zero-order-hold samples."""
+    lines = [
+        "| integrator | torque samples | `simulate` | `goal_gradient` | ratio |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    own = arm()
+    for integrator, count in GRADIENTS:
+        times = np.arange(count) / 500.0
+        torque = np.stack([np.sin(3.0 * times), 0.5 * np.cos(3.0 * times)], axis=1)
+        given = {
+            "torque": torque,
+            "rate": 500.0,
+            "torque_interpolation": "hold",
+            "integrator": integrator,
+            "progress": False,
+        }
+        span = count / 500.0
+        weights = {"tip": np.ones((count + 1, 2))}
+        found = medians(
+            {
+                "run": lambda span=span, given=given: fa.simulate(own, span, **given),
+                "gradient": lambda span=span, given=given, weights=weights: fa.goal_gradient(
+                    own, span, weights, **given
+                ),
+            },
+            repeats,
+        )
+        run, gradient = found["run"], found["gradient"]
+        cells = integrator, 2 * count, f"{1e3 * run:.1f} ms", f"{1e3 * gradient:.1f} ms"
+        lines.append(f"| {' | '.join(map(str, cells))} | {gradient / run:.1f} |")
+    return "\n".join(lines)
+
+
 if __name__ == "__main__":
     print(table())
+    print()
+    print(gradient_table())

@@ -109,6 +109,7 @@ from .output import write_result as write_result
 from .plot.animation import animate as animate
 from .references import citation as citation
 from .reporting import report as report
+from .run_derivatives.gradient import goal_gradient as goal_gradient
 from .run_derivatives.sensitivities import sensitivities as sensitivities
 from .scenarios.scenario import run_scenario as run_scenario
 from .scenarios.study import run_study as run_study

@@ -25,7 +25,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("tip_inversion", "TipInversion", "flexible_torque", "FlexibleTorque"),
     ),
     "simulation": (
-        *("simulate", "simulate_batch", "Reduction", "sensitivities"),
+        *("simulate", "simulate_batch", "Reduction"),
+        *("sensitivities", "goal_gradient"),
         *("GeneralizedAlpha", "Plant", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),

@@ -214,6 +214,13 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "shaped": {"motion": motion, "arm": arm},
     "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "simulate_batch": {"arm": arm, "duration": 0.01, "rate": 500.0, "initial": [Q, Q]},
+    "goal_gradient": {
+        "arm": arm,
+        "duration": 0.01,
+        "weights": {"tip": np.ones((6, 2))},
+        "torque": np.zeros((5, 2)),
+        "rate": 500.0,
+    },
     "sensitivities": {"arm": arm, "duration": 0.01, "parameters": ["payload.mass"], "rate": 500.0},
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},

@@ -154,6 +154,8 @@ def _batch() -> None:
 def _differentiate() -> None:
     for name in ("auto", "kennedy_carpenter_5"):  # the others are rare, and compile as slowly
         fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=name)
+        weights = {"tip": [[0.0, 0.0]] * 3}
+        fa.goal_gradient(_arm(), 0.002, weights, torque=[[0.1, 0.0]] * 3, integrator=name)
 
 
 def _prescribe() -> None:

@@ -38,9 +38,9 @@ def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
     Raises:
         SimulationError: if the run fails.
     """
-    numbers = _dual(inputs, by)
+    numbers = dual_inputs(inputs, by)
     assert run.history is not None
-    own = _dual_system(run.system(run.history), numbers)
+    own = dual_system(run.system(run.history), numbers)
     step = run.progress.step if run.default_step is not None else 0.0
     progress = Progress(0.0, numbers.state, step)
     samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
@@ -54,7 +54,7 @@ def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
     return DualRun(samples, own.constants, numbers.arm.gauges, progress.steps)
 
 
-def _dual(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
+def dual_inputs(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
     """Return the numbers of a run as dual numbers."""
     arm = zip(inputs.arm, *(one.arm for one in by), strict=True)
     rest = zip(inputs[1:], *(one[1:] for one in by), strict=True)
@@ -66,7 +66,7 @@ def _joined(columns: Any) -> Iterator[Any]:
         yield Duals.of(value, np.stack(slopes))
 
 
-def _dual_system(system: System, numbers: Inputs) -> System:
+def dual_system(system: System, numbers: Inputs) -> System:
     """Return a system with dual numbers; integers and step control keep their type."""
     drive, own = system.drive, numbers.arm
     work: Any = {

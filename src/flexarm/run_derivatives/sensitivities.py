@@ -3,49 +3,36 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.actions.environment import BaseAcceleration, Environment
-from flexarm.arguments import check_kind, check_list_of, check_mapping
+from flexarm.actions.environment import BaseAcceleration
+from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
-from flexarm.engine.contact_start import refuse_deep_start
-from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.errors import AccuracyWarning, InputError, Problem, nearest, public_call, warn_caller
-from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
 from flexarm.histories.prescribed import Prescribed
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
-from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.model import Contact, Load
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
-from flexarm.run_derivatives.inputs import Inputs, inputs_of_run
-from flexarm.run_derivatives.parameters import Parameters, Samples, has_samples
-from flexarm.simulation.preparation import RunOptions, Torque, run_options, start_of, torque_history
+from flexarm.run_derivatives.inputs import Inputs
+from flexarm.run_derivatives.parameters import Parameters, has_samples
+from flexarm.run_derivatives.preparation import check_channels, simulated
+from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import coordinates_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-#: Channels that follow from the states alone.
-_OF_STATES = (
-    *("joint_angle", "joint_rate", "joint_twist", "link_angle", "link_rate"),
-    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
-    *("tip", "tip_velocity", "tip_angle", "tip_angle_rate"),
-    *("kinetic_energy", "strain_energy", "gravity_energy", "strain", "q", "qd"),
-)
 
 
 @public_call
@@ -106,13 +93,19 @@ def sensitivities(
     """
     check_kind("arm", arm, Arm)
     paths = check_list_of("parameters", parameters, str)
-    names = _channels(arm, channels)
+    names = check_channels(arm, "channels", channels)
     if not paths:
         raise InputError(Problem("parameters", "must not be empty"))
-    if not COMPILED:
-        raise InputError(Problem("sensitivities", "requires compiled kernels"))
-    if prescribed is not None:
-        check_mapping("prescribed", prescribed, "joint numbers and motions")
+    given = {
+        "torque": torque,
+        "prescribed": prescribed,
+        "initial": initial,
+        "initial_rate": initial_rate,
+        "tip_force": tip_force,
+        "loads": loads,
+        "base_acceleration": base_acceleration,
+        "contacts": contacts,
+    }
     options = run_options(
         duration,
         rate=rate,
@@ -125,71 +118,13 @@ def sensitivities(
         stations=0,
         specialized=None,
     )
-    state = start_of(arm, initial, initial_rate, None, torque)
-    environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
     with Meter("differentiating", progress) as meter:
-        run = options.new_run(arm, state, environment, None, meter)
-        refuse_deep_start(arm, state, run.loads.placed.contacts)
-        run.prescribed = tuple(prescribed or ())
-        history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
-        stopping = partial(_with_stops, history_of) if has_samples(paths) else history_of
-        run_through_impacts(run, stopping)
-        known = Parameters(
-            run,
-            environment,
-            inputs_of_run(run, environment),
-            _samples(torque, history_of, options),
-            int(tip_force is not None),
-        )
+        known = simulated(arm, options, given, has_samples(paths), meter)
         found = _derivatives(known, paths, names)
+    run = known.run
     if run.doubt:
         warn_caller(run.doubt, AccuracyWarning)
     return _dataset(run, paths, found)
-
-
-def _channels(arm: Arm, given: Sequence[str] | None) -> list[str]:
-    """Return the names of the channels.
-
-    Raises:
-        InputError: if a channel does not exist or does not follow from the states.
-    """
-    possible = [name for name in _OF_STATES if name != "strain" or arm.gauges]
-    if given is None:
-        return possible
-    names = check_list_of("channels", given, str)
-    problems = [
-        Problem(
-            f"channels[{k}]",
-            "be a channel that follows from the states",
-            repr(name),
-            nearest(name, possible),
-        )
-        for k, name in enumerate(names)
-        if name not in possible
-    ]
-    if problems:
-        raise InputError(*problems)
-    return names
-
-
-def _samples(
-    torque: Any, history_of: Callable[[float], PiecewiseCubic], options: RunOptions
-) -> Samples | None:
-    """Return torque samples; None for another kind of torque."""
-    if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
-        return None
-    samples, joints = np.shape(torque)
-    history = history_of(options.rtol)
-    return Samples(history, (samples, joints), options.rate, options.interpolation)
-
-
-def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
-    """Return a history in which steps end at every break.
-
-    A step that spans several torque samples computes their derivatives inaccurately.
-    """
-    history = history_of(relative)
-    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
 
 
 def _derivatives(

@@ -1,0 +1,136 @@
+"""Gradient of a scalar goal of a run: ``flexarm.goal_gradient``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from flexarm.actions.environment import BaseAcceleration
+from flexarm.arguments import check_kind, check_mapping
+from flexarm.arm import Arm
+from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.progress import Meter
+from flexarm.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    warn_caller,
+)
+from flexarm.integrate import Integrator
+from flexarm.model import Contact, Load
+from flexarm.observe import channels_of
+from flexarm.run_derivatives.adjoint import goal_gradient_of
+from flexarm.run_derivatives.preparation import check_channels, simulated
+from flexarm.simulation.preparation import run_options
+from flexarm.simulation.result import coordinates_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@public_call
+def goal_gradient(
+    arm: Arm,
+    duration: float,
+    weights: Mapping[str, ArrayLike],
+    *,
+    torque: ArrayLike,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: BaseAcceleration | None = None,
+    contacts: Sequence[Contact] = (),
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+    torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Compute the gradient of a goal with respect to all torque samples and the initial state.
+
+    Its cost does not depend on the number of samples. The steps end at every torque sample and are
+    constant, as in ``sensitivities``.
+
+    Args:
+        arm: the arm.
+        duration: s, positive.
+        weights: for each channel in the goal, the derivatives of the goal by its samples, with the
+            shape of the channel in the result of ``simulate``. Channels that follow from the states
+            are possible.
+        torque: samples (samples, joints), N m.
+
+    The other arguments are those of ``simulate``.
+
+    Returns:
+        Dataset with the gradient by ``torque`` over ``sample`` and ``joint``, per N m, and by
+        ``initial`` and ``initial_rate`` over ``coordinate``.
+
+    Raises:
+        InputError: if an argument has the wrong type or value, or the integrator is not an explicit
+            Runge-Kutta method or ``kennedy_carpenter_5``.
+        SimulationError: if the run stops early, or a function of time raises an exception.
+
+    Warns:
+        AccuracyWarning: under the conditions of ``simulate``.
+
+    Theory page "separation", (D.17).
+    """
+    check_kind("arm", arm, Arm)
+    check_mapping("weights", weights, "channels and arrays")
+    names = check_channels(arm, "weights", list(weights))
+    if not names:
+        raise InputError(Problem("weights", "must not be empty"))
+    options = run_options(
+        duration,
+        rate=rate,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        breaks=breaks,
+        torque_interpolation=torque_interpolation,
+        integrator=integrator,
+        stations=0,
+        specialized=None,
+    )
+    torque = check_array("torque", torque, (-1, arm.joints))
+    given = {
+        "torque": torque,
+        "initial": initial,
+        "initial_rate": initial_rate,
+        "tip_force": tip_force,
+        "loads": loads,
+        "base_acceleration": base_acceleration,
+        "contacts": contacts,
+    }
+    with Meter("differentiating", progress) as meter:
+        known = simulated(arm, options, given, True, meter)
+        run = known.run
+        channels = channels_of(arm, run.samples, names)
+        arrays = {
+            name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
+            for name in names
+        }
+        assert known.samples is not None
+        found = goal_gradient_of(known, known.samples, arrays)
+    if run.doubt:
+        warn_caller(run.doubt, AccuracyWarning)
+    import xarray as xr
+
+    own = coordinates_of(arm, run.sample_times)
+    return xr.Dataset(
+        {
+            "torque": (("sample", "joint"), found.torque),
+            "initial": ("coordinate", found.state[0]),
+            "initial_rate": ("coordinate", found.state[1]),
+        },
+        coords={name: own[name] for name in ("joint", "coordinate")},
+        attrs={"integrator": run.integrator.name, "steps": run.progress.steps},
+    )

@@ -1,0 +1,113 @@
+"""The run that is differentiated, and the checks of arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from flexarm.actions.environment import Environment
+from flexarm.arguments import check_kind, check_list_of, check_mapping
+from flexarm.arm import Arm
+from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.progress import Meter
+from flexarm.errors import InputError, Problem, nearest
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.run_derivatives.inputs import inputs_of_run
+from flexarm.run_derivatives.parameters import Parameters, Samples
+from flexarm.simulation.preparation import RunOptions, start_of, torque_history
+
+#: Channels that follow from the states alone.
+_OF_STATES = (
+    *("joint_angle", "joint_rate", "joint_twist", "link_angle", "link_rate"),
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+    *("tip", "tip_velocity", "tip_angle", "tip_angle_rate"),
+    *("kinetic_energy", "strain_energy", "gravity_energy", "strain", "q", "qd"),
+)
+
+
+def simulated(
+    arm: Arm, options: RunOptions, given: Mapping[str, Any], by_samples: bool, meter: Meter
+) -> Parameters:
+    """Simulate a run; return what its derivatives require.
+
+    Args:
+        given: arguments of ``simulate`` that are not options.
+        by_samples: whether steps end at every torque sample. A step that spans several samples
+            computes their derivatives inaccurately.
+
+    Raises:
+        InputError: if an argument does not fit the arm.
+        SimulationError: if the run stops early, or a function of time raises an exception.
+    """
+    check_kind("arm", arm, Arm)
+    if not COMPILED:
+        raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
+    torque, prescribed = given["torque"], given.get("prescribed")
+    if prescribed is not None:
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
+    state = start_of(arm, given["initial"], given["initial_rate"], None, torque)
+    names = "tip_force", "loads", "base_acceleration", "contacts"
+    environment = Environment.of(arm, *(given[name] for name in names))
+    run = options.new_run(arm, state, environment, None, meter)
+    refuse_deep_start(arm, state, run.loads.placed.contacts)
+    run.prescribed = tuple(prescribed or ())
+    history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
+    run_through_impacts(run, partial(_with_stops, history_of) if by_samples else history_of)
+    return Parameters(
+        run,
+        environment,
+        inputs_of_run(run, environment),
+        _samples(torque, history_of, options),
+        int(given["tip_force"] is not None),
+    )
+
+
+def _samples(
+    torque: Any, history_of: Callable[[float], PiecewiseCubic], options: RunOptions
+) -> Samples | None:
+    """Return torque samples; None for another kind of torque."""
+    if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
+        return None
+    samples, joints = np.shape(torque)
+    history = history_of(options.rtol)
+    return Samples(history, (samples, joints), options.rate, options.interpolation)
+
+
+def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
+    """Return a history in which steps end at every break.
+
+    A step that spans several torque samples computes their derivatives inaccurately.
+    """
+    history = history_of(relative)
+    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
+
+
+def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:
+    """Return the names of channels; None: of all that are possible.
+
+    Raises:
+        InputError: if a channel does not exist or does not follow from the states.
+    """
+    possible = [name for name in _OF_STATES if name != "strain" or arm.gauges]
+    if given is None:
+        return possible
+    names = check_list_of(argument, given, str)
+    problems = [
+        Problem(
+            f"{argument}[{k}]",
+            "be a channel that follows from the states",
+            repr(name),
+            nearest(name, possible),
+        )
+        for k, name in enumerate(names)
+        if name not in possible
+    ]
+    if problems:
+        raise InputError(*problems)
+    return names
