@@ -15,6 +15,8 @@ INTERPOLATIONS = ("cubic", "linear", "hold")
 #: Ratio of a second difference to both neighbours above which a sample is a kink: if the samples
 #: are close enough for a cubic, curvature changes by far less.
 _KINK = 10.0
+#: Number of samples whose splines are computed together, which bounds the memory.
+_TOGETHER = 256
 #: Distance, in sample intervals, within which a break coincides with a sample.
 _ON_SAMPLE = 1e-6
 
@@ -81,6 +83,37 @@ def added_coefficients(
         end[0, 0] = units[-1]
         coefficients = np.concatenate([coefficients, end])
     return coefficients
+
+
+def collected_samples(
+    history: PiecewiseCubic, pieces: FloatArray, rate: float, interpolation: str, count: int
+) -> FloatArray:
+    """Return the gradient of a number by samples from that by coefficients of ``sampled_torque``.
+
+    This is the transpose of ``added_coefficients``.
+
+    Args:
+        pieces: (pieces, k, joints) gradient by the first k coefficients: 1 for "hold", 2 for
+            "linear", 4 for "cubic".
+        count: number of samples.
+    """
+    found = np.zeros((count, pieces.shape[2]))
+    if interpolation == "cubic" and count > 1:
+        for first in range(0, count, _TOGETHER):
+            own = np.arange(first, min(first + _TOGETHER, count))
+            units = np.zeros((count, own.size))
+            units[own, own - first] = 1.0
+            added = added_coefficients(history, units, rate, interpolation)
+            found[own] = np.tensordot(added, pieces, axes=([0, 1], [0, 1]))
+        return found
+    starts = np.clip(np.rint(history.breaks[:-1] * rate).astype(np.intp), 0, count - 1)
+    np.add.at(found, starts, pieces[:, 0])
+    if interpolation == "linear" and count > 1:
+        inside = (history.breaks[:-1] >= 0.0) & (starts < count - 1)
+        slopes = rate * pieces[inside, 1]
+        np.add.at(found, starts[inside], -slopes)
+        np.add.at(found, starts[inside] + 1, slopes)
+    return found
 
 
 def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:

@@ -29,8 +29,8 @@ from flexarm.run_derivatives.parameters import Parameters, Samples
 
 #: Powers of time in the torque between two samples.
 _POWERS = {"hold": 1, "linear": 2, "cubic": 4}
-#: Steps in one call of a stepper; torque samples whose splines are computed together.
-_STEPS, _TOGETHER = 4096, 64
+#: Steps in one call of a stepper.
+_STEPS = 4096
 
 
 class Gradient(NamedTuple):
@@ -78,7 +78,7 @@ def goal_gradient_of(
     middle = 0.5 * (np.append(0.0, ends[:-1]) + ends)
     piece = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(pieces) - 1)
     np.add.at(pieces, piece, torque)
-    by_samples = _collected(samples, pieces.reshape(len(pieces), -1, arm.joints))
+    by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
     return Gradient(by_samples, state.reshape(2, -1))
 
 
@@ -144,14 +144,3 @@ def _backwards(transfers: FloatArray, at_ends: FloatArray) -> tuple[FloatArray, 
         both = transfers[:, k] @ (adjoint + at_ends[k])
         adjoint, torque[k] = both[:count], both[count:]
     return adjoint, torque
-
-
-def _collected(samples: Samples, pieces: FloatArray) -> FloatArray:
-    """Return the gradient (samples, joints) from that by ``pieces`` (pieces, powers, joints)."""
-    count, powers = samples.shape[0], pieces.shape[1]
-    found = np.zeros(samples.shape)
-    for first in range(0, count, _TOGETHER):
-        units = np.eye(count)[:, first : first + _TOGETHER]
-        added = samples.added(units)[:, :powers]
-        found[first : first + _TOGETHER] = np.einsum("kpj,kps->sj", pieces, added)
-    return found

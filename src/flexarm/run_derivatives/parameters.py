@@ -13,7 +13,7 @@ from flexarm.actions.environment import Environment
 from flexarm.engine.stepping import Run
 from flexarm.errors import InputError, Problem, shown
 from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.samples import added_coefficients
+from flexarm.histories.samples import added_coefficients, collected_samples
 from flexarm.kernels.layout import Array
 from flexarm.model.file_format.paths import number_at, with_number
 from flexarm.run_derivatives.arm_parameters import arm_derivative
@@ -44,6 +44,10 @@ class Samples(NamedTuple):
     def added(self, units: Array) -> Array:
         """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
         return added_coefficients(self.history, units, self.rate, self.interpolation)
+
+    def collected(self, pieces: Array) -> Array:
+        """Return the gradient (samples, joints) from that by coefficients (pieces, k, joints)."""
+        return collected_samples(self.history, pieces, self.rate, self.interpolation, self.shape[0])
 
 
 @dataclass(frozen=True, eq=False)
