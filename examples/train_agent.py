@@ -1,0 +1,84 @@
+"""Train an agent that brings the tip of a flexible arm to any goal and stops it there.
+
+The agent is a linear policy of 20 numbers on the observation of `flexarm/Reach-v0`. CMA-ES
+improves them in 40 generations of 16 policies, each on 6 random goals; all 96 arms of a generation
+are simulated together in a vector environment. Needs `pip install "flexarm[learn]"`.
+
+Prints: episodes that end at the goal: 0 of 100 without training, 100 of 100 with the agent
+Usage: python train_agent.py [figure.png]
+"""
+
+import sys
+
+import cma
+import gymnasium
+import matplotlib.pyplot as plt
+import numpy as np
+
+import flexarm.bridges.gymnasium_env  # noqa: F401  registers flexarm/Reach-v0
+
+GENERATIONS, POLICIES, GOALS, FEATURES, JOINTS = 40, 16, 6, 10, 2
+STEPS, SAMPLE_TIME = 200, 0.01
+episode = {"sample_time": SAMPLE_TIME, "duration": STEPS * SAMPLE_TIME}
+
+
+def features(observations):
+    """Return the inputs (envs, 10) of the policy; the error of the tip is seen from link 1."""
+    cos_1, cos_2, sin_1, sin_2 = observations[:, :4].T
+    rates, strains = observations[:, 4:6], observations[:, 6:8]
+    error_x, error_y = (observations[:, 12:14] - observations[:, 8:10]).T
+    along = cos_1 * error_x + sin_1 * error_y
+    across = cos_1 * error_y - sin_1 * error_x
+    products = [
+        e * factor for e in (along, across) for factor in (np.ones_like(cos_2), cos_2, sin_2)
+    ]
+    return np.column_stack([*products, rates, strains])
+
+
+def play(envs, policies, seeds):
+    """Return the mean reward of each sub-environment in one episode, and which ones succeed."""
+    observations, _ = envs.reset(seed=seeds)
+    going, total = np.ones(envs.num_envs, bool), np.zeros(envs.num_envs)
+    for _ in range(STEPS):
+        actions = np.einsum("ef,efj->ej", features(observations), policies)
+        observations, rewards, terminated, _, info = envs.step(actions)
+        going &= ~terminated  # an episode that ends early gets no further rewards
+        total += rewards * going
+    return total / STEPS, info["is_success"] & going
+
+
+search = cma.CMAEvolutionStrategy(
+    np.zeros(FEATURES * JOINTS), 1.0, {"popsize": POLICIES, "seed": 1, "verbose": -9}
+)
+envs = gymnasium.make_vec("flexarm/Reach-v0", num_envs=POLICIES * GOALS, **episode)
+progress = []
+for generation in range(GENERATIONS):
+    candidates = search.ask()
+    policies = np.repeat(np.reshape(candidates, (POLICIES, FEATURES, JOINTS)), GOALS, axis=0)
+    seeds = [GOALS * generation + goal for goal in range(GOALS)] * POLICIES
+    rewards, _ = play(envs, policies, seeds)
+    returns = rewards.reshape(POLICIES, GOALS).mean(axis=1)
+    search.tell(candidates, -returns)
+    progress.append(returns)
+envs.close()
+
+trained = search.result.xfavorite.reshape(FEATURES, JOINTS)
+envs = gymnasium.make_vec("flexarm/Reach-v0", num_envs=100, **episode)
+new_goals = [10_000 + k for k in range(100)]
+successes = [
+    play(envs, np.tile(policy, (100, 1, 1)), new_goals)[1].sum()
+    for policy in (np.zeros_like(trained), trained)
+]
+envs.close()
+print(
+    f"episodes that end at the goal: {successes[0]} of 100 without training, "
+    f"{successes[1]} of 100 with the agent"
+)
+
+if len(sys.argv) > 1:
+    figure, axes = plt.subplots(layout="constrained")
+    axes.plot(np.mean(progress, axis=1), label="mean of the policies")
+    axes.plot(np.max(progress, axis=1), label="best policy")
+    axes.set(xlabel="generation", ylabel="mean reward of a step, of at most 1")
+    axes.legend()
+    figure.savefig(sys.argv[1])
