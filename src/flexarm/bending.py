@@ -114,7 +114,8 @@ class BendingErrors:
     def all_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return ``surely_small`` (k,) for many states (k, n, m)."""
         bounds = np.einsum("kij,kij,ij->k", eta, eta, self._rows)
-        return np.less(bounds, self._clearly_small)
+        small: NDArray[np.bool_] = bounds < self._clearly_small
+        return small
 
 
 #: Cached estimates for each arm's own theory.

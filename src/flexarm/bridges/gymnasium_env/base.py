@@ -91,6 +91,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     #: Distance at which the reward is a half, as a fraction of the reach.
     scale: ClassVar[float]
+    task_table: FloatArray
     #: Names of the options of ``reset``.
     option_names: ClassVar[tuple[str, ...]]
     #: Largest torques (N m) of the motors of the laboratory arm.

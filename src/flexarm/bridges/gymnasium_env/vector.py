@@ -100,7 +100,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         """Names of the observation's components with their units, such as ``tip[x] (m)``."""
         return self._task.observation_names
 
-    @property
+    @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Random generators of the sub-environments."""
         return tuple(self._generator(place) for place in range(self.num_envs))
