@@ -1,10 +1,10 @@
-"""Train an agent that brings the tip of a flexible arm to any goal and stops it there.
+"""Train an agent that moves the tip of a flexible arm to random goals and stops it there.
 
-The agent is a linear policy of 14 numbers on the observation of `flexarm/Reach-v0`. CMA-ES
-improves them in 40 generations of 16 policies, each on 6 random goals; all 96 arms of a generation
-are simulated together in a vector environment. Needs `pip install "flexarm[learn]"`.
+The agent is a linear policy of 14 numbers on observations of `flexarm/Reach-v0`. CMA-ES improves
+them in 45 generations of 16 policies, each with 8 random goals; the 128 arms of a generation are
+simulated together in a vector environment. Needs `pip install "flexarm[learn]"`.
 
-Prints: episodes that end at the goal: 0 of 100 without training, 100 of 100 with the agent
+Prints: mean reward of a step: 0.23 without torque, 3 times as much with the agent
 Usage: python train_agent.py [figure.png]
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 import flexarm.bridges.gymnasium_env  # noqa: F401  registers flexarm/Reach-v0
 
-GENERATIONS, POLICIES, GOALS, FEATURES, JOINTS = 40, 16, 8, 7, 2
+GENERATIONS, POLICIES, GOALS, FEATURES, JOINTS = 45, 16, 8, 7, 2
 STEPS, SAMPLE_TIME = 200, 0.01
 episode = {"sample_time": SAMPLE_TIME, "duration": STEPS * SAMPLE_TIME}
 
@@ -45,7 +45,7 @@ def play(envs, policies, seeds):
 
 
 search = cma.CMAEvolutionStrategy(
-    np.zeros(FEATURES * JOINTS), 1.0, {"popsize": POLICIES, "seed": 1, "verbose": -9}
+    np.zeros(FEATURES * JOINTS), 0.3, {"popsize": POLICIES, "seed": 1, "verbose": -9}
 )
 envs = gymnasium.make_vec("flexarm/Reach-v0", num_envs=POLICIES * GOALS, **episode)
 progress = []
@@ -62,17 +62,20 @@ envs.close()
 trained = search.result.xfavorite.reshape(FEATURES, JOINTS)
 envs = gymnasium.make_vec("flexarm/Reach-v0", num_envs=100, **episode)
 new_goals = [10_000 + k for k in range(100)]
-scores = []
-for policy in (np.zeros_like(trained), trained):
-    rewards, succeeds = play(envs, np.tile(policy, (100, 1, 1)), new_goals)
-    scores.append((rewards.mean(), succeeds.sum()))
+untrained, _ = play(envs, np.zeros((100, FEATURES, JOINTS)), new_goals)
+rewards, succeeds = play(envs, np.tile(trained, (100, 1, 1)), new_goals)
 envs.close()
-print(scores)
+ratio = rewards.mean() / untrained.mean()
+print(
+    f"mean reward of a step: {untrained.mean():.2f} without torque, "
+    f"{ratio:.0f} times as much with the agent"
+)
 
 if len(sys.argv) > 1:
     figure, axes = plt.subplots(layout="constrained")
     axes.plot(np.mean(progress, axis=1), label="mean of the policies")
     axes.plot(np.max(progress, axis=1), label="best policy")
     axes.set(xlabel="generation", ylabel="mean reward of a step, of at most 1")
+    axes.set_title(f"The agent succeeds in {succeeds.sum()} of 100 episodes with new goals")
     axes.legend()
     figure.savefig(sys.argv[1])

@@ -173,7 +173,8 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         terminated[list(reasons)] = True
         for place in failed:  # the instruments have no reading at the end of this step
             observations[place] = before[place]
-        rewards = self._task.reward(info, np.mean(part**2, axis=1))
+        effort = np.einsum("ej,ej->e", part, part) / part.shape[1]
+        rewards = self._task.reward(info, effort)
         rewards[terminated | begins] = 0.0
         truncated = self._plants.tick >= self._task.ticks
         self._over = terminated | truncated
