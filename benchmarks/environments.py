@@ -20,6 +20,8 @@ GOAL = 300_000
 #: Largest fraction of a single environment's time outside `Plant.step`.
 OUTSIDE = 0.3
 _NAME, _THREADS, _SYNC, _PLANT = "flexarm/Reach-v0", 2, 16, "plant"
+#: Steps of an episode.
+_EPISODE = 600
 
 
 class Environments(NamedTuple):
@@ -34,43 +36,40 @@ class Environments(NamedTuple):
     outside: float
 
 
-def environments(
-    count: int = 1024, together: int = 20, single: int = 300, repeats: int = 15
-) -> Environments:
-    """Measure random actions, whose torques are constant during a step.
+def environments(count: int = 1024, steps: int = _EPISODE, repeats: int = 5) -> Environments:
+    """Measure episodes with random actions, including the begin of each.
 
     Args:
         count: sub-environments of the vector environments.
-        together: steps of a vector environment in a turn.
-        single: steps of a single environment in a turn.
+        steps: of each episode.
         repeats: number of turns.
     """
     random = np.random.default_rng(0)
-    few = list(random.uniform(-0.5, 0.5, (single, 2)).astype(np.float32))
-    many = random.uniform(-0.5, 0.5, (together, count, 2)).astype(np.float32)
+    many = random.uniform(-0.5, 0.5, (steps, count, 2)).astype(np.float32)
+    few = list(many[:, 0])
     env: Any = gymnasium.make(_NAME).unwrapped
     torques = [env.torque_limit * action for action in few]
-    sync = gymnasium.make_vec(_NAME, num_envs=_SYNC, vectorization_mode="sync")
+    some = min(count, _SYNC)
+    sync = gymnasium.make_vec(_NAME, num_envs=some, vectorization_mode="sync")
     timed: dict[str, tuple[int, Callable[[], object]]] = {
-        "single": (single, lambda: _steps(env, env.step, few)),
-        _PLANT: (single, lambda: _steps(env, env.plant.step, torques)),
-        f"`SyncVectorEnv` of Gymnasium, {_SYNC}": (
-            _SYNC * together,
-            lambda: _steps(sync, sync.step, many[:, :_SYNC]),
+        "single": (steps, lambda: _steps(env, env.step, few)),
+        _PLANT: (steps, lambda: _steps(env, env.plant.step, torques)),
+        f"`SyncVectorEnv` of Gymnasium, {some}": (
+            some * steps,
+            lambda: _steps(sync, sync.step, many[:, :some]),
         ),
     }
     for threads in dict.fromkeys((1, _THREADS)):
         envs = gymnasium.make_vec(_NAME, num_envs=count, threads=threads)
         name = f"vector, {count}, {threads} thread{'s' * (threads > 1)}"
-        timed[name] = count * together, partial(_steps, envs, envs.step, many)
+        timed[name] = count * steps, partial(_steps, envs, envs.step, many)
     seconds = in_turns({name: call for name, (_, call) in timed.items()}, repeats)
     rates = {name: timed[name][0] / value for name, value in seconds.items()}
     return Environments(rates, 1.0 - rates["single"] / rates.pop(_PLANT))
 
 
 def _steps(env: Any, step: Callable[[Any], object], inputs: Iterable[np.ndarray]) -> None:
-    """Begin an episode and make steps, with a seed that makes all turns equal."""
-    env.reset(seed=0)
+    env.reset()
     for one in inputs:
         step(one)
 

@@ -161,10 +161,10 @@ cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
 ## Environments for learning
 
 A step of `flexarm/Reach-v0` simulates two links for 5 ms at the default tolerances, and returns
-observation, reward and info. The actions are random, up to half of the largest torque. The
-environments were timed alternately. The goal is {environments.GOAL:,} steps per second on two
-idle cores, and at most {environments.OUTSIDE:.0%} of the time of a single environment outside
-`Plant.step`; here it was {m.learning.outside:.0%}.
+observation, reward and info. The episodes have 600 steps with random actions, up to half of the
+largest torque. The environments were timed alternately. The goal is {environments.GOAL:,} steps
+per second on two idle cores, and at most {environments.OUTSIDE:.0%} of the time of a single
+environment outside `Plant.step`; here it was {m.learning.outside:.0%}.
 
 {environments.table(m.learning)}
 

@@ -113,7 +113,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
         table_one=points,
         raw=[*own, *(point for point in points if point.program != "flexarm")],
         many=[rollouts.Rollouts("flexarm, lanes, 2 threads", "rk4", "exact beams", 1e-4, 900.0)],
-        learning=environments.environments(count=8, together=2, single=2, repeats=1),
+        learning=environments.environments(count=8, steps=2, repeats=1),
         chain=chain,
         controllers={("joint_pd", ""): 5.0},
         simulations=whole_call.simulations(repeats=1, duration=0.1),

@@ -195,8 +195,9 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and release the picture."""
-        self._plants.close()
-        self._task.close()
+        if hasattr(self, "_plants"):  # Gymnasium also closes an object whose creation has failed
+            self._plants.close()
+            self._task.close()
 
     # ----------------------------------------------------------------------------------------------
 
