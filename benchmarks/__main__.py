@@ -6,6 +6,7 @@ from pathlib import Path
 
 from benchmarks import (
     controllers,
+    environments,
     first_run,
     forward_dynamics,
     long_chain,
@@ -42,6 +43,7 @@ def main() -> None:
         table_one=(points := _announced("Table I arm", table_one.work_precision)),
         raw=_announced("Table I arm, steps alone", lambda: raw.beside_peers(points)),
         many=rollouts.rollouts(),
+        learning=environments.environments(),
         chain=_announced("chain of 64 links", long_chain.work_precision),
         controllers=controllers.microseconds(),
         simulations=whole_call.simulations(),

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import long_chain, pictures, raw, rollouts
+from benchmarks import environments, long_chain, pictures, raw, rollouts
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -37,6 +37,7 @@ class Measured(NamedTuple):
     table_one: list[Point]
     raw: list[Point]  # the scan of raw.py and the peers measured with it
     many: list[rollouts.Rollouts]
+    learning: environments.Environments
     chain: list[Point]
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
@@ -156,6 +157,16 @@ is {rollouts.GOAL:g} s for {rollouts.RUNS} runs on two idle
 cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
 
 {rollouts.table(m.many)}
+
+## Environments for learning
+
+A step of `flexarm/Reach-v0` simulates two links for 5 ms at the default tolerances, and returns
+observation, reward and info. The episodes have 600 steps with random actions, up to half of the
+largest torque. The environments were timed alternately. The goal is {environments.GOAL:,} steps
+per second on two idle cores, and at most {environments.OUTSIDE:.0%} of the time of a single
+environment outside `Plant.step`; here it was {m.learning.outside:.0%}.
+
+{environments.table(m.learning)}
 
 ## A chain of 64 links
 

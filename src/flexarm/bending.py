@@ -17,6 +17,7 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray, Piece
@@ -109,6 +110,12 @@ class BendingErrors:
         """
         # Runs that fail contain states of any size: unlike other products, einsum does not warn.
         return bool(np.einsum("ij,ij,ij", eta, eta, self._rows) < self._clearly_small)
+
+    def all_small(self, eta: FloatArray) -> NDArray[np.bool_]:
+        """Return ``surely_small`` (k,) for many states (k, n, m)."""
+        bounds = np.einsum("kij,kij,ij->k", eta, eta, self._rows)
+        small: NDArray[np.bool_] = bounds < self._clearly_small
+        return small
 
 
 #: Cached estimates for each arm's own theory.

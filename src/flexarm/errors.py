@@ -313,9 +313,9 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.
     """
     import numpy as np
 
-    if type(value) is np.ndarray and value.dtype is np.dtype(np.float64) and value.shape == shape:
+    if type(value) is np.ndarray and value.dtype.kind == "f" and value.shape == shape:
         if np.count_nonzero(np.isfinite(value)) == value.size:  # fast path for the most common case
-            return value.copy(order="K")
+            return value.astype(np.float64)
     elif type(value) is float and shape == () and math.isfinite(value):
         return np.array(value)
     try:

@@ -16,6 +16,7 @@ from benchmarks.work_precision import Point, fastest, measure
 
 import flexarm as fa
 from benchmarks import (
+    environments,
     first_run,
     forward_dynamics,
     long_chain,
@@ -112,6 +113,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
         table_one=points,
         raw=[*own, *(point for point in points if point.program != "flexarm")],
         many=[rollouts.Rollouts("flexarm, lanes, 2 threads", "rk4", "exact beams", 1e-4, 900.0)],
+        learning=environments.environments(count=8, steps=2, repeats=1),
         chain=chain,
         controllers={("joint_pd", ""): 5.0},
         simulations=whole_call.simulations(repeats=1, duration=0.1),
@@ -130,6 +132,8 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
     for _, steps, whole, beside in measured.simulations:
         assert 0.0 < steps < whole
         assert 0.0 < beside < whole
+    assert re.search(r"\| vector, 8, 2 threads \| [\d,]+ \| [\d.]+ \|", page)
+    assert "| single |" in page
     assert "| `flexarm paper` | 20.00 | 12.50 | 15 |" in page
     assert re.search(
         r"\| exact beams \| 1.2e-04 \| steps \| \w+, [34] modes, (step|rtol) .*: ", page

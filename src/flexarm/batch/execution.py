@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -68,6 +69,13 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
         return execute(k)
     except InputError as error:
         return failed(error)
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # absent on Windows and macOS
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class OpenLoop:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from threading import local
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,21 +17,11 @@ from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.integrate import Integrator
-from flexarm.integrate.base import FloatArray, Status, System, Tolerance
-from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.implicit.additive_tableau import Additive
-from flexarm.integrate.lanes.additive import (
-    AdditiveLanes,
-    AdditiveScratch,
-    advance_additive_lanes,
-)
-from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
-from flexarm.integrate.lanes.explicit import ExplicitLanes, advance_explicit_lanes
+from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
+from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
-from flexarm.integrate.steps import LONGEST
-from flexarm.kernels.compilation.packs import COMPILED, LANES, Packs
-from flexarm.kernels.layout import Workspace, new_workspace, no_loads, run_time_sizes
+from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.model.scenarios.events import DURATION
 from flexarm.observe import channels_of
 from flexarm.simulation.channels import BY_FORCES
@@ -57,19 +46,18 @@ def fits_lanes(
         acting: as for ``OpenLoop``.
     """
     plain = all(map(_is_absent, acting.values()))
-    if not (COMPILED and plain and variations.same_arm) or options.specialized or options.stations:
+    if not (plain and variations.same_arm) or options.specialized or options.stations:
         return False
-    arm = variations.arms[0]
-    stops = any(joint.limits is not None for joint in arm.spec.joints)
-    return not stops and not BY_FORCES.intersection(channels)
+    return arm_fits_lanes(variations.arms[0]) and not BY_FORCES.intersection(channels)
+
+
+def arm_fits_lanes(arm: Arm) -> bool:
+    """Return whether lanes support the arm: compiled kernels, and no joint stops."""
+    return COMPILED and all(joint.limits is None for joint in arm.spec.joints)
 
 
 def _is_absent(value: Any) -> bool:
     return value is None or (isinstance(value, list | tuple | dict) and not value)
-
-
-#: Integrators that have a stepper for lanes.
-LaneIntegrator = ExplicitRungeKutta | Additive
 
 
 class _Ready(NamedTuple):
@@ -97,9 +85,9 @@ class Lanes:
         self._arm = variations.arms[0]
         self._options, self._channels, self._alone = options, channels, alone
         self._times = options.times
-        self._thread = local()
         self._bending = BendingErrors(self._arm)
         self._tolerance = Tolerance(options.atol, options.rtol, tip_units(self._arm), 1.0)
+        self._stepper = LaneStepper(self._arm.assembly.constants, self._tolerance)
 
     def __call__(self, runs: range) -> Iterator[tuple[int, Outcome]]:
         """Execute the runs of a block; yield the number and the outcome of each."""
@@ -135,10 +123,7 @@ class Lanes:
         options, tolerance = self._options, self._tolerance._replace(fastest=fastest)
         choice = choose_integrator(options.integrator, options.step, self._arm, tolerance)
         choice = choose_by_drive(choice, self._arm, tolerance, history.stops, options.duration)
-        method: Integrator = choice.integrator
-        if not isinstance(method, LaneIntegrator) or choice.doubt:
-            return None
-        return method if method.adaptive or method.step is not None else None
+        return None if choice.doubt else lane_method(choice.integrator)
 
     def _advance(
         self,
@@ -148,7 +133,7 @@ class Lanes:
         fastest: FloatArray,
     ) -> Iterator[tuple[int, Outcome]]:
         """Yield the outcomes of the runs that reach their end, with their numbers."""
-        arm, count = self._arm, len(ready)
+        count = len(ready)
         runs = LaneRuns(
             state=states,
             fastest=fastest,
@@ -157,20 +142,11 @@ class Lanes:
             status=np.full(count, Status.PAUSED.value),
             sample_times=self._times,
             samples=np.empty((count, self._times.size, *states.shape[1:])),
-            until=self._options.duration,
+            until=np.full(count, self._options.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        constants = arm.assembly.constants
-        drive = _drive(arm, [run.history for run in ready])
-        memory, scratch = self._memory(method)
-        given = drive, runs, memory, _MOST_STEPS
-        sizes = run_time_sizes(constants)
-        if isinstance(method, Additive):
-            system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
-            coefficients = _additive(method)
-            advance_additive_lanes(system, self._tolerance, coefficients, scratch, *given)
-        else:
-            advance_explicit_lanes(sizes, constants, self._tolerance, _explicit(method), *given)
+        drive = _drive(self._arm, [run.history for run in ready])
+        self._stepper.advance(method, drive, runs, _MOST_STEPS)
         done = np.flatnonzero(runs.status == Status.DONE)
         together = max(1, _CHUNK // max(1, self._times.size))
         for first in range(0, len(done), together):
@@ -213,30 +189,6 @@ class Lanes:
                 ),
             )
 
-    def _memory(self, method: LaneIntegrator) -> tuple[LaneMemory, AdditiveScratch]:
-        """Return the scratch of the present thread for a method."""
-        memories: dict[str, Any] = self._thread.__dict__.setdefault("memories", {})
-        if method.name not in memories:
-            memories[method.name] = _new_memory(self._arm, len(method.tableau.c))
-        found: tuple[LaneMemory, AdditiveScratch] = memories[method.name]
-        return found
-
-
-def _control(method: LaneIntegrator, longest: float) -> StepControl:
-    tableau = method.tableau
-    return StepControl(tableau.error, tableau.order, method.adaptive, longest)
-
-
-def _explicit(method: ExplicitRungeKutta) -> ExplicitLanes:
-    control = _control(method, LONGEST if method.adaptive else np.inf)
-    tableau = method.tableau
-    return ExplicitLanes(control, tableau.A, tableau.c, tableau.dense)
-
-
-def _additive(method: Additive) -> AdditiveLanes:
-    tableau = method.tableau
-    return AdditiveLanes(_control(method, np.inf), tableau.explicit, tableau.implicit, tableau.c)
-
 
 def _drive(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
     """Join the torques of the runs; equal objects are stored once."""
@@ -255,36 +207,3 @@ def _drive(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
         stops=np.concatenate([history.stops for history in different]),
         places=np.array([places[id(history)] for history in histories]),
     )
-
-
-def _new_memory(arm: Arm, rows: int) -> tuple[LaneMemory, AdditiveScratch]:
-    """Allocate the scratch of a thread for a method with ``rows`` stages."""
-    constants = arm.assembly.constants
-    n, m = constants.S.shape
-    work: Any = {
-        name: Packs.zeros(*array.shape)
-        for name, array in new_workspace(constants)._asdict().items()
-    }
-    memory = LaneMemory(
-        state=Packs.zeros(2, n, 1 + m),
-        new=Packs.zeros(2, n, 1 + m),
-        point=Packs.zeros(2, n, 1 + m),
-        torque=Packs.zeros(n),
-        stages=Packs.zeros(rows, 2, n, 1 + m),
-        step=Packs.zeros(1),
-        norm=Packs.zeros(3),
-        accepted=Packs.zeros(1),
-        work=Workspace(**work),
-        loads=no_loads(constants),
-        weights=np.zeros((1, rows)),
-        run=np.full(LANES, -1),
-        fresh=np.zeros(LANES, dtype=np.int64),
-        lands=np.zeros(LANES, dtype=np.int64),
-        piece=np.zeros(LANES, dtype=np.int64),
-        end=np.zeros(LANES),
-    )
-    softened: Any = {
-        name: Packs(np.repeat(getattr(constants, name)[..., None], LANES, axis=-1))
-        for name in ("body", "mode")
-    }
-    return memory, AdditiveScratch(Packs.zeros(2, n, 1 + m), constants._replace(**softened))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
-from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt, usable_cores
 from flexarm.batch.lanes import Lanes, fits_lanes
 from flexarm.batch.recording import TAKEN, Recorder
 from flexarm.batch.reductions import Reduction, check_channel, check_reductions
@@ -130,7 +129,7 @@ def simulate_batch(
     started = time.perf_counter()
     # Code that is compiled in the middle of a run may differ in the last digits.
     given = OPTIONS | {"specialized": False} | _known(options)
-    threads = _cores() if threads is None else check_count("threads", threads, most=1024)
+    threads = usable_cores() if threads is None else check_count("threads", threads, most=1024)
     stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
@@ -207,13 +206,6 @@ def _channels(given: object) -> tuple[str, ...]:
         rule = "be a list of names of channels"
         raise InputError(Problem("channels", rule, shown(given)))
     return tuple(dict.fromkeys(check_channel("channels", name) for name in given))
-
-
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # absent on Windows and macOS
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: int) -> Work:

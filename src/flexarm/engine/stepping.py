@@ -244,21 +244,32 @@ class Run:
 
     def failure(self, status: Status, reason: str = "", hint: str = "") -> SimulationError:
         """Return the error for a run that ended with a status or for the given reason."""
-        reason = reason or status.sentence
-        hint = (
-            hint
-            or _HINTS.get(status)
-            or (
-                "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
-                "modes=k on the links; check torques, gains and damping signs."
-            )
-        )
-        return SimulationError(self.progress.time, reason, hint, self.state())
+        return failure_of(status, self.progress.time, self.state(), reason, hint)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
         """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]
+
+
+def failure_of(
+    status: Status,
+    time: float,
+    state: tuple[FloatArray, FloatArray],
+    reason: str = "",
+    hint: str = "",
+) -> SimulationError:
+    """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
+    reason = reason or status.sentence
+    hint = (
+        hint
+        or _HINTS.get(status)
+        or (
+            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
+            "modes=k on the links; check torques, gains and damping signs."
+        )
+    )
+    return SimulationError(time, reason, hint, state)
 
 
 def run_open_loop(run: Run, history: PiecewiseCubic) -> None:

@@ -50,8 +50,13 @@ class BendingWatch:
 
     def __call__(self, state: FloatArray) -> str:
         """Describe the error of the theory at a state (2, n, 1 + m); empty text if it is small."""
-        if self._errors.surely_small(state[0, :, 1:]):
-            return ""
-        if not (self._errors.of_links(state[None])[0][0] > self._allowed).any():
-            return ""
-        return theory_error(self._arm, state[None])
+        small = self._errors.surely_small(state[0, :, 1:])
+        return "" if small else self.of_many(state[None]).get(0, "")
+
+    def of_many(self, states: FloatArray) -> dict[int, str]:
+        """Describe the errors at states (k, 2, n, 1 + m), by number, where they are not small."""
+        possible = np.flatnonzero(~self._errors.all_small(states[:, 0, :, 1:]))
+        if not possible.size:
+            return {}
+        large = (self._errors.of_links(states[possible])[0] > self._allowed).any(axis=1)
+        return {int(k): theory_error(self._arm, states[k, None]) for k in possible[large]}

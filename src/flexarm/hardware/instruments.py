@@ -41,10 +41,16 @@ def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
 
 
 class Readings:
-    """State of an instrument during a run: frames, delays and the filtered difference."""
+    """State of an instrument during a run: frames, delays and the filtered difference.
+
+    Attributes:
+        labels: of the readings.
+        exact: whether the reading is the value at each sample time, so that no state is needed.
+    """
 
     def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
         self._instrument = instrument
+        self.labels = instrument.labels
         self._generator = generator
         self._every, self._late = stride_and_delay(instrument, tick)
         self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
@@ -52,6 +58,9 @@ class Readings:
         self._last: FloatArray | None = None
         self._rate: FloatArray | None = None
         cutoff = instrument.rate_cutoff
+        immediate = self._every == 1 and self._late == 0 and cutoff is None
+        faults = instrument.bias, instrument.noise, instrument.resolution
+        self.exact = immediate and not any(faults) and instrument.limit == math.inf
         if cutoff is not None:
             self._forget, self._per_change = filter_of(cutoff, self._every * tick)
 
@@ -72,7 +81,7 @@ class Readings:
         while self._frames and self._frames[0][0] <= k:
             self._known = self._frames.popleft()[1:]
         assert self._known is not None
-        for label, value in zip(self._instrument.labels, self._known, strict=False):
+        for label, value in zip(self.labels, self._known, strict=False):
             assert value is not None
             values[label] = value.copy()
 

@@ -222,14 +222,19 @@ class Plant:
         return self._schedule.run.state()[1]
 
     @property
+    def tip_motion(self) -> FloatArray:
+        """Values of ``tip``, then of ``tip_velocity``, (6,)."""
+        return self._tip(self._schedule.run.progress.state).copy()
+
+    @property
     def tip(self) -> FloatArray:
         """World position x, y (m) and angle (rad) of the tip, (3,)."""
-        return self._tip(self._schedule.run.progress.state)[:3].copy()
+        return self.tip_motion[:3]
 
     @property
     def tip_velocity(self) -> FloatArray:
         """Rates of ``tip``, (3,)."""
-        return self._tip(self._schedule.run.progress.state)[3:].copy()
+        return self.tip_motion[3:]
 
     @property
     def contact_force(self) -> FloatArray:

@@ -18,8 +18,24 @@ from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
 from flexarm.bridges.gymnasium_env.reach import ReachEnv
 from flexarm.bridges.gymnasium_env.track_force import TrackForceEnv
 from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
+from flexarm.bridges.gymnasium_env.vector import (
+    ArmVectorEnv,
+    ReachVectorEnv,
+    TrackPathVectorEnv,
+)
 
-__all__ = ["ENVIRONMENTS", "ArmEnv", "ReachEnv", "TrackForceEnv", "TrackPathEnv", "laboratory_arm"]
+__all__ = [
+    "ENVIRONMENTS",
+    "VECTOR_ENVIRONMENTS",
+    "ArmEnv",
+    "ArmVectorEnv",
+    "ReachEnv",
+    "ReachVectorEnv",
+    "TrackForceEnv",
+    "TrackPathEnv",
+    "TrackPathVectorEnv",
+    "laboratory_arm",
+]
 
 #: All environments by the names registered with Gymnasium.
 ENVIRONMENTS: dict[str, type[ArmEnv]] = {
@@ -28,6 +44,17 @@ ENVIRONMENTS: dict[str, type[ArmEnv]] = {
     "flexarm/TrackForce-v0": TrackForceEnv,
 }
 
+#: Vector environments by the same names. The others are vectorized by Gymnasium.
+VECTOR_ENVIRONMENTS: dict[str, type[ArmVectorEnv]] = {
+    "flexarm/Reach-v0": ReachVectorEnv,
+    "flexarm/TrackPath-v0": TrackPathVectorEnv,
+}
+
 for _name, _kind in ENVIRONMENTS.items():
+    _vector = VECTOR_ENVIRONMENTS.get(_name)
     # Episodes have their own limit in seconds, so no limit in steps is registered.
-    gymnasium.register(_name, entry_point=f"{_kind.__module__}:{_kind.__name__}")
+    gymnasium.register(
+        _name,
+        entry_point=f"{_kind.__module__}:{_kind.__name__}",
+        vector_entry_point=f"{_vector.__module__}:{_vector.__name__}" if _vector else None,
+    )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, ClassVar
 
@@ -22,9 +23,8 @@ from flexarm.bridges.gymnasium_env.observation import (
     exact_instruments,
     reach_of,
 )
-from flexarm.bridges.gymnasium_env.picture import Picture, Scene
+from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
 from flexarm.errors import InputError, Problem, SimulationError, check_array, public_call, shown
-from flexarm.hardware.measurement import Measurement
 from flexarm.model import Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
 from flexarm.simulation.plant import Plant
 
@@ -59,8 +59,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     linear beam theory; ``info["reason"]`` contains the reason. It is *truncated* after
     ``duration``.
 
-    ``info`` contains ``time`` (s), ``tip`` (2,) m, ``distance`` (m), the commanded ``torque``
-    (joints,) N m, ``is_success`` and ``reason``.
+    ``info`` contains ``time`` (s), ``tip`` (2,) m and its ``speed`` (m/s), ``distance`` (m), the
+    commanded ``torque`` (joints,) N m, ``is_success`` and ``reason``.
 
     Args:
         arm: the nominal arm; None for ``laboratory_arm()``.
@@ -76,9 +76,13 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     Attributes:
         arm, torque_limit: as given, the latter (joints,).
+        reach: length of the straight arm, m.
         plant: the ``flexarm.Plant`` of the simulation, with the exact state, which is hidden from
             the agent.
         ticks: number of steps of a complete episode.
+        layout: of the observation vector.
+        task_table: (1 or ticks + 1, values) values of the task's components of the observation,
+            constant or at each sample time. The first two are the target of the tip, m.
 
     Raises:
         InputError: if an argument is not valid.
@@ -87,6 +91,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 200}  # noqa: RUF012
     #: Distance at which the reward is a half, as a fraction of the reach.
     scale: ClassVar[float]
+    task_table: FloatArray
     #: Names of the options of ``reset``.
     option_names: ClassVar[tuple[str, ...]]
     #: Largest torques (N m) of the motors of the laboratory arm.
@@ -111,6 +116,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             given = self.laboratory_torque if arm is None else None
             torque_limit = _default_limit(given, hardware.motors)
         self.arm = arm or laboratory_arm()
+        self.reach = reach_of(self.arm)
         self.torque_limit = _checked_limit(self.arm, torque_limit)
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = hardware.replace(instruments=instruments)
@@ -120,15 +126,15 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         self.ticks = round(check_number("duration", duration) / sample_time)
         if self.ticks < 1:
             raise InputError(Problem("duration", "be at least sample_time", shown(duration)))
-        self._observation = Observation(
-            self.arm, instruments, self.plant.measurement, self.task_parts()
-        )
-        self.observation_space = self._observation.space
+        example = self.plant.measurement
+        self.layout = Observation(self.arm, instruments, example, self.task_parts())
+        self.observation_space = self.layout.space
         self.action_space = Box(-1.0, 1.0, (self.arm.joints,), np.float32)
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / sample_time)}
         self._picture: Picture | None = None
         self._tick, self._begun = 0, False
+        self._most, self._least = np.ones(self.arm.joints), -np.ones(self.arm.joints)
 
     # Interface of a task -------------------------------------------------------------------------
 
@@ -138,38 +144,50 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     @abstractmethod
     def begin(self, options: dict[str, Any]) -> FloatArray:
-        """Draw a task with ``np_random``; return the initial joint angles (joints,), rad."""
+        """Draw a task with ``np_random``: set ``task_table``; return initial angles (joints,)."""
 
     @abstractmethod
-    def task_values(self, tick: int) -> FloatArray:
-        """Return the task's values of the observation at a sample time."""
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
+        """Return whether the task is done.
 
-    @abstractmethod
-    def target(self, tick: int) -> FloatArray:
-        """Return the target position of the tip (2,) at a sample time, m."""
+        As in ``miss``, numbers have leading axes in a vector environment.
+
+        Args:
+            values: of the task, (..., values).
+            info: as returned by ``step``.
+        """
 
     def contacts(self) -> Sequence[Contact]:
         """Return the contacts of this episode; none by default."""
         return ()
 
-    def miss(self, info: dict[str, Any]) -> float:
+    def task_info(self) -> dict[str, FloatArray]:
+        """Return the items of ``info`` that are constant in an episode."""
+        return {}
+
+    def miss(self, info: Mapping[str, Any]) -> Any:
         """Return the scaled error, 1 for half of the largest reward; by default of the distance."""
-        return float(info["distance"]) / (self.scale * reach_of(self.arm))
+        return info["distance"] / (self.scale * self.reach)
 
-    @abstractmethod
-    def succeeded(self, tick: int, distance: float) -> bool:
-        """Return whether the task is done at a sample time, with the tip ``distance`` m away."""
+    def task_values(self, tick: int) -> FloatArray:
+        """Return the task's values of the observation at a sample time."""
+        values: FloatArray = self.task_table[min(tick, len(self.task_table) - 1)]
+        return values
 
-    def scene(self) -> Scene:
-        """Return the objects to draw in addition to the arm."""
-        return Scene(self.target(self._tick))
+    def target(self, tick: int) -> FloatArray:
+        """Return the target position of the tip (2,) at a sample time, m."""
+        return self.task_values(tick)[:2]
+
+    def reward(self, info: Mapping[str, Any], effort: Any) -> Any:
+        """Return the reward of a step; ``effort``: mean square of the action."""
+        return 1.0 / (1.0 + self.miss(info)) - _EFFORT * effort
 
     # Interface of Gymnasium ----------------------------------------------------------------------
 
     @property
     def observation_names(self) -> list[str]:
         """Names of the observation's components with their units, such as ``tip[x] (m)``."""
-        return self._observation.names
+        return self.layout.names
 
     @public_call
     def reset(
@@ -181,19 +199,13 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             InputError: if an option is unknown to the task or not valid.
         """
         super().reset(seed=seed)
-        for name in options or {}:
-            if name not in self.option_names:
-                rule = "be one of " + ", ".join(map(repr, self.option_names))
-                raise InputError(Problem("an option", rule, shown(name)))
-        start = self.begin(dict(options or {}))
+        start = self.draw_task(options)
         drawn = self._source if isinstance(self._source, Arm) else self._source(self.np_random)
         if drawn is not self.plant.arm or self.contacts():
             self.plant = self._made(drawn, self.plant.sample_time)
-        noise = int(self.np_random.integers(2**31))
-        measurement = self.plant.reset(self.plant.arm.rest(start), seed=noise)
+        self.plant.reset(self.plant.arm.rest(start), seed=self.draw_noise())
         self._tick, self._begun = 0, True
-        info = self._info(np.zeros(self.arm.joints), "")
-        return self._seen(measurement), info
+        return self._look(np.zeros(self.arm.joints), "")
 
     @public_call
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -205,7 +217,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        part = np.clip(check_array("action", action, (self.arm.joints,)), -1.0, 1.0)
+        part = check_array("action", action, (self.arm.joints,))
+        np.minimum(part, self._most, out=part)  # faster than np.clip
+        np.maximum(part, self._least, out=part)
         torque = part * self.torque_limit
         try:
             self.plant.step(torque)
@@ -213,25 +227,47 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             reason = self.plant.warning
         except SimulationError as error:
             reason = str(error)
-        info = self._info(torque, reason)
+        observation, info = self._look(torque, reason)
         reward = 0.0
         if not reason:
-            reward = 1.0 / (1.0 + self.miss(info)) - _EFFORT * float(np.mean(part**2))
+            reward = self.reward(info, float(part @ part) / part.size)
         over = self._tick >= self.ticks
-        return self._seen(self.plant.measurement), reward, bool(reason), over, info
+        return observation, reward, bool(reason), over, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture (480, 480, 3) of the arm and its task."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs an environment made with render_mode='rgb_array'")
             return None
-        if self._picture is None:
-            self._picture = Picture(reach_of(self.arm))
-        return self._picture.draw(self.plant.arm.shape(self.plant.q, 20), self.scene())
+        return self.drawn(self.plant.q, self.task_table, self._tick)
 
     def close(self) -> None:
         """Release the picture."""
         self._picture = None
+
+    # Common code of this environment and of vector environments ---------------------------------
+
+    def draw_task(self, options: Mapping[str, Any] | None) -> FloatArray:
+        """Validate the options and draw a task; return the initial joint angles (joints,), rad.
+
+        Raises:
+            InputError: if an option is unknown to the task or not valid.
+        """
+        for name in options or {}:
+            if name not in self.option_names:
+                rule = "be one of " + ", ".join(map(repr, self.option_names))
+                raise InputError(Problem("an option", rule, shown(name)))
+        return self.begin(dict(options or {}))
+
+    def draw_noise(self) -> int:
+        """Draw the seed of the instruments of an episode."""
+        return int(self.np_random.integers(2**31))
+
+    def drawn(self, q: FloatArray, table: FloatArray, tick: int) -> NDArray[np.uint8]:
+        """Return a picture of the arm at q (dof,) with a task at a sample time."""
+        if self._picture is None:
+            self._picture = Picture(self.reach)
+        return self._picture.draw(self.plant.arm.shape(q, 20), scene_of(table, tick))
 
     # ----------------------------------------------------------------------------------------------
 
@@ -245,20 +281,22 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         touching = self.contacts()
         return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
 
-    def _seen(self, measurement: Measurement) -> Vector:
-        return self._observation.vector(measurement, self.task_values(self._tick))
-
-    def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
-        tip = self.plant.tip[:2]
-        distance = float(np.hypot(*(tip - self.target(self._tick))))
-        return {
+    def _look(self, torque: FloatArray, reason: str) -> tuple[Vector, dict[str, Any]]:
+        """Return the observation and the info after a step."""
+        motion, values = self.plant.tip_motion, self.task_values(self._tick)
+        x, y, _, vx, vy, _ = motion.tolist()
+        to_x, to_y = values[:2].tolist()
+        info = {
             "time": self.plant.time,
-            "tip": tip,
-            "distance": distance,
+            "tip": motion[:2],
+            "speed": math.hypot(vx, vy),
+            "distance": math.hypot(x - to_x, y - to_y),
             "torque": torque,
-            "is_success": not reason and self.succeeded(self._tick, distance),
             "reason": reason,
         }
+        info |= self.task_info()
+        info["is_success"] = not reason and bool(self.succeeded(values, info))
+        return self.layout.vector(self.plant.measurement, values), info
 
 
 def _check_objects(arm: object, plant: object, hardware: object, render_mode: object) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,12 +69,13 @@ class Observation:
         example: Measurement,
         task: Sequence[Part],
     ) -> None:
-        self._signals = {label: signal for item in instruments for label, signal in _named(item)}
+        signals = {label: signal for item in instruments for label, signal in _named(item)}
         reach = reach_of(arm)
         limits = {item.label: float(item.limit) for item in instruments}
         self.parts: list[Part] = []
+        self._signals = [(label, signals[label]) for label in example]
         for label, value in example.items():
-            size, signal = value.size, self._signals[label]
+            size, signal = value.size, signals[label]
             if signal == "joint_angle":
                 self.parts += [Part(f"{f} {label}", "1", size, 1.0) for f in ("cos", "sin")]
             elif signal == "joint_rate":
@@ -90,27 +91,38 @@ class Observation:
             else:
                 self.parts.append(Part(label, "SI", size, limits.get(label, np.inf)))
         self.parts += task
-        self._bound = np.concatenate([np.full(part.size, part.bound) for part in self.parts])
-        bound = self._bound.astype(np.float32)
-        self.space = Box(-bound, bound, dtype=np.float32)
+        bounds = np.concatenate([np.full(part.size, part.bound) for part in self.parts])
+        self._most = bounds.astype(np.float32)
+        self._least = -self._most
+        self.space = Box(self._least, self._most, dtype=np.float32)
 
     @property
     def names(self) -> list[str]:
         """Names of the components with units, such as ``tip[x] (m)``."""
         return [name for part in self.parts for name in part.names]
 
-    def vector(self, measurement: Measurement, task: FloatArray) -> Vector:
-        """Return the observation, clipped to the bounds of the space."""
+    def vector(self, measurement: Mapping[str, FloatArray], task: FloatArray) -> Vector:
+        """Return the observation (..., size), clipped to the bounds of the space.
+
+        Args:
+            measurement: readings (..., numbers of the signal).
+            task: values of the task (..., values).
+        """
         values = []
-        for label, value in measurement.items():
-            signal = self._signals[label]
+        for label, signal in self._signals:
+            value = measurement[label]
+            if value.ndim != task.ndim:
+                value = value.reshape(*task.shape[:-1], -1)
             if signal == "joint_angle":
-                values += [np.cos(value), np.sin(value)]
+                values.append(np.cos(value))
+                values.append(np.sin(value))
             else:
-                values.append(1e3 * value if signal == "strain" else value.ravel())
-        seen = np.concatenate([*values, task])
+                values.append(1e3 * value if signal == "strain" else value)
+        values.append(task)
+        seen = np.concatenate(values, axis=-1, dtype=np.float32, casting="same_kind")
         # Clip after the conversion, because rounding to single precision may exceed a bound.
-        return np.clip(seen.astype(np.float32), self.space.low, self.space.high)
+        np.minimum(seen, self._most, out=seen)
+        return np.maximum(seen, self._least, out=seen)
 
 
 def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:

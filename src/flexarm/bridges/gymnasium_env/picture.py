@@ -29,6 +29,12 @@ class Scene:
     path: FloatArray | None = None
 
 
+def scene_of(table: FloatArray, tick: int) -> Scene:
+    """Return the scene of a task's values (1 or more, values) at a sample time, see ``ArmEnv``."""
+    values = table[min(tick, len(table) - 1)]
+    return Scene(values[:2], table[:, :2] if len(table) > 1 else None)
+
+
 class Picture:
     """Square picture around the base, reused for all frames.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv
-from flexarm.bridges.gymnasium_env.observation import FloatArray, Part, reach_of
+from flexarm.bridges.gymnasium_env.observation import FloatArray, Part
 from flexarm.errors import check_array
 
 #: Largest initial joint angle (rad), unless a stop is closer.
@@ -38,7 +38,7 @@ class ReachEnv(ArmEnv):
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
-        return [Part("goal", "m", 2, reach_of(self.arm), axes=True)]
+        return [Part("goal", "m", 2, self.reach, axes=True)]
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
         """See ``ArmEnv``."""
@@ -51,25 +51,17 @@ class ReachEnv(ArmEnv):
         self.goal_angle = np.clip(start + turn, np.minimum(lower, start), np.maximum(upper, start))
         if "goal" in options:
             self.goal_angle = check_array("goal", options["goal"], shape)
-        self.goal = self.arm.tip(self.arm.rest(self.goal_angle))[:2]
+        self.task_table = self.arm.tip(self.arm.rest(self.goal_angle))[None, :2]
         return start
 
-    def task_values(self, tick: int) -> FloatArray:
+    def task_info(self) -> dict[str, FloatArray]:
         """See ``ArmEnv``."""
-        return self.goal
+        return {"goal_joint_angle": self.goal_angle.copy()}
 
-    def target(self, tick: int) -> FloatArray:
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
         """See ``ArmEnv``."""
-        return self.goal
-
-    def succeeded(self, tick: int, distance: float) -> bool:
-        """See ``ArmEnv``."""
-        reach = reach_of(self.arm)
-        speed = np.hypot(*self.plant.tip_velocity[:2])
-        return bool(distance < _NEAR * reach and speed < _SLOW * reach)
-
-    def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
-        return super()._info(torque, reason) | {"goal_joint_angle": self.goal_angle.copy()}
+        near = info["distance"] < _NEAR * self.reach
+        return near & (info["speed"] < _SLOW * self.reach)
 
 
 def joint_range(env: ArmEnv) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_number
 from flexarm.arm import Arm
 from flexarm.bridges.gymnasium_env.base import ArmEnv, PlantSource
-from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part, reach_of
-from flexarm.bridges.gymnasium_env.picture import Scene
+from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part
 from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model import Contact, Wall
@@ -115,7 +114,7 @@ class TrackForceEnv(ArmEnv):
     def contacts(self) -> Sequence[Contact]:
         """See ``ArmEnv``; before the first episode the wall is out of reach."""
         if self._wall is None:
-            away = Wall(point=(3.0 * reach_of(self.arm), 0.0), normal=(-1.0, 0.0))
+            away = Wall(point=(3.0 * self.reach, 0.0), normal=(-1.0, 0.0))
             return [self._touching(away, self.stiffness[0], self.friction[0])]
         return [self._wall]
 
@@ -130,7 +129,7 @@ class TrackForceEnv(ArmEnv):
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
-        reach = reach_of(self.arm)
+        reach = self.reach
         most_rate = 2.0 * np.pi * self.force[1] / self.period
         return [
             Part("wanted_tip", "m", 2, reach, axes=True),
@@ -163,7 +162,7 @@ class TrackForceEnv(ArmEnv):
         point = self.motion.start + drawn["place"] * self.normal
         surface = Wall(point=tuple(point), normal=tuple(self.normal))
         self._wall = self._touching(surface, drawn["stiffness"], drawn["friction"])
-        self._wanted = self._table()
+        self.task_table = self._table()
         # Start before the actual wall, which may be closer than its nominal position.
         before = (_GAP + max(drawn["place"], 0.0)) * self.normal
         return self._along(self.motion.start + before, self.motion.end + before).joint_angle(0.0)
@@ -183,7 +182,7 @@ class TrackForceEnv(ArmEnv):
 
     def _draw(self) -> None:
         """Draw a random line on a wall along which the arm can press."""
-        rng, length, base = self.np_random, _LENGTH * reach_of(self.arm), self._base()
+        rng, length, base = self.np_random, _LENGTH * self.reach, self._base()
         for _ in range(_TRIES):
             start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]
             turn, side = rng.uniform(-_TURN, _TURN), rng.choice([-1.0, 1.0])
@@ -203,7 +202,7 @@ class TrackForceEnv(ArmEnv):
     def _manageable(self) -> bool:
         """Return whether the line is within reach and the limits on joint rates and torques."""
         times = _TOUCHDOWN + np.linspace(0.0, _SLIDE, 9)
-        away = np.hypot(*(self.motion.tip(times) - self._base()).T) / reach_of(self.arm)
+        away = np.hypot(*(self.motion.tip(times) - self._base()).T) / self.reach
         if away.min() < _NEAREST or away.max() > _FARTHEST:
             return False
         if np.abs(self.motion.joint_rate(times)).max() > _FASTEST:
@@ -239,40 +238,26 @@ class TrackForceEnv(ArmEnv):
 
     # Observation and reward ----------------------------------------------------------------------
 
-    def task_values(self, tick: int) -> FloatArray:
-        """See ``ArmEnv``."""
-        values: FloatArray = self._wanted[min(tick, self.ticks)]
-        return values
-
-    def target(self, tick: int) -> FloatArray:
-        """See ``ArmEnv``."""
-        return self.task_values(tick)[:2]
-
     def pressing(self) -> float:
         """Return the current normal force (N) of the tip on the wall."""
         return float(self.plant.contact_force[0] @ self.normal)
 
-    def _force_error(self, tick: int) -> float:
-        return self.pressing() - float(self.task_values(tick)[-2])
-
-    def miss(self, info: dict[str, Any]) -> float:
+    def miss(self, info: Mapping[str, Any]) -> Any:
         """See ``ArmEnv``."""
-        of_force = float(abs(info["force_error"]) / (_FORCE_SCALE * self.force[0]))
+        of_force = abs(info["force_error"]) / (_FORCE_SCALE * self.force[0])
         return super().miss(info) + min(of_force, _MOST_MISS)
 
-    def succeeded(self, tick: int, distance: float) -> bool:
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
         """See ``ArmEnv``."""
-        over = tick * self.plant.sample_time >= self.motion.end_time
-        pressed = abs(self._force_error(tick)) < _FORCE_SCALE * self.force[0]
-        return bool(over and pressed and distance < _NEAR * reach_of(self.arm))
+        pressed = abs(info["force_error"]) < _FORCE_SCALE * self.force[0]
+        over = values[6] == 0.0
+        return over and pressed and info["distance"] < _NEAR * self.reach
 
-    def _info(self, torque: FloatArray, reason: str) -> dict[str, Any]:
-        reported = {"force": self.pressing(), "force_error": self._force_error(self._tick)}
-        return super()._info(torque, reason) | reported
-
-    def scene(self) -> Scene:
-        """See ``ArmEnv``."""
-        return Scene(self.target(self._tick), self._wanted[:, :2])
+    def task_info(self) -> dict[str, Any]:
+        """See ``ArmEnv``; the contact force and its error change with each step."""
+        force = self.pressing()
+        error = force - float(self.task_values(self._tick)[-2])
+        return {"force": force, "force_error": error}
 
 
 def _checked_force(given: ArrayLike) -> FloatArray:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv
-from flexarm.bridges.gymnasium_env.observation import FloatArray, Part, reach_of
-from flexarm.bridges.gymnasium_env.picture import Scene
+from flexarm.bridges.gymnasium_env.observation import FloatArray, Part
 from flexarm.bridges.gymnasium_env.reach import joint_range
 from flexarm.errors import InputError, Problem
 from flexarm.motion import line_motion
@@ -45,7 +44,7 @@ class TrackPathEnv(ArmEnv):
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
-        reach = reach_of(self.arm)
+        reach = self.reach
         return [
             Part("wanted_tip", "m", 2, reach, axes=True),
             Part("wanted_velocity", "m/s", 2, 10.0 * reach, axes=True),
@@ -66,7 +65,7 @@ class TrackPathEnv(ArmEnv):
         motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
         along = motion.law(np.minimum(times / motion.duration, 1.0))
         way = motion.end - motion.start
-        self._wanted = np.column_stack(
+        self.task_table = np.column_stack(
             [
                 motion.start + np.outer(along.s, way),
                 np.outer(along.ds / motion.duration, way),
@@ -78,7 +77,7 @@ class TrackPathEnv(ArmEnv):
 
     def _drawn(self) -> TipMotion:
         """Draw a random line that the arm can follow at its speed."""
-        rng, reach = self.np_random, reach_of(self.arm)
+        rng, reach = self.np_random, self.reach
         for _ in range(_TRIES):
             start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]
             direction = rng.uniform(-np.pi, np.pi)
@@ -93,20 +92,6 @@ class TrackPathEnv(ArmEnv):
                 return motion
         raise InputError(Problem("the arm", f"cannot follow any of {_TRIES} random lines"))
 
-    def task_values(self, tick: int) -> FloatArray:
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
         """See ``ArmEnv``."""
-        values: FloatArray = self._wanted[min(tick, self.ticks)]
-        return values
-
-    def target(self, tick: int) -> FloatArray:
-        """See ``ArmEnv``."""
-        return self.task_values(tick)[:2]
-
-    def succeeded(self, tick: int, distance: float) -> bool:
-        """See ``ArmEnv``."""
-        over = tick * self.plant.sample_time >= self.motion.duration
-        return bool(over and distance < _NEAR * reach_of(self.arm))
-
-    def scene(self) -> Scene:
-        """See ``ArmEnv``."""
-        return Scene(self.target(self._tick), self._wanted[:, :2])
+        return (values[..., 6] == 0.0) & (info["distance"] < _NEAR * self.reach)

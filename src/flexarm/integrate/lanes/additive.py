@@ -123,7 +123,7 @@ def advance_additive_lanes(
     memory: LaneMemory,
     max_steps: int,
 ) -> None:
-    """Advance all runs to ``runs.until``, or until they fail or have made ``max_steps`` steps.
+    """Advance all runs to their ``until``, or until they fail or have made ``max_steps`` steps.
 
     ``system`` has packs in its workspace; its drive is not used.
     """

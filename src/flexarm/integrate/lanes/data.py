@@ -27,7 +27,7 @@ class LaneRuns(NamedTuple):
     status: Array  # (runs,) integers
     sample_times: Array  # (samples,) s
     samples: Array  # (runs, samples, 2, n, 1 + m)
-    until: float  # s
+    until: Array  # (runs,) s, end of each run
 
 
 class LaneDrive(NamedTuple):

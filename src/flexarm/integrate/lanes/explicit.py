@@ -101,7 +101,7 @@ def advance_explicit_lanes(
     memory: LaneMemory,
     max_steps: int,
 ) -> None:
-    """Advance all runs to ``runs.until``, or until they fail or have made ``max_steps`` steps."""
+    """Advance all runs to their ``until``, or until they fail or have made ``max_steps`` steps."""
     rows = method.dense.shape[0]
     s = method.control.error.shape[1] - 1
     following = int(np.int64(0))

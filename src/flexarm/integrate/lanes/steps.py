@@ -111,7 +111,7 @@ def begin_steps(control: StepControl, drive: LaneDrive, runs: LaneRuns, memory: 
         t = runs.clock[k, TIME]
         h = min(runs.clock[k, STEP], control.longest / runs.fastest[k])
         stops = drive.stops[drive.places[k, 4] : drive.places[k, 5]]
-        end, h, lands = step_landing(stops, t, h, runs.until)
+        end, h, lands = step_landing(stops, t, h, runs.until[k])
         memory.end[lane] = end
         memory.lands[lane] = lands
         memory.step.array[0, lane] = h
@@ -265,7 +265,7 @@ def end_steps(
             lands = memory.lands[lane] == 1
             if control.adaptive:
                 choose_step(runs.clock[k], memory.step.array[0, lane], control.order, lands)
-            if t >= runs.until:
+            if t >= runs.until[k]:
                 _end_run(sizes, runs, memory, lane, DONE)
                 continue
             if lands:  # the torque may jump here, and the last slope is the one from the left

@@ -1,0 +1,131 @@
+"""Advance of many runs of one arm in lanes, by the stepper of their method."""
+
+from __future__ import annotations
+
+from threading import local
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.integrate.base import Integrator, System, Tolerance
+from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.implicit.additive_tableau import Additive
+from flexarm.integrate.lanes.additive import (
+    AdditiveLanes,
+    AdditiveScratch,
+    advance_additive_lanes,
+)
+from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
+from flexarm.integrate.lanes.explicit import ExplicitLanes, advance_explicit_lanes
+from flexarm.integrate.steps import LONGEST
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.compilation.packs import LANES, Packs
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Workspace,
+    new_workspace,
+    no_loads,
+    run_time_sizes,
+)
+
+#: Integrators that have a stepper for lanes.
+LaneIntegrator = ExplicitRungeKutta | Additive
+
+
+def lane_method(method: Integrator) -> LaneIntegrator | None:
+    """Return the method if lanes have it, with step control or a given step; otherwise None."""
+    if isinstance(method, LaneIntegrator) and (method.adaptive or method.step is not None):
+        return method
+    return None
+
+
+class _Call(NamedTuple):
+    """Stepper of a method, with its arguments that remain the same; of one thread."""
+
+    entry: Entry
+    given: tuple[Any, ...]
+    memory: LaneMemory
+
+
+class LaneStepper:
+    """Steppers and scratch of one arm; several threads may use them at the same time.
+
+    Args:
+        constants: of the arm.
+        tolerance: allowed errors; each run has its own highest frequency.
+    """
+
+    def __init__(self, constants: ArmConstants, tolerance: Tolerance) -> None:
+        self._constants, self._tolerance = constants, tolerance
+        self._sizes = run_time_sizes(constants)
+        self._thread = local()
+
+    def advance(
+        self, method: LaneIntegrator, drive: LaneDrive, runs: LaneRuns, max_steps: int
+    ) -> None:
+        """Advance all runs to their ends, or until they fail or have made ``max_steps`` steps."""
+        call = self._call(method, drive)
+        call.entry(*call.given, drive, runs, call.memory, max_steps)
+
+    def _call(self, method: LaneIntegrator, drive: LaneDrive) -> _Call:
+        """Return the stepper of a method with the scratch of the present thread."""
+        calls: dict[str, _Call] = self._thread.__dict__.setdefault("calls", {})
+        if method.name not in calls:
+            sizes, constants, tolerance = self._sizes, self._constants, self._tolerance
+            memory, scratch = _new_memory(constants, len(method.tableau.c))
+            if isinstance(method, Additive):
+                system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
+                additive = system, tolerance, _additive(method), scratch
+                calls[method.name] = _Call(Entry(advance_additive_lanes), additive, memory)
+            else:
+                explicit = sizes, constants, tolerance, _explicit(method)
+                calls[method.name] = _Call(Entry(advance_explicit_lanes), explicit, memory)
+        return calls[method.name]
+
+
+def _control(method: LaneIntegrator, longest: float) -> StepControl:
+    tableau = method.tableau
+    return StepControl(tableau.error, tableau.order, method.adaptive, longest)
+
+
+def _explicit(method: ExplicitRungeKutta) -> ExplicitLanes:
+    control = _control(method, LONGEST if method.adaptive else np.inf)
+    tableau = method.tableau
+    return ExplicitLanes(control, tableau.A, tableau.c, tableau.dense)
+
+
+def _additive(method: Additive) -> AdditiveLanes:
+    tableau = method.tableau
+    return AdditiveLanes(_control(method, np.inf), tableau.explicit, tableau.implicit, tableau.c)
+
+
+def _new_memory(constants: ArmConstants, rows: int) -> tuple[LaneMemory, AdditiveScratch]:
+    """Allocate the scratch of a thread for a method with ``rows`` stages."""
+    n, m = constants.S.shape
+    work: Any = {
+        name: Packs.zeros(*array.shape)
+        for name, array in new_workspace(constants)._asdict().items()
+    }
+    memory = LaneMemory(
+        state=Packs.zeros(2, n, 1 + m),
+        new=Packs.zeros(2, n, 1 + m),
+        point=Packs.zeros(2, n, 1 + m),
+        torque=Packs.zeros(n),
+        stages=Packs.zeros(rows, 2, n, 1 + m),
+        step=Packs.zeros(1),
+        norm=Packs.zeros(3),
+        accepted=Packs.zeros(1),
+        work=Workspace(**work),
+        loads=no_loads(constants),
+        weights=np.zeros((1, rows)),
+        run=np.full(LANES, -1),
+        fresh=np.zeros(LANES, dtype=np.int64),
+        lands=np.zeros(LANES, dtype=np.int64),
+        piece=np.zeros(LANES, dtype=np.int64),
+        end=np.zeros(LANES),
+    )
+    softened: Any = {
+        name: Packs(np.repeat(getattr(constants, name)[..., None], LANES, axis=-1))
+        for name in ("body", "mode")
+    }
+    return memory, AdditiveScratch(Packs.zeros(2, n, 1 + m), constants._replace(**softened))
