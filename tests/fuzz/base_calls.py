@@ -151,6 +151,14 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
 }
 
 _MOVE = {"arm": arm, "motion": motion}
+_OPTIMAL = {
+    "arm": arm,
+    "start": start,
+    "end": end,
+    "limits": lambda: fa.MotionLimits(torque=4.0),
+    "modes": 1,
+    "intervals": 10,
+}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
@@ -168,6 +176,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Instrument": {"signal": "joint_angle"},
     "Load": {"link": 1, "force": [1.0, 0.0]},
     "Measurement": {},
+    "MotionLimits": {"torque": 2.0},
     "Motors": {"torque_limit": 2.0},
     "ControllerRequirements": {},
     "Plant": {"arm": arm, "sample_time": 0.005},
@@ -202,6 +211,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "load_arm": {"path": lambda: folder() / "arm.yaml"},
     "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
     "modes": {"arm": arm},
+    "optimal_motion": _OPTIMAL,
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     "read_result": {"path": lambda: folder() / "result.nc"},
@@ -279,6 +289,10 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         lambda: fa.PrescribedAngle,
         {"hold": {"angle": 0.1}, "table": {"times": [0.0, 1.0], "angles": [0.0, 0.1]}},
     ),
+    "OptimalMotion": (
+        lambda: fa.optimal_motion(**{k: v() if callable(v) else v for k, v in _OPTIMAL.items()}),
+        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
+    ),
     "PressedMotion": (
         pressed,
         {
@@ -351,6 +365,7 @@ MADE_BY_FLEXARM = {
     "LinearModel",
     "ModeTracks",
     "Modes",
+    "OptimalMotion",
     "PressedMotion",
     "QuasiStaticReference",
     "Separation",
