@@ -47,9 +47,8 @@ def joints(profile):
 
 @cache
 def optimal():
-    limits = fa.MotionLimits(torque=[9.0, 4.0])
     return fa.optimal_motion(
-        two_links(), [0.2, -0.4], [0.9, 0.5], limits=limits, modes=1, intervals=20
+        two_links(), [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=10
     )
 
 

@@ -37,6 +37,16 @@ def motion() -> Any:
 
 
 @cache
+def limits() -> fa.MotionLimits:
+    return fa.MotionLimits(torque=4.0)
+
+
+@cache
+def optimal() -> fa.OptimalMotion:
+    return fa.optimal_motion(arm(), start, end, limits=limits(), intervals=10)
+
+
+@cache
 def pressed() -> Any:
     return fa.pressed_motion(arm(), motion(), 0.1, [0.0, 1.0], interval=0.5)
 
@@ -151,14 +161,6 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
 }
 
 _MOVE = {"arm": arm, "motion": motion}
-_OPTIMAL = {
-    "arm": arm,
-    "start": start,
-    "end": end,
-    "limits": lambda: fa.MotionLimits(torque=4.0),
-    "modes": 1,
-    "intervals": 10,
-}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
@@ -211,7 +213,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "load_arm": {"path": lambda: folder() / "arm.yaml"},
     "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
     "modes": {"arm": arm},
-    "optimal_motion": _OPTIMAL,
+    "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     "read_result": {"path": lambda: folder() / "result.nc"},
@@ -290,8 +292,14 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         {"hold": {"angle": 0.1}, "table": {"times": [0.0, 1.0], "angles": [0.0, 0.1]}},
     ),
     "OptimalMotion": (
-        lambda: fa.optimal_motion(**{k: v() if callable(v) else v for k, v in _OPTIMAL.items()}),
-        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
+        optimal,
+        {
+            **_TIMES,
+            "at": {"times": [0.2]},
+            "sampled": {"rate": 100.0},
+            "state": {"t": 0.2},
+            "tip": {"t": 0.2},
+        },
     ),
     "PressedMotion": (
         pressed,

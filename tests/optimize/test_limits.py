@@ -41,7 +41,6 @@ def solved(objective="time", duration=None, guess=None, **limits):
         fa.MotionLimits(**limits),
         duration=duration,
         guess=guess,
-        modes=2,
         intervals=40,
     )
 
@@ -54,39 +53,36 @@ def simulated(motion):
 
 
 def test_torques_are_within_their_limits_and_the_arm_rests():
-    motion = free()
+    """The residual vibration is less than a hundredth of that after the rigid arm's motion."""
+    limits = fa.MotionLimits(torque=[6.0, 2.0])
+    motion = fa.optimal_motion(two_links(), START, END, limits=limits)
     run = simulated(motion)
     assert np.all(np.abs(run.torque).max("time") <= np.array([6.0, 2.0]) * (1.0 + 1e-9))
     assert np.all(np.abs(run.torque).max("time") > np.array([6.0, 2.0]) * 0.99)
-    fast = fa.optimal_motion(
-        two_links().rigid(),
-        START,
-        END,
-        limits=fa.MotionLimits(torque=[6.0, 2.0]),
-        plant=two_links(),
-    )
-    assert motion.duration > fast.duration
-    least = 0.01 * fast.remaining.residual_vibration
-    assert motion.remaining.residual_vibration < least
+    fast = fa.optimal_motion(two_links().rigid(), START, END, limits=limits, plant=two_links())
+    assert motion.duration == pytest.approx(fast.duration, rel=0.01)
+    assert fast.remaining.residual_vibration > 0.01
+    assert motion.remaining.residual_vibration < 1e-3 * fast.remaining.residual_vibration
 
 
 def test_joint_rates_stay_within_their_limits_between_the_nodes():
-    limit = 0.6 * float(np.abs(simulated(free()).joint_rate).max())
-    motion = solved(torque=[6.0, 2.0], joint_rate=limit)
-    assert np.abs(simulated(motion).joint_rate).max() <= limit * (1.0 + ACCEPTED)
-    assert motion.duration > 1.02 * free().duration
+    limit = 0.8 * float(np.abs(simulated(solved("energy", 1.6)).joint_rate).max())
+    motion = solved("energy", 1.6, joint_rate=limit)
+    largest = float(np.abs(simulated(motion).joint_rate).max())
+    # The margin, for vibrations between the nodes of 40 intervals, is larger than it needs to be.
+    assert 0.9 * limit < largest <= limit * (1.0 + ACCEPTED)
 
 
 def test_strain_stays_within_its_limit():
     limit = 0.6 * float(np.abs(simulated(free()).strain).max())
-    motion = solved(torque=[6.0, 2.0], strain=limit)
+    motion = solved("energy", 1.3 * free().duration, torque=[6.0, 2.0], strain=limit)
     largest = float(np.abs(simulated(motion).strain).max())
     assert 0.95 * limit < largest <= limit * (1.0 + ACCEPTED)
     assert motion.remaining.excess["strain"] < ACCEPTED * limit
 
 
 def test_torque_rate_makes_the_torque_continuous():
-    motion = solved(torque=[6.0, 2.0], torque_rate=[60.0, 20.0])
+    motion = solved("energy", 1.6, torque=[6.0, 2.0], torque_rate=[60.0, 20.0])
     times = np.linspace(0.0, motion.duration, 20001)
     torque = motion.torque(times)
     slope = np.abs(np.diff(torque, axis=0)) / np.diff(times)[:, None]
@@ -101,21 +97,24 @@ def test_tip_goes_around_a_post():
         return float(np.hypot(*(tip - POST.center).T).min())
 
     assert least(free()) < POST.radius
-    motion = solved(torque=[6.0, 2.0], obstacles=[POST], clearance=0.02)
-    assert least(motion) >= 0.27 * (1.0 - ACCEPTED)
+    motion = solved("energy", 1.6, torque=[6.0, 2.0], obstacles=[POST], clearance=0.02)
+    assert 0.27 * (1.0 - ACCEPTED) <= least(motion) < 0.28
 
 
 def test_tip_stays_on_one_side_of_a_wall_and_joints_within_their_range():
-    highest = float(simulated(free()).tip.sel(axis="y").max())
-    goal = float(two_links().tip(two_links().rest(END))[1])
-    wall = fa.Wall((0.0, goal + 0.01), (0.0, -2.0))
-    motion = solved(torque=[6.0, 2.0], obstacles=[wall], joint_angle=([-0.1, 0.1], [1.3, 0.8]))
+    lowest, angles = (simulated(free())[name] for name in ("tip", "joint_angle"))
+    assert lowest.sel(axis="x").min() < 0.15
+    assert angles.max("time")[1] > 1.5
+    wall = fa.Wall((0.15, 0.0), (2.0, 0.0))
+    motion = solved(
+        "energy", 1.6, obstacles=[wall], joint_angle=([-0.1, 0.1], [1.3, 1.5]), torque=[6.0, 2.0]
+    )
     run = simulated(motion)
-    assert highest > goal + 0.01
-    assert run.tip.sel(axis="y").max() <= goal + 0.01 + ACCEPTED
+    # The tip is at x = 0.18 m at the end, and would go further without the wall.
+    assert run.tip.sel(axis="x").min() >= 0.15 - ACCEPTED
     angles = run.joint_angle.values
     assert np.all(angles > [-0.1 - ACCEPTED, 0.1 - ACCEPTED])
-    assert np.all(angles < [1.3 + ACCEPTED, 0.8 + ACCEPTED])
+    assert np.all(angles < [1.3 + ACCEPTED, 1.5 + ACCEPTED])
 
 
 def test_objectives_are_each_the_best_in_their_own_measure():

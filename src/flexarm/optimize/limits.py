@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -25,7 +26,7 @@ UNITS = {
     "joint_rate": " rad/s",
     "joint_angle": " rad",
     "strain": "",
-    "distance": " m",
+    "clearance": " m",
 }
 
 
@@ -76,8 +77,16 @@ class MotionLimits:
                     problem = Problem(f"obstacles[{i}]", "be a Wall or a RoundWall", shown(one))
                     problems.append(problem)
         problems += problems_of(check_nonnegative, "clearance", self.clearance)
-        if problems:
+        if problems or (problems := self._no_room()):
             raise InputError(*problems)
+
+    def _no_room(self) -> list[Problem]:
+        """Return a problem if the clearance fills a circle with the arm inside."""
+        for one in self.obstacles:
+            if isinstance(one, RoundWall) and one.inside and one.radius <= self.clearance:
+                rule = f"be less than the radius of the circle around the arm, {one.radius:.6g} m"
+                return [Problem("clearance", rule, shown(self.clearance))]
+        return []
 
 
 def _angle_range(given: Any) -> tuple[FloatArray, FloatArray]:
@@ -129,12 +138,12 @@ class Bound(NamedTuple):
         """Size of the values (k,): the larger magnitude of finite bounds; 1 if that is zero."""
         finite = [np.where(np.isfinite(b), np.abs(b), 0.0) for b in (self.lower, self.upper)]
         largest = np.maximum(*finite)
-        return np.where(largest > 0.0, largest, 1.0)
+        return np.asarray(np.where(largest > 0.0, largest, 1.0))
 
     def excess(self, values: FloatArray) -> FloatArray:
         """Return the largest excess (k,) of values (k, T) over the bounds; negative within them."""
         below, above = self.lower - values.min(axis=1), values.max(axis=1) - self.upper
-        return np.maximum(below, above)
+        return np.asarray(np.maximum(below, above))
 
     def within(self, margin: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the bounds, narrower by a margin (k,)."""
@@ -165,8 +174,9 @@ def bounds_of(limits: MotionLimits, arm: Arm) -> tuple[Bound, ...]:
         found.append(Bound("strain", attrgetter("strain"), -strain, strain))
     if limits.obstacles:
         obstacles = tuple(limits.obstacles)
-        least, none = np.full(len(obstacles), limits.clearance), np.full(len(obstacles), np.inf)
-        found.append(Bound("distance", _Distances(obstacles), least, none))
+        distances = _Distances(obstacles, float(limits.clearance))
+        zero, none = np.zeros(len(obstacles)), np.full(len(obstacles), np.inf)
+        found.append(Bound("clearance", distances, zero, none))
     return tuple(found)
 
 
@@ -190,23 +200,26 @@ def _each(name: str, given: ArrayLike, count: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Distances:
-    """Distances of the tip from obstacles, m, negative inside them.
+    """Distances of the tip from obstacles minus a clearance, m; negative where it is too near.
 
-    Those from circles are (r^2 - R^2) / (2 R), which is smooth at the centre, and near the circle
-    equals the distance r - R.
+    Those from circles are (r^2 - R^2) / (2 R), where R includes the clearance. This is smooth at
+    the centre, and equals the distance r - R near the circle.
     """
 
     obstacles: tuple[Wall | RoundWall, ...]
+    clearance: float
 
     def __call__(self, state: Quantities) -> list[Any]:
         x, y = state.tip[0], state.tip[1]
-        return [_distance(one, x, y) for one in self.obstacles]
+        return [_distance(one, self.clearance, x, y) for one in self.obstacles]
 
 
-def _distance(one: Wall | RoundWall, x: Any, y: Any) -> Any:
+def _distance(one: Wall | RoundWall, clearance: float, x: Any, y: Any) -> Any:
     if isinstance(one, Wall):
-        nx, ny = np.asarray(one.normal) / np.hypot(*one.normal)
-        return nx * (x - one.point[0]) + ny * (y - one.point[1])
-    x, y, R = x - one.center[0], y - one.center[1], one.radius
+        length = math.hypot(*one.normal)
+        nx, ny = one.normal[0] / length, one.normal[1] / length
+        return nx * (x - one.point[0]) + ny * (y - one.point[1]) - clearance
+    R = one.radius - clearance if one.inside else one.radius + clearance
+    x, y = x - one.center[0], y - one.center[1]
     outside = (x * x + y * y - R * R) / (2.0 * R)
     return -outside if one.inside else outside

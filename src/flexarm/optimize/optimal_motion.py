@@ -23,11 +23,13 @@ from flexarm.optimize.verification import excess_of, remaining, simulated
 #: Phase (rad) of the fastest resting mode in one interval; the error of its phase is then 2e-4 rad
 #: per interval.
 _PHASE = 1.5
-#: Numbers of intervals: the fewest, and the most for default modes and for given ones.
+#: Numbers of intervals: the fewest and the most by default, and the most that can be given.
 _FEWEST, _MOST, _MOST_GIVEN = 40, 160, 2000
+#: Intervals of the first solution.
+_COARSE = 40
 #: Solutions with narrower bounds until the full model is within its limits, growth of the margins,
 #: and excess relative to a limit: aimed at, and accepted after the last solution.
-_ROUNDS, _GROWTH, _AIM, _ACCEPTED = 5, 1.2, 1e-6, 1e-3
+_ROUNDS, _GROWTH, _AIM, _ACCEPTED = 6, 1.2, 1e-6, 1e-3
 
 
 @public_call
@@ -58,12 +60,13 @@ def optimal_motion(
         limits: limits of torques, rates, angles, strains, and of the tip; none by default. The
             objective "time" requires a limit of the torque.
         duration: s, for "energy" and "vibration".
-        modes: number of the lowest modes, with joints locked at the end, that are at rest at the
-            end. By default all that at most 160 intervals resolve, at least one.
+        modes: number of the lowest vibrations, with free joints, that are at rest at the end
+            besides the joints; all by default.
         guess: first guess: a motion of the joints, for example one around an obstacle. By default a
             straight motion, shaped for two modes.
-        intervals: number of intervals of equal length, by default from 40 up to as many as the
-            modes need. In each, the torque is constant, or linear with a limit of its rate.
+        intervals: number of intervals of equal length, by default as many as the resting modes
+            need, from 40 to 160. In each, the torque is constant, or linear if its rate has a
+            limit.
         iterations: largest number of iterations of IPOPT.
         plant: arm that is simulated, if it differs from ``arm``: one with more modes.
 
@@ -104,11 +107,10 @@ def optimal_motion(
     with one_warning() as bent:
         task = task_of(arm, begin, goal, objective, limits, given, count)
         straight = straight_motion(task) if own is None else own
-        count, pieces = _mesh(task, straight.duration, pieces)
+        pieces = pieces or _default_intervals(task, straight.duration)
         first = shaped_guess(task, straight) if own is None else own
-        rows = None if count == _elastic(arm) else task.resting_modes(count)
-        plan = plan_of(task, first, pieces)
-        found = _within_limits(Transcription(task, plan, rows, most), plan, plant, count)
+        plan = plan_of(task, first, min(pieces, _COARSE))
+        found = _within_limits(task, plan, plant, pieces, most)
     warn_of_first(bent)
     return found
 
@@ -117,44 +119,48 @@ def _elastic(arm: Arm) -> int:
     return arm.dof - arm.joints
 
 
-def _mesh(task: Task, duration: float, intervals: int | None) -> tuple[int, int]:
-    """Return the number of resting modes and that of intervals."""
+def _default_intervals(task: Task, duration: float) -> int:
+    """Return a number of intervals that resolves the resting modes, if it is not too large."""
     arm = task.arm
     if not _elastic(arm):
-        return 0, intervals or _FEWEST
+        return _FEWEST
     ends = [modes_of(arm, q=rest.q, joints="free").frequency_hz for rest in (task.start, task.end)]
     omega = 2.0 * np.pi * np.max(ends, axis=0)[arm.joints :]
-    needed = np.ceil(omega * duration / _PHASE)
+    needed = np.ceil(omega[: task.modes] * duration / _PHASE)
     if needed[0] > _MOST_GIVEN:
-        rule = "be so near that the arm vibrates less often than some 500 times on its way"
+        rule = "be so near that the arm vibrates less than 500 times on its way"
         raise InputError(Problem("end", rule, f"{needed[0] * _PHASE / (2.0 * np.pi):.3g} times"))
-    count = task.modes
-    if count is None:
-        count = max(int(np.count_nonzero(needed <= (intervals or _MOST))), 1)
-    if intervals is None:
-        largest = _MOST if task.modes is None else _MOST_GIVEN
-        intervals = int(np.clip(needed[count - 1], _FEWEST, largest))
-    return count, intervals
+    return int(np.clip(needed[-1], _FEWEST, _MOST))
 
 
-def _within_limits(problem: Transcription, plan: Plan, plant: Arm, count: int) -> OptimalMotion:
-    """Solve with narrower and narrower bounds until the full model is within its limits."""
-    task, total = problem.task, 0
+def _within_limits(
+    task: Task, plan: Plan, plant: Arm, intervals: int, iterations: int
+) -> OptimalMotion:
+    """Solve with few intervals, then with all, until the full model is within its limits.
+
+    The few intervals make the search fast, and find better optima than many.
+    """
+    total = 0
     margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
     slack = [task.slack(bound) for bound in task.bounds]
+    problem = Transcription(task, plan, iterations, near=False)
     for _ in range(_ROUNDS):
         answer = problem.solve(plan, margins)
         total += answer.iterations
         if not answer.converged:
             raise _not_converged(task, answer)
-        plan, run = answer.plan, simulated(task, plant, answer.plan)
-        excess = [excess_of(bound, run, plan.duration) for bound in task.bounds]
-        over = [np.max(e / b.size) for e, b in zip(excess, task.bounds, strict=True)]
-        if max(over, default=0.0) <= _AIM:
-            break
-        wider = [m + _GROWTH * np.maximum(e, 0.0) for m, e in zip(margins, excess, strict=True)]
-        # The start and the end, which may be on a bound, must remain within the narrower ones.
-        margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
+        plan = answer.plan
+        if plan.intervals == intervals:
+            run = simulated(task, plant, plan)
+            excess = [excess_of(bound, run, plan.duration) for bound in task.bounds]
+            over = [np.max(e / b.size) for e, b in zip(excess, task.bounds, strict=True)]
+            if max(over, default=0.0) <= _AIM:
+                break
+            wider = [m + _GROWTH * np.maximum(e, 0.0) for m, e in zip(margins, excess, strict=True)]
+            # The start and the end, which may be on a bound, must remain within narrower ones.
+            margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
+        plan = plan.refined(intervals, task.continuous)
+        problem = Transcription(task, plan, iterations, near=True)
     for bound, most in zip(task.bounds, over, strict=True):
         if most > _ACCEPTED:
             reason = f"the full model exceeds the limit {bound.name!r} by {100.0 * most:.2g} %"
@@ -168,7 +174,7 @@ def _within_limits(problem: Transcription, plan: Plan, plant: Arm, count: int) -
         duration=plan.duration,
         initial=task.start.q,
         final=task.end.q,
-        modes=count,
+        modes=_elastic(task.arm) if task.resting_modes() is None else task.modes or 0,
         iterations=total,
         run=run,
         remaining=remaining(task, plant, plan, run),

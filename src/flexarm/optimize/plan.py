@@ -52,6 +52,39 @@ class Plan:
         """Rates (N + 1, dof) at the nodes."""
         return self.slope / self.duration
 
+    def refined(self, intervals: int, continuous: bool) -> Plan:
+        """Return the same motion over other intervals, by the polynomials of the collocation.
+
+        Args:
+            continuous: whether the torque is continuous; else it is constant in each interval.
+        """
+        nodes = np.linspace(0.0, 1.0, intervals + 1)
+        stages = (nodes[:-1, None] + GAUSS.c / intervals).ravel()
+        q, slope, _ = self._at(nodes)
+        curve = self._at(stages)[2].reshape(intervals, STAGES, -1)
+        if continuous:
+            known = np.concatenate([self.torque[:, 0], self.torque[-1:, 1]])
+            ends = np.array([np.interp(nodes, self.times / self.duration, u) for u in known.T]).T
+            torque = np.stack([ends[:-1], ends[1:]], axis=1)
+        else:
+            middle = 0.5 * (nodes[1:] + nodes[:-1])
+            torque = self.torque[(middle * self.intervals).astype(int)]
+        return Plan(self.duration, q, slope, curve, torque)
+
+    def _at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return q, dq/ds and d2q/ds2 at fractions s (k,) of the duration, each (k, dof)."""
+        h, powers = 1.0 / self.intervals, np.arange(STAGES)
+        piece = np.minimum((s * self.intervals).astype(int), self.intervals - 1)
+        x = (s * self.intervals - piece)[:, None]
+        # Coefficients of the polynomials through the stages, by powers of x.
+        c = np.linalg.inv(GAUSS.c[:, None] ** powers) @ self.curve[piece]
+        once = x ** (powers + 1) / (powers + 1)
+        twice = x ** (powers + 2) / ((powers + 1) * (powers + 2))
+        parts = (np.einsum("kp,kpd->kd", basis, c) for basis in (x**powers, once, twice))
+        curve, slope, q = parts
+        first = self.slope[piece]
+        return self.q[piece] + h * x * first + h * h * q, first + h * slope, curve
+
     def torque_history(self, before: FloatArray, after: FloatArray) -> PiecewiseCubic:
         """Return the torques over time, with constant ones (joints,) before and after, N m."""
         times, (first, last) = self.times, self.torque.swapaxes(0, 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
@@ -35,7 +36,7 @@ class Task:
         duration: s; None if it is free.
         torque, torque_rate: largest magnitudes (joints,), N m and N m/s; infinite without a limit.
         bounds: bounds of the other quantities.
-        modes: number of the lowest modes that are at rest at the end; None for all.
+        modes: number of the lowest vibrations that are at rest at the end; None for all.
     """
 
     arm: Arm
@@ -54,23 +55,27 @@ class Task:
         return bool(np.any(np.isfinite(self.torque_rate)))
 
     @property
-    def elastic(self) -> FloatArray:
+    def elastic(self) -> NDArray[np.intp]:
         """Indices of the coordinates that are not angles of the motors."""
         return np.setdiff1d(np.arange(self.arm.dof), self.arm.joint_index)
 
     def slack(self, bound: Bound) -> FloatArray:
         """Return how far the start and the end are within a bound, (k,), at least zero."""
         ends = [bound.excess(_at_rest(self.arm, rest, bound)) for rest in (self.start, self.end)]
-        return np.maximum(-np.max(ends, axis=0), 0.0)
+        return np.asarray(np.maximum(-np.max(ends, axis=0), 0.0))
 
-    def resting_modes(self, count: int) -> FloatArray:
-        """Return rows (count, dof): amplitudes at the end of the lowest modes with locked joints.
+    def resting_modes(self) -> FloatArray | None:
+        """Return rows (m, dof) that are zero, times q minus its end and times qd, at the end.
 
-        Rows times a deviation of q from the end are modal amplitudes, for joints at their ends.
+        They are amplitudes of modes with free joints: the motions of the rigid arm, without which
+        it would drift after the end although its joints rest, and the lowest vibrations. None if
+        these and the joints are all coordinates.
         """
-        shapes = modes(self.arm, q=self.end.q, joints="locked").shapes[:count]
-        rows: FloatArray = shapes @ self.arm.mass_matrix(self.end.q)
-        return rows
+        arm = self.arm
+        if self.modes is None or 2 * arm.joints + self.modes >= arm.dof:
+            return None
+        shapes = modes(arm, q=self.end.q, joints="free").shapes[: arm.joints + self.modes]
+        return np.asarray(shapes @ arm.mass_matrix(self.end.q))
 
 
 def task_of(
@@ -129,10 +134,11 @@ def _excluded(
     for bound in bounds:
         value = _at_rest(arm, rest, bound)
         if np.any(bound.excess(value) > 0.0):
-            limit = "clearance" if bound.name == "distance" else bound.name
-            where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
+            what = "the tip beyond it" if bound.name == "clearance" else bound.name
+            where = f"{what} is {_listed(value[:, 0])}{UNITS[bound.name]}"
             given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
-            problems.append(Problem(f"limits.{limit}", f"permit the {name}, where {where}", given))
+            rule = f"permit the {name}, where {where}"
+            problems.append(Problem(f"limits.{bound.name}", rule, given))
     return problems
 
 

@@ -29,6 +29,9 @@ _SMOOTHING = {"time": 1e-4, "vibration": 1e-3, "energy": 0.0}
 _LEAST_SIZE = 1e-3
 #: Range of a free duration, relative to that of the guess.
 _SHORTEST, _LONGEST = 0.01, 10.0
+#: Options of IPOPT for a guess near a solution: a small barrier parameter and small distances from
+#: bounds, so that the first iterates do not leave it.
+_NEAR = {"mu_init": 1e-4, "bound_push": 1e-6, "bound_frac": 1e-6}
 #: Relative tolerance of IPOPT.
 _TOLERANCE = 1e-7
 
@@ -52,13 +55,13 @@ class Answer(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Sizes of the unknowns, in the order of q, slope, curve, torque (by coordinate or joint)."""
+    """Sizes of unknowns and residuals, for each coordinate or joint; arrays or CasADi matrices."""
 
-    q: FloatArray
-    slope: FloatArray
-    curve: FloatArray
-    torque: FloatArray
-    residual: FloatArray
+    q: Any
+    slope: Any
+    curve: Any
+    torque: Any
+    residual: Any
 
 
 class Transcription:
@@ -67,20 +70,20 @@ class Transcription:
     Args:
         task: the problem.
         guess: first guess, which gives the number of intervals and the sizes.
-        modes: rows (m, dof) of the modes that are at rest at the end; None if everything is.
         iterations: largest number of iterations of IPOPT.
+        near: whether guesses are near a solution, so that the solver stays near them.
     """
 
-    def __init__(self, task: Task, guess: Plan, modes: FloatArray | None, iterations: int) -> None:
+    def __init__(self, task: Task, guess: Plan, iterations: int, near: bool) -> None:
         self.model = casadi_model(task.arm)
         import casadi
 
         self.casadi: Any = casadi
-        self.task, self.intervals, self.modes = task, guess.intervals, modes
+        self.task, self.intervals, self.modes = task, guess.intervals, task.resting_modes()
         self.duration = guess.duration if task.duration is None else task.duration
         self.sizes = _sizes(task, guess)
-        self.scale = _Sizes(*map(casadi.DM, self.sizes))
-        self._build(iterations)
+        self.scale = _Sizes._make(map(casadi.DM, self.sizes))
+        self._build({"max_iter": iterations, **(_NEAR if near else {})})
 
     def solve(self, guess: Plan, margins: Sequence[FloatArray]) -> Answer:
         """Solve from a guess, with all bounds narrower by margins (k,)."""
@@ -94,8 +97,8 @@ class Transcription:
         converged = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
         return Answer(self._plan(x), status, converged, int(stats["iter_count"]), violation)
 
-    def _build(self, iterations: int) -> None:
-        """Set the solver, for at most so many iterations, and the bounds of the unknowns."""
+    def _build(self, ipopt: dict[str, Any]) -> None:
+        """Set the solver, with options of IPOPT, and the bounds of the unknowns."""
         mx, N, arm = self.casadi.MX, self.intervals, self.task.arm
         shapes = self._shapes()
         T, q, slope, curve, torque = parts = [mx.sym(n, *s) for n, s in shapes.items()]
@@ -125,8 +128,8 @@ class Transcription:
         total = self.casadi.sum2(cost)
         goal = T + total if self.task.objective == "time" else total
         program = {"x": unknown, "f": goal, "g": self.casadi.vertcat(*rows)}
-        ipopt = {"print_level": 0, "sb": "yes", "max_iter": iterations, "tol": _TOLERANCE}
-        options = {"print_time": False, "ipopt": ipopt}
+        quiet = {"print_level": 0, "sb": "yes", "tol": _TOLERANCE}
+        options = {"print_time": False, "ipopt": {**quiet, **ipopt}}
         self._solver = self.casadi.nlpsol("optimal_motion", "ipopt", program, options)
         self._box = self._unknown_bounds(shapes, arm.joint_index)
 
@@ -288,7 +291,8 @@ def _sizes(task: Task, guess: Plan) -> _Sizes:
     torque = np.where(np.isfinite(task.torque), task.torque, np.maximum(largest, 1e-6))
     M = np.abs(task.arm.mass_matrix(task.start.q))
     residual = M @ found[2] / guess.duration**2
-    return _Sizes(*found, torque, residual)
+    q, slope, curve = found
+    return _Sizes(q, slope, curve, torque, residual)
 
 
 def _size(values: FloatArray, kinds: tuple[Any, Any]) -> FloatArray:
@@ -298,4 +302,4 @@ def _size(values: FloatArray, kinds: tuple[Any, Any]) -> FloatArray:
         if len(kind):
             most = float(largest[kind].max()) or 1.0
             largest[kind] = np.maximum(largest[kind], _LEAST_SIZE * most)
-    return largest
+    return np.asarray(largest)
