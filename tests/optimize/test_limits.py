@@ -98,7 +98,8 @@ def test_tip_goes_around_a_post():
 
     assert least(free()) < POST.radius
     motion = solved("energy", 1.6, torque=[6.0, 2.0], obstacles=[POST], clearance=0.02)
-    assert 0.27 * (1.0 - ACCEPTED) <= least(motion) < 0.28
+    # The margin holds it there, between the nodes, too; without one it is 0.2 mm nearer.
+    assert 0.27 - 1e-5 <= least(motion) < 0.28
 
 
 def test_tip_stays_on_one_side_of_a_wall_and_joints_within_their_range():

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.optimize.plan import GAUSS
+from flexarm.optimize.transcription import Answer, Transcription
 
 LINK = {"length": 1.0, "flexural_rigidity": 30.0, "mass_per_length": 0.5}
 LIMITS = fa.MotionLimits(torque=4.0)
@@ -41,6 +43,21 @@ def test_motion_is_that_of_the_simulated_joints():
     wanted = np.array(rows)
     found = motion.joint_acceleration(inside)[:, 0]
     np.testing.assert_allclose(found, wanted, atol=1e-3 * np.abs(wanted).max())
+
+
+def test_refined_plan_is_the_same_motion():
+    motion = move()
+    plan = motion._plan.refined(2 * motion.intervals, continuous=False)
+    half = motion._plan.refined(motion.intervals // 2, continuous=False)
+    # Polynomials of the collocation, here in the middle of an interval: order 4 of h = 1 / 40.
+    q, rate = motion.joint_angle(plan.times), motion.joint_rate(plan.times)
+    np.testing.assert_allclose(plan.q[:, :1], q, atol=1e-6)
+    np.testing.assert_allclose(plan.rate[:, :1], rate, atol=1e-4)
+    np.testing.assert_array_equal(plan.torque[::2], motion._plan.torque)
+    np.testing.assert_allclose(half.q, motion._plan.q[::2], atol=1e-12)
+    stages = (plan.times[:-1, None] + motion.duration / plan.intervals * GAUSS.c).ravel()
+    curve = motion.duration**2 * motion.joint_acceleration(stages)[:, 0]
+    np.testing.assert_allclose(plan.curve[..., 0].ravel(), curve, atol=2e-3 * np.abs(curve).max())
 
 
 def test_motion_is_a_reference_of_controllers():
@@ -193,6 +210,30 @@ def test_too_few_iterations_are_an_error_with_the_last_iterate():
     assert "Maximum_Iterations_Exceeded" in error.value.reason
     last = error.value.last
     assert last.joint_angle.values[[0, -1], 0] == pytest.approx([0.0, 0.8])
+
+
+def test_a_feasible_iterate_that_is_no_solution_names_fast_modes(monkeypatch):
+    def failed(self, plan, margins):
+        return Answer(plan, "Error_In_Step_Computation", False, 21, 1e-12)
+
+    monkeypatch.setattr(Transcription, "solve", failed)
+    with pytest.raises(fa.OptimizationError, match=r"reduce the modes of links \(Link.modes\)"):
+        call()
+
+
+def test_guess_selects_the_side_of_an_obstacle():
+    """The tip of a rigid arm passes a post in its way on the side of the guess."""
+    rigid = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=0.5)] * 2)
+    start, end = (fa.inverse_kinematics(rigid, point) for point in ((1.2, -0.8), (1.2, 0.8)))
+    limits = fa.MotionLimits(torque=[6.0, 2.0], obstacles=[fa.RoundWall((1.2, 0.0), 0.15)])
+    sides = []
+    for x in (0.8, 1.6):
+        guess = fa.spline_motion(rigid, [(1.2, -0.8), (x, 0.0), (1.2, 0.8)], 2.0)
+        motion = fa.optimal_motion(rigid, start, end, "energy", limits, duration=2.0, guess=guess)
+        tip = motion.run.tip.values
+        sides.append(float(tip[np.argmin(np.abs(tip[:, 1])), 0]))
+    assert sides[0] < 1.06
+    assert sides[1] > 1.34
 
 
 def test_missing_casadi_is_named(monkeypatch):

@@ -25,6 +25,9 @@ from flexarm.optimize.verification import excess_of, remaining, simulated
 _PHASE = 1.5
 #: Numbers of intervals: the fewest and the most by default, and the most that can be given.
 _FEWEST, _MOST, _MOST_GIVEN = 40, 160, 2000
+#: Violation of constraints, relative to their sizes, up to which their limits are not the reason
+#: of a failure.
+_FEASIBLE = 1e-6
 #: Intervals of the first solution.
 _COARSE = 40
 #: Solutions with narrower bounds until the full model is within its limits, growth of the margins,
@@ -193,6 +196,8 @@ def _not_converged(task: Task, answer: Answer) -> OptimizationError:
     )
     if answer.status == "Maximum_Iterations_Exceeded":
         hint = "Increase iterations, or give a guess that is nearer to the solution."
+    elif answer.violation < _FEASIBLE:
+        hint = "Fast vibrations may prevent accurate steps: reduce the modes of links (Link.modes)."
     elif task.duration is not None:
         hint = "The duration may be too short: objective='time' finds the shortest one."
     else:
