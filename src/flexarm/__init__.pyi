@@ -103,6 +103,10 @@ from .motion import rigid_torque as rigid_torque
 from .motion import smoothed as smoothed
 from .motion import spline_motion as spline_motion
 from .motion import via_point_motion as via_point_motion
+from .optimize.limits import MotionLimits as MotionLimits
+from .optimize.optimal_motion import optimal_motion as optimal_motion
+from .optimize.solution import OptimalMotion as OptimalMotion
+from .optimize.solution import OptimizationError as OptimizationError
 from .output import read_result as read_result
 from .output import save_linear as save_linear
 from .output import write_result as write_result

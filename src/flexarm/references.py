@@ -133,6 +133,24 @@ _ENTRIES = {
   journal = {SIAM Journal on Scientific Computing},
   volume = {18}, number = {1}, pages = {41--55}, year = {1997}
 }""",
+    "Betts2010": """@book{Betts2010,
+  author = {Betts, J. T.},
+  title = {Practical Methods for Optimal Control and Estimation Using Nonlinear Programming},
+  edition = {2}, publisher = {SIAM}, year = {2010}
+}""",
+    "WaechterBiegler2006": """@article{WaechterBiegler2006,
+  author = {W{\\"a}chter, A. and Biegler, L. T.},
+  title = {On the implementation of an interior-point filter line-search algorithm for large-scale
+    nonlinear programming},
+  journal = {Mathematical Programming},
+  volume = {106}, number = {1}, pages = {25--57}, year = {2006}
+}""",
+    "AnderssonEtAl2019": """@article{AnderssonEtAl2019,
+  author = {Andersson, J. A. E. and Gillis, J. and Horn, G. and Rawlings, J. B. and Diehl, M.},
+  title = {{CasADi}: a software framework for nonlinear optimization and optimal control},
+  journal = {Mathematical Programming Computation},
+  volume = {11}, number = {1}, pages = {1--36}, year = {2019}
+}""",
     "HairerNorsettWanner1993": """@book{HairerNorsettWanner1993,
   author = {Hairer, E. and N{\\o}rsett, S. P. and Wanner, G.},
   title = {Solving Ordinary Differential Equations {I}: Nonstiff Problems},

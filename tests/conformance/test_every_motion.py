@@ -46,6 +46,13 @@ def joints(profile):
 
 
 @cache
+def optimal():
+    return fa.optimal_motion(
+        two_links(), [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=10
+    )
+
+
+@cache
 def inversion():
     return fa.tip_inversion(two_links(), line(), reduction=0.5)
 
@@ -102,6 +109,7 @@ MOTIONS = {
     "smoothed": lambda: fa.smoothed(long_line(), 0.2),
     "shaped": lambda: fa.shaped(line(), two_links()),
     "quasi-static": lambda: fa.quasi_static_reference(two_links(), line()),
+    "optimal": optimal,
     "inversion": lambda: inversion().reference,
     "sampled": lambda: joints("trapezoidal").sampled(300.0),
     "of a file": lambda: motion_of_file(motion={**PATH, "smoothing": {"duration": 0.1}}),
@@ -117,6 +125,7 @@ FUNCTIONS = {
     "rigid torque": lambda: fa.rigid_torque(two_links(), line()),
     "corrected torque": lambda: inversion().torque,
     "quasi-static torque": lambda: fa.quasi_static_reference(two_links(), line()).torque,
+    "torque of an optimal motion": lambda: optimal().torque,
     "flexible torque": lambda: fa.flexible_torque(two_links(), joints("quintic")),
     "balanced torque of a file": lambda: prepare(
         scenario(

@@ -23,6 +23,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("inverse_kinematics", "rigid_torque", "shaped", "smoothed"),
         *("quasi_static_reference", "QuasiStaticReference", "pressed_motion", "PressedMotion"),
         *("tip_inversion", "TipInversion", "flexible_torque", "FlexibleTorque"),
+        *("optimal_motion", "MotionLimits", "OptimalMotion"),
     ),
     "simulation": (
         *("simulate", "simulate_batch", "Reduction"),
@@ -52,6 +53,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "symbolic": ("to_casadi", "to_jax", "export_c", "export_mjcf", "export_urdf"),
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
+        "OptimizationError",
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
         *("InconsistentEstimateWarning", "LargeDeflectionWarning"),
     ),

@@ -37,6 +37,16 @@ def motion() -> Any:
 
 
 @cache
+def limits() -> fa.MotionLimits:
+    return fa.MotionLimits(torque=4.0)
+
+
+@cache
+def optimal() -> fa.OptimalMotion:
+    return fa.optimal_motion(arm(), start, end, limits=limits(), intervals=10)
+
+
+@cache
 def pressed() -> Any:
     return fa.pressed_motion(arm(), motion(), 0.1, [0.0, 1.0], interval=0.5)
 
@@ -168,6 +178,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Instrument": {"signal": "joint_angle"},
     "Load": {"link": 1, "force": [1.0, 0.0]},
     "Measurement": {},
+    "MotionLimits": {"torque": 2.0},
     "Motors": {"torque_limit": 2.0},
     "ControllerRequirements": {},
     "Plant": {"arm": arm, "sample_time": 0.005},
@@ -202,6 +213,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "load_arm": {"path": lambda: folder() / "arm.yaml"},
     "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
     "modes": {"arm": arm},
+    "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     "read_result": {"path": lambda: folder() / "result.nc"},
@@ -287,6 +299,16 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         lambda: fa.PrescribedAngle,
         {"hold": {"angle": 0.1}, "table": {"times": [0.0, 1.0], "angles": [0.0, 0.1]}},
     ),
+    "OptimalMotion": (
+        optimal,
+        {
+            **_TIMES,
+            "at": {"times": [0.2]},
+            "sampled": {"rate": 100.0},
+            "state": {"t": 0.2},
+            "tip": {"t": 0.2},
+        },
+    ),
     "PressedMotion": (
         pressed,
         {
@@ -359,6 +381,7 @@ MADE_BY_FLEXARM = {
     "LinearModel",
     "ModeTracks",
     "Modes",
+    "OptimalMotion",
     "PressedMotion",
     "QuasiStaticReference",
     "Separation",

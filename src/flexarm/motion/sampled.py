@@ -25,8 +25,43 @@ _MOST_SAMPLES = 10**6
 _TESTS = np.array([0.14, 0.28, 0.5, 0.86])
 
 
+class TabulatedMotion(Motion):
+    """A motion whose joint angles are piecewise polynomials of time.
+
+    A subclass sets the table, whose first and last polynomial are constants, for the rest before
+    and after the motion.
+    """
+
+    _table: PPoly
+
+    @public_call
+    def joint_angle(self, t: ArrayLike) -> Floats:
+        """Return the relative joint angles (n,) or (T, n), rad."""
+        return self._derivative(t, 0)
+
+    @public_call
+    def joint_rate(self, t: ArrayLike) -> Floats:
+        """Return the joint rates (n,) or (T, n), rad/s."""
+        return self._derivative(t, 1)
+
+    @public_call
+    def joint_acceleration(self, t: ArrayLike) -> Floats:
+        """Return the joint accelerations (n,) or (T, n), rad/s^2."""
+        return self._derivative(t, 2)
+
+    def at(self, times: Floats) -> JointState:
+        """See `Motion.at`."""
+        return JointState(*(self._derivative(times, order) for order in range(3)))
+
+    def _derivative(self, t: ArrayLike, order: int) -> Floats:
+        ends = self._table.x[0], self._table.x[-1]
+        times = check_times("t", t)
+        found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
+        return found
+
+
 @dataclass(frozen=True, eq=False)
-class SampledMotion(DerivedMotion):
+class SampledMotion(TabulatedMotion, DerivedMotion):
     """A motion tabulated at a constant rate, with polynomials of degree 5 between the samples.
 
     At the samples angles, rates and accelerations are those of the original. In between, rates and
@@ -57,32 +92,6 @@ class SampledMotion(DerivedMotion):
         """Return the tip (2,) or (T, 2) of the original, world axes, m, without tabulation."""
         return self.motion.tip(t)
 
-    @public_call
-    def joint_angle(self, t: ArrayLike) -> Floats:
-        """Return the relative joint angles (n,) or (T, n), rad."""
-        return self._derivative(t, 0)
-
-    @public_call
-    def joint_rate(self, t: ArrayLike) -> Floats:
-        """Return the joint rates (n,) or (T, n), rad/s."""
-        return self._derivative(t, 1)
-
-    @public_call
-    def joint_acceleration(self, t: ArrayLike) -> Floats:
-        """Return the joint accelerations (n,) or (T, n), rad/s^2."""
-        return self._derivative(t, 2)
-
-    def at(self, times: Floats) -> JointState:
-        """See `Motion.at`."""
-        return JointState(*(self._derivative(times, order) for order in range(3)))
-
-    def _derivative(self, t: ArrayLike, order: int) -> Floats:
-        # The first and the last polynomial are constants, for the rest before and after the motion.
-        ends = self._table.x[0], self._table.x[-1]
-        times = check_times("t", t)
-        found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
-        return found
-
 
 def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
     """Tabulate a motion at a constant rate (Hz); see ``Motion.sampled``.
@@ -90,8 +99,6 @@ def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
     Raises:
         InputError: if the rate is not positive, or would require more than a million samples.
     """
-    from scipy.interpolate import PPoly
-
     most = _MOST_SAMPLES / motion.duration
     rule = f"be greater than 0 and at most {most:.6g} for a motion of {motion.duration:.6g} s"
     frequency = check_number("rate", rate, lambda hertz: 0.0 < hertz <= most, rule)
@@ -100,14 +107,10 @@ def sampled_motion(motion: Motion, rate: float) -> SampledMotion:
     ends = np.concatenate([nodes[1:] for nodes in pieces])
     # At a break the acceleration has the value after the jump; evaluate just before it instead.
     before = [np.append(nodes[1:-1], np.nextafter(nodes[-1], -np.inf)) for nodes in pieces]
-    width = ends - starts
-    inner = _quintic(motion.state(starts), motion.state(np.concatenate(before)), width)
-    rests = np.zeros((2, 6, motion.joints))
-    rests[:, 5] = motion.joint_angle([motion.start_time - 1.0, motion.end_time])
-    coefficients = np.concatenate([rests[:1], inner, rests[1:]]).transpose(1, 0, 2)
-    edges = np.concatenate([[starts[0] - 1.0], starts, [ends[-1], ends[-1] + 1.0]])
-    table = PPoly(np.ascontiguousarray(coefficients), edges)
-    times = (starts[:, None] + width[:, None] * _TESTS).reshape(-1)
+    rests = motion.joint_angle([motion.start_time - 1.0, motion.end_time])
+    states = motion.state(starts), motion.state(np.concatenate(before))
+    table = quintic_table(np.append(starts, ends[-1]), *states, rests)
+    times = (starts[:, None] + (ends - starts)[:, None] * _TESTS).reshape(-1)
     exact = motion.state(times)
     error = (np.abs(table(times, order) - part).max(axis=0) for order, part in enumerate(exact))
     return SampledMotion(motion, frequency, JointState(*error), table)
@@ -117,6 +120,24 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
     """Return evenly spaced times from start to end, at least as close as the rate requires."""
     count = max(int(np.ceil((end - start) * rate * (1.0 - 1e-9))), 1)
     return np.linspace(start, end, count + 1)
+
+
+def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
+    """Return polynomials of degree 5 between rest before and rest after a motion.
+
+    Args:
+        edges: (k + 1,) s.
+        first, last: (k, n) at the start and at the end of each interval.
+        rests: (2, n) rad, angles before and after the motion.
+    """
+    from scipy.interpolate import PPoly
+
+    constant = np.zeros((2, 6, rests.shape[1]))
+    constant[:, 5] = rests
+    inner = _quintic(first, last, np.diff(edges))
+    coefficients = np.concatenate([constant[:1], inner, constant[1:]]).transpose(1, 0, 2)
+    ends = np.concatenate([[edges[0] - 1.0], edges, [edges[-1] + 1.0]])
+    return PPoly(np.ascontiguousarray(coefficients), ends)
 
 
 def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:

@@ -1,0 +1,1 @@
+"""Optimal motions: least time, energy or vibration within limits, by direct collocation."""

@@ -1,0 +1,242 @@
+"""Optimal motions as motions and torques, partial rest, and errors."""
+
+import pickle
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.optimize.plan import GAUSS
+from flexarm.optimize.transcription import Answer, Transcription
+
+LINK = {"length": 1.0, "flexural_rigidity": 30.0, "mass_per_length": 0.5}
+LIMITS = fa.MotionLimits(torque=4.0)
+
+
+@cache
+def arm(modes=1, gravity=(0.0, 0.0)):
+    return fa.Arm(
+        links=[fa.Link(modes=modes, **LINK)],
+        joints=[fa.Joint(hub_inertia=0.1)],
+        gravity=gravity,
+    )
+
+
+@cache
+def move():
+    return fa.optimal_motion(arm(), [0.0], [0.8], limits=LIMITS)
+
+
+def test_motion_is_that_of_the_simulated_joints():
+    motion = move()
+    run = fa.simulate(arm(), motion.duration, torque=motion.torque, initial=motion.initial)
+    times = run.time.values
+    # Three Gauss points per interval, and polynomials of degree 5.
+    np.testing.assert_allclose(motion.joint_angle(times), run.joint_angle, atol=1e-6)
+    np.testing.assert_allclose(motion.joint_rate(times), run.joint_rate, atol=1e-4)
+    inside = 0.5 * np.add(motion.breaks[:-1], motion.breaks[1:])
+    q, qd = (run[name].interp(time=inside, method="cubic").values for name in ("q", "qd"))
+    torque = motion.torque(inside)
+    rows = [arm().forward_dynamics(*state)[0] for state in zip(q, qd, torque, strict=True)]
+    wanted = np.array(rows)
+    found = motion.joint_acceleration(inside)[:, 0]
+    np.testing.assert_allclose(found, wanted, atol=1e-3 * np.abs(wanted).max())
+
+
+def test_refined_plan_is_the_same_motion():
+    motion = move()
+    plan = motion._plan.refined(2 * motion.intervals, continuous=False)
+    half = motion._plan.refined(motion.intervals // 2, continuous=False)
+    # Polynomials of the collocation, here in the middle of an interval: order 4 of h = 1 / 40.
+    q, rate = motion.joint_angle(plan.times), motion.joint_rate(plan.times)
+    np.testing.assert_allclose(plan.q[:, :1], q, atol=1e-6)
+    np.testing.assert_allclose(plan.rate[:, :1], rate, atol=1e-4)
+    np.testing.assert_array_equal(plan.torque[::2], motion._plan.torque)
+    np.testing.assert_allclose(half.q, motion._plan.q[::2], atol=1e-12)
+    stages = (plan.times[:-1, None] + motion.duration / plan.intervals * GAUSS.c).ravel()
+    curve = motion.duration**2 * motion.joint_acceleration(stages)[:, 0]
+    np.testing.assert_allclose(plan.curve[..., 0].ravel(), curve, atol=2e-3 * np.abs(curve).max())
+
+
+def test_motion_is_a_reference_of_controllers():
+    motion = move()
+    control = fa.JointPD([40.0], [4.0], feedforward=motion.torque, sample_time=0.001)
+    run = fa.simulate(arm(), 2.0 * motion.duration, controller=control, reference=motion)
+    after = run.sel(time=slice(motion.duration, None))
+    # The feedforward is constant over each sample of 1 ms, so it switches up to 0.5 ms late.
+    assert np.abs(after.joint_angle - 0.8).max() < 0.01
+    assert np.abs(after.link_tip_deflection).max() < 0.1 * np.abs(run.link_tip_deflection).max()
+    again = pickle.loads(pickle.dumps(motion))
+    assert again.duration == motion.duration
+    assert repr(again) == repr(motion)
+    np.testing.assert_array_equal(again.torque(0.1), motion.torque(0.1))
+
+
+def test_under_gravity_the_arm_starts_and_ends_in_equilibrium():
+    heavy = arm(gravity=(0.0, -9.81))
+    motion = fa.optimal_motion(heavy, [-1.5], [-0.5], limits=fa.MotionLimits(torque=6.0))
+    ends = [fa.equilibrium(heavy, angle) for angle in ([-1.5], [-0.5])]
+    np.testing.assert_allclose(motion.initial, ends[0].q, atol=1e-12)
+    np.testing.assert_allclose(motion.torque(9.0), ends[1].torque, atol=1e-12)
+    assert motion.remaining.residual_vibration < 1e-5
+    assert motion.remaining.tip_error < 1e-5
+
+
+def test_only_the_given_modes_rest_at_the_end():
+    full = arm(modes=3)
+    one, every = (
+        fa.optimal_motion(full, [0.0], [0.8], "energy", duration=0.4, modes=count, intervals=80)
+        for count in (1, None)
+    )
+    free = fa.modes(full, q=one.final, joints="free")
+    rows = free.shapes @ full.mass_matrix(one.final)
+
+    def left(motion):
+        """Return the amplitudes of rates at the end: of the rigid arm, and of its vibrations."""
+        run = fa.simulate(full, motion.duration, torque=motion.torque, initial=motion.initial)
+        last = run.q.values[-1] - motion.final
+        return np.hypot(2.0 * np.pi * free.frequency_hz * (rows @ last), rows @ run.qd.values[-1])
+
+    assert (one.modes, every.modes) == (1, 3)
+    first, all_of_them = left(one), left(every)
+    assert np.all(first[:2] < 1e-3 * first[2])
+    assert np.all(all_of_them[:3] < 0.1 * first[2])
+
+
+def test_torque_holds_the_arm_outside_the_motion():
+    heavy = arm(gravity=(0.0, -9.81))
+    motion = fa.optimal_motion(heavy, [-1.5], [-0.5], limits=fa.MotionLimits(torque=6.0))
+    held = [fa.equilibrium(heavy, angle).torque for angle in ([-1.5], [-0.5])]
+    for time, torque in zip([[-np.inf, -1.0], [motion.duration, np.inf]], held, strict=True):
+        np.testing.assert_allclose(motion.torque(time), [torque, torque], atol=1e-12)
+
+
+def test_plant_with_more_modes_is_what_remains():
+    motion = fa.optimal_motion(arm(), [0.0], [0.8], limits=LIMITS, plant=arm(modes=3))
+    assert motion.run.sizes["coordinate"] == 4
+    assert motion.remaining.residual_vibration > 10.0 * move().remaining.residual_vibration
+    assert "residual vibration" in str(motion.remaining)
+
+
+def call(**changed):
+    given = {"arm": arm(), "start": [0.0], "end": [0.8], "limits": LIMITS} | changed
+    return fa.optimal_motion(**given)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"limits": None}, "limits.torque is required for every joint"),
+        ({"end": [0.0]}, "end must differ from start"),
+        ({"duration": 1.0}, "duration is free for the objective 'time'"),
+        ({"objective": "energy"}, "duration is required for the objective 'energy'"),
+        ({"objective": "speed"}, "objective must be one of 'time', 'energy', 'vibration'"),
+        ({"limits": {"torque": 1.0}}, "limits must be a MotionLimits"),
+        ({"limits": fa.MotionLimits(torque=[1.0, 2.0])}, "limits.torque must be one number"),
+        ({"limits": fa.MotionLimits(torque=1.0, strain=1e-3)}, "arm has no gauges"),
+        ({"end": [1e9]}, "end must be so near that the arm vibrates less than 500 times"),
+        ({"modes": 2}, "modes must be a whole number from 1 to 1"),
+        ({"arm": arm().rigid(), "objective": "vibration", "duration": 1.0}, "arm is rigid"),
+        (
+            {"arm": arm(gravity=(0.0, -9.81)), "limits": fa.MotionLimits(torque=1.0)},
+            "limits.torque must be at least the torque that holds the arm at the start, 2.45",
+        ),
+        (
+            {"limits": fa.MotionLimits(torque=4.0, joint_angle=(-0.1, 0.5))},
+            "permit the end, where joint_angle is 0.8 rad, got -0.1 to 0.5",
+        ),
+        (
+            {"limits": fa.MotionLimits(torque=4.0, obstacles=[fa.Wall((0.5, 0.0), (-1.0, 0.0))])},
+            "permit the start, where the tip beyond it is -0.5 m",
+        ),
+        (
+            {
+                "objective": "energy",
+                "duration": 0.5,
+                "limits": fa.MotionLimits(joint_rate=1.0),
+            },
+            "duration must be greater than 0.8 s",
+        ),
+    ],
+)
+def test_wrong_input_is_named(changed, message):
+    with pytest.raises(fa.InputError) as error:
+        call(**changed)
+    assert message in str(error.value)
+    assert str(error.value).startswith("optimal_motion: ")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"torque": -1.0}, "torque must be a number greater than 0"),
+        ({"joint_angle": (1.0, 0.5)}, "joint_angle must be a pair"),
+        ({"joint_angle": 1.0}, "joint_angle must be a pair"),
+        ({"joint_angle": ([0.0, 0.0], [1.0, 1.0, 1.0])}, "joint_angle must be a pair"),
+        ({"obstacles": [(0.0, 1.0)]}, "obstacles[0] must be a Wall or a RoundWall"),
+        ({"obstacles": fa.Wall((0, 0), (0, 1))}, "obstacles must be a list of surfaces"),
+        ({"clearance": -1.0}, "clearance must be at least 0"),
+        (
+            {"obstacles": [fa.RoundWall((0.0, 0.0), 2.0, inside=True)], "clearance": 2.0},
+            "clearance must be less than the radius of the circle around the arm, 2 m",
+        ),
+    ],
+)
+def test_wrong_limits_are_named(given, message):
+    with pytest.raises(fa.InputError) as error:
+        fa.MotionLimits(**given)
+    assert f"MotionLimits: {message}" in str(error.value)
+
+
+def test_all_wrong_limits_are_listed_together():
+    with pytest.raises(fa.InputError) as error:
+        fa.MotionLimits(torque=0.0, joint_rate="fast", clearance=-1.0)
+    assert len(error.value.problems) == 3
+
+
+def test_too_short_a_duration_is_an_error_with_the_last_iterate():
+    short = 0.5 * move().duration
+    with pytest.raises(fa.OptimizationError, match="objective='time' finds") as error:
+        call(objective="energy", duration=short)
+    assert error.value.last.time.values[-1] == pytest.approx(short)
+    assert error.value.last.sizes["coordinate"] == arm().dof
+
+
+def test_too_few_iterations_are_an_error_with_the_last_iterate():
+    with pytest.raises(fa.OptimizationError, match="after 2 iterations") as error:
+        call(iterations=2)
+    assert "Maximum_Iterations_Exceeded" in error.value.reason
+    last = error.value.last
+    assert last.joint_angle.values[[0, -1], 0] == pytest.approx([0.0, 0.8])
+
+
+def test_a_feasible_iterate_that_is_no_solution_names_fast_modes(monkeypatch):
+    def failed(self, plan, margins):
+        return Answer(plan, "Error_In_Step_Computation", False, 21, 1e-12)
+
+    monkeypatch.setattr(Transcription, "solve", failed)
+    with pytest.raises(fa.OptimizationError, match=r"reduce the modes of links \(Link.modes\)"):
+        call()
+
+
+def test_guess_selects_the_side_of_an_obstacle():
+    """The tip of a rigid arm passes a post in its way on the side of the guess."""
+    rigid = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=0.5)] * 2)
+    start, end = (fa.inverse_kinematics(rigid, point) for point in ((1.2, -0.8), (1.2, 0.8)))
+    limits = fa.MotionLimits(torque=[6.0, 2.0], obstacles=[fa.RoundWall((1.2, 0.0), 0.15)])
+    sides = []
+    for x in (0.8, 1.6):
+        guess = fa.spline_motion(rigid, [(1.2, -0.8), (x, 0.0), (1.2, 0.8)], 2.0)
+        motion = fa.optimal_motion(rigid, start, end, "energy", limits, duration=2.0, guess=guess)
+        tip = motion.run.tip.values
+        sides.append(float(tip[np.argmin(np.abs(tip[:, 1])), 0]))
+    assert sides[0] < 1.06
+    assert sides[1] > 1.34
+
+
+def test_missing_casadi_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(fa.InputError, match=r"optimal_motion: CasADi is not installed.*casadi"):
+        call()
