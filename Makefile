@@ -19,7 +19,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz mutants peers gallery clean
+.PHONY: help demo test suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz kills mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -90,6 +90,9 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 
 fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
 	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
+
+kills: $(VENV)/.ready-dev ## 10,000 runs on two processes, killed 20 times: is the store that of an undisturbed study? Ten minutes
+	$(BIN)/python tests/studies/kills.py
 
 mutants: $(VENV)/.ready-dev ## put small errors into copies of the code: do the tests notice nine in ten? An hour
 	$(BIN)/python -m mutants --workers $(WORKERS)

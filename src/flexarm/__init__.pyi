@@ -121,5 +121,9 @@ from .simulation.compare import compare as compare
 from .simulation.plant import Plant as Plant
 from .simulation.run import simulate as simulate
 from .simulation.separated import simulate_separated as simulate_separated
+from .studies.statistics import sensitivity_indices as sensitivity_indices
+from .studies.statistics import study_statistics as study_statistics
+from .studies.study import Study as Study
+from .studies.study import read_study as read_study
 
 __version__: str

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.model import Study, locate_study, save_scenario
+from flexarm.model import StudySpec, locate_study, save_scenario
 
 STUDY = """\
 flexarm: 1
@@ -223,7 +223,7 @@ def test_failed_run_is_reported_and_the_table_is_printed(path):
 
 def test_study_can_be_used_from_python(path):
     study, _ = locate_study(path)
-    assert isinstance(study, Study)
+    assert isinstance(study, StudySpec)
     assert study.scenario("PD", "back").drive.kind == "joint_pd"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from flexarm.errors import InputError
-from flexarm.model import Scenario, Study
+from flexarm.model import Scenario, StudySpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import look
 from flexarm.studio.state import Project, open_bytes
@@ -106,10 +106,10 @@ def every_field() -> dict[str, set[tuple[str, str]]]:
     scenario = open_bytes(SCENARIO.encode(), "a.yaml").edited(("contacts", NEW), None)
     free = open_bytes(FREE.encode(), "b.yaml")
     study = open_bytes(STUDY.encode(), "c.yaml").edited(("contacts", NEW), None)
-    return {"Scenario": found_from(scenario) | found_from(free), "Study": found_from(study)}
+    return {"Scenario": found_from(scenario) | found_from(free), "StudySpec": found_from(study)}
 
 
-@pytest.mark.parametrize("root", [Scenario, Study], ids=lambda root: root.__name__)
+@pytest.mark.parametrize("root", [Scenario, StudySpec], ids=lambda root: root.__name__)
 def test_every_key_has_a_field(root, every_field):
     missing = keys_of(root) - every_field[root.__name__]
     assert sorted(missing) == []

@@ -31,6 +31,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("GeneralizedAlpha", "Plant", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),
+        *("Study", "read_study", "study_statistics", "sensitivity_indices"),
         *("write_result", "read_result", "citation"),
     ),
     "controllers": (

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 import flexarm as fa
-from fuzz.base_calls import arm, controller, end, motion, result, start
+from fuzz.base_calls import arm, controller, end, motion, result, start, study_table
 
 _TABLE = cache(lambda: fa.compare(arm(), {"pd": controller()}, 0.01, {"line": motion()}))
 _MODES = cache(lambda: fa.modes(arm()))
@@ -28,6 +28,8 @@ FIGURES: dict[str, dict[str, Any]] = {
     "phase_portrait": {"result": result, "channel": "joint_angle[1]"},
     "postures": {"result": result, "count": 2, "rigid": True},
     "response_figure": {"model": _MODEL, "omega": [1.0, 10.0]},
+    "samples": {"table": study_table},
+    "samples_figure": {"table": study_table},
     "signals_figure": {"result": result},
     "study": {"table": _TABLE},
     "styled": {"medium": "screen"},

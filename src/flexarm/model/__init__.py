@@ -55,5 +55,5 @@ from flexarm.model.scenarios.scenario import InitialState as InitialState
 from flexarm.model.scenarios.scenario import RunSettings as RunSettings
 from flexarm.model.scenarios.scenario import Scenario as Scenario
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
-from flexarm.model.scenarios.study import Study as Study
+from flexarm.model.scenarios.study import StudySpec as StudySpec
 from flexarm.model.sensors import Sensor as Sensor

@@ -10,6 +10,8 @@ from .histories import history as history
 from .histories import phase_portrait as phase_portrait
 from .response import bode as bode
 from .response import response_figure as response_figure
+from .samples import samples as samples
+from .samples import samples_figure as samples_figure
 from .signals import signals_figure as signals_figure
 from .style import styled as styled
 from .vibration import campbell as campbell

@@ -81,6 +81,9 @@ class _Numbers:
     def __init__(self, table: xr.Dataset) -> None:
         needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
         self.table = check_dataset("table", table, needed, "a table of compare")
+        if "sample" in table.dims:
+            hint = "Draw it with plot.samples, or select one: table.isel(sample=0)."
+            raise InputError(Problem("table", "has samples", hint=hint))
         self.chosen = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
         if not self.chosen:
             raise InputError(Problem("table", "contains only runs that failed"))

@@ -94,6 +94,7 @@ class Prepared:
         plant: Arm | None = None,
         loads: Sequence[Load] = (),
         progress: bool | None = None,
+        **changes: Any,
     ) -> xr.Dataset:
         """Simulate the scenario, optionally with changes.
 
@@ -102,8 +103,9 @@ class Prepared:
             plant: arm to simulate, while the controller keeps the scenario's arm as its model.
             loads: loads in addition to those of the scenario.
             progress: True or False shows or hides the progress bar.
+            changes: arguments of ``simulate`` in place of those of the scenario.
         """
-        options = dict(self.options)
+        options = self.options | changes
         if plant is not None:
             options["plant"] = plant
         if loads:

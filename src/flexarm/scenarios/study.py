@@ -7,13 +7,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
-from flexarm.errors import InputError, public_call
-from flexarm.model import Study, locate_study
+from flexarm.errors import InputError, Problem, public_call
+from flexarm.model import StudySpec, locate_study
+from flexarm.model.drives import CONTROLLED
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.scenarios.file_errors import Where, problems_at
@@ -37,13 +38,10 @@ class PreparedStudy:
             excludes everything after a motion.
     """
 
-    def __init__(self, study: Study, place: Where = lambda _: "study") -> None:
+    def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
         self.study = study
         self.arm = Arm(study.arm)
-        self.plants = {
-            name: (Arm(plant_spec(study.arm, plant)), plant.loads)
-            for name, plant in study.plants.items()
-        }
+        self.plants = {name: Arm(plant_spec(study.arm, p)) for name, p in study.plants.items()}
         self._prepared: dict[tuple[str, str], Prepared] = {}
         made: dict[
             str, TaskReference | None
@@ -59,49 +57,71 @@ class PreparedStudy:
         with problems_at(place, "run"):
             check_settling(study.run.settling, study.run.duration, made)
 
-    def run(self, progress: bool | None = None) -> xr.Dataset:
-        """Run the study; return the table of ``flexarm.compare`` with drives as controllers."""
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """Names of the drives, plants and motions, by the dimensions of the table."""
         study = self.study
-        names = {
+        return {
             "controller": list(study.drives),
             "plant": list(study.plants),
             "reference": list(study.motions),
         }
-        table = comparison(self.arm, names, self._one, study.run.settling, progress)
-        table.attrs["duration"] = study.run.duration
+
+    def run(self, progress: bool | None = None) -> xr.Dataset:
+        """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
+        run = self.study.run
+        table = comparison(self.arm, self.names, self.one, run.settling, progress)
+        table.attrs["duration"] = run.duration
         return table
+
+    def controlled(self, drive: str) -> bool:
+        """Return whether a drive is a controller, which has instruments and motors."""
+        return self.study.drives[drive].kind in CONTROLLED
 
     def unstable_loops(self) -> dict[str, str]:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
         found = {
             f"{drive} on {plant} along {motion}": prepared.unstable_loop(prepared.loop_poles(arm))
             for (drive, motion), prepared in self._prepared.items()
-            for plant, (arm, _) in self.plants.items()
+            for plant, arm in self.plants.items()
         }
         return {name: text for name, text in found.items() if text}
 
-    def _one(self, drive: str, plant: str, motion: str) -> tuple[xr.Dataset, Reference]:
+    def one(
+        self, drive: str, plant: str, motion: str, simulated: Arm | None = None, **changes: Any
+    ) -> tuple[xr.Dataset, Reference]:
+        """Simulate one run; return its result and its motion.
+
+        Args:
+            simulated: arm in place of that of the plant, whose loads act on it.
+            changes: as in `Prepared.run`.
+        """
         prepared = self._prepared[drive, motion]
         assert prepared.motion is not None
-        simulated, loads = self.plants[plant]
-        return prepared.run(plant=simulated, loads=loads, progress=False), prepared.motion
+        arm, loads = simulated or self.plants[plant], self.study.plants[plant].loads
+        return prepared.run(plant=arm, loads=loads, progress=False, **changes), prepared.motion
 
 
 @public_call
-def run_study(study: Study | str | PathLike[str], *, progress: bool | None = None) -> xr.Dataset:
-    """Run a study, given as an object or as the path of its file.
+def run_study(
+    study: StudySpec | str | PathLike[str], *, progress: bool | None = None
+) -> xr.Dataset:
+    """Run a study without samples, given as an object or as the path of its file.
 
     Returns:
         The table of ``flexarm.compare``, with the drives as controllers.
 
     Raises:
         ModelError: if the file is not valid; it lists every problem with its line.
-        InputError: if a motion leaves the arm's reach, or a drive does not fit the arm.
+        InputError: if a motion leaves the arm's reach, a drive does not fit the arm, or the study
+            has samples.
     """
-    if isinstance(study, Study):
-        return PreparedStudy(study).run(progress)
-    located = locate_study(check_path("study", study))
-    return PreparedStudy(*located).run(progress)
+    located = (study,) if isinstance(study, StudySpec) else locate_study(check_path("study", study))
+    prepared = PreparedStudy(*located)
+    if prepared.study.samples is not None:
+        hint = "Use Study(...).run()."
+        raise InputError(Problem("study", "has samples, which run_study does not run", hint=hint))
+    return prepared.run(progress)
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -177,30 +178,14 @@ def comparison(
         for done, index in enumerate(np.ndindex(shape)):
             meter.update(done / int(np.prod(shape)))
             chosen = [names[dim][k] for dim, k in zip(_DIMS, index, strict=True)]
-            try:
-                with warnings.catch_warnings():  # kept with the numbers
-                    for kind in (
-                        AccuracyWarning,
-                        InconsistentEstimateWarning,
-                        LargeDeflectionWarning,
-                        UnstableLoopWarning,
-                    ):
-                        warnings.simplefilter("ignore", kind)
-                    result, reference = run(*chosen)
-            except (SimulationError, InputError) as error:
-                unstable[index] = _unstable(getattr(error, "result", None))
-                # An invalid argument of the first run is invalid in all runs, a later one only in
-                # its own run.
-                if isinstance(error, InputError) and done == 0:
-                    raise
-                failures[index] = str(error)
-                continue
-            unstable[index] = _unstable(result)
-            if result.attrs["ended_by"] != DURATION:  # metrics of a shorter run are not comparable
-                failures[index] = f"ended by the event {result.attrs['ended_by']!r}"
-                continue
-            bent[index] = " ".join(warnings_of(result))
-            for name, value in metrics_of(result, arm, reference, settling).items():
+            found = evaluated(partial(run, *chosen), arm, settling)
+            # An invalid argument of the first run is invalid in all runs, a later one only in its
+            # own run.
+            if found.refusal is not None and done == 0:
+                raise found.refusal
+            unstable[index], failures[index] = found.unstable, found.failure
+            bent[index] = found.warning
+            for name, value in found.metrics.items():
                 values[name][index] = value
     table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
     for metric in METRICS:
@@ -210,6 +195,55 @@ def comparison(
     table["warning"] = (_DIMS, bent.astype(str))
     _warn(names, unstable)
     return table
+
+
+class Evaluation(NamedTuple):
+    """Metrics of one run.
+
+    Attributes:
+        metrics: by name; empty for a run that failed.
+        failure: why the run stopped early, or empty.
+        warning: warnings of a complete run, or empty.
+        unstable: the text on an unstable loop, or empty.
+        refusal: the error of a run that could not start because of its arguments.
+    """
+
+    metrics: Mapping[str, float] = {}
+    failure: str = ""
+    warning: str = ""
+    unstable: str = ""
+    refusal: InputError | None = None
+
+
+def evaluated(
+    run: Callable[[], tuple[xr.Dataset, Reference]], arm: Arm, settling: float
+) -> Evaluation:
+    """Simulate one run and return its metrics, also if it fails.
+
+    Args:
+        run: function that returns the result and its reference.
+        arm, settling: as for ``metrics_of``.
+    """
+    try:
+        with warnings.catch_warnings():  # kept with the numbers
+            for kind in (
+                AccuracyWarning,
+                InconsistentEstimateWarning,
+                LargeDeflectionWarning,
+                UnstableLoopWarning,
+            ):
+                warnings.simplefilter("ignore", kind)
+            result, reference = run()
+    except SimulationError as error:
+        return Evaluation(failure=str(error), unstable=_unstable(error.result))
+    except InputError as error:
+        return Evaluation(failure=str(error), refusal=error)
+    unstable = _unstable(result)
+    if result.attrs["ended_by"] != DURATION:  # metrics of a shorter run are not comparable
+        failure = f"ended by the event {result.attrs['ended_by']!r}"
+        return Evaluation(failure=failure, unstable=unstable)
+    metrics = metrics_of(result, arm, reference, settling)
+    return Evaluation(metrics, "", " ".join(warnings_of(result)), unstable)
 
 
 def inconsistent(result: xr.Dataset) -> bool:

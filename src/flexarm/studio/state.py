@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from flexarm.errors import InputError, Problem
-from flexarm.model import ArmSpec, PlantSpec, Scenario, Study, file_text
+from flexarm.model import ArmSpec, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.checks import Record
 from flexarm.model.file_format.changes import Change, changed
 from flexarm.model.file_format.content import content_of
@@ -49,7 +49,7 @@ class Project:
         choice: None for a scenario.
     """
 
-    record: Scenario | Study
+    record: Scenario | StudySpec
     name: str
     choice: Choice | None = None
 
@@ -107,7 +107,7 @@ class Project:
         change = Change(ORIGIN, place, value)
         missing = _abbreviated(self.record, document.value, place)
         record = load_any(changed(document, [*missing, change]))
-        assert isinstance(record, Scenario | Study)
+        assert isinstance(record, Scenario | StudySpec)
         return replace(self, record=record)
 
     def chosen(self, **names: str) -> Project:
@@ -159,13 +159,13 @@ class Project:
             "model": (f"{self.name}-arm.yaml", file_text(self.record.arm)),
             "scenario": (f"{self.name}.yaml", file_text(self.scenario)),
         }
-        if isinstance(self.record, Study):
+        if isinstance(self.record, StudySpec):
             found["scenario"] = (f"{self.name}-scenario.yaml", found["scenario"][1])
             found["study"] = (f"{self.name}.yaml", file_text(self.record))
         return found
 
 
-def _abbreviated(record: Scenario | Study, content: Any, path: Path) -> Iterator[Change]:
+def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iterator[Change]:
     """Yield explicit values on a path for those that the file omits or gives by name."""
     for k, part in enumerate(path):
         given, value = content, record
@@ -177,7 +177,7 @@ def _abbreviated(record: Scenario | Study, content: Any, path: Path) -> Iterator
             return
 
 
-def project_of(record: ArmSpec | Scenario | Study, name: str) -> Project:
+def project_of(record: ArmSpec | Scenario | StudySpec, name: str) -> Project:
     """Return the project of the content of a file; an arm alone gets a motion and a drive."""
     if isinstance(record, ArmSpec):
         record = scenario_around(record)

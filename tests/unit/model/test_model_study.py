@@ -3,7 +3,7 @@
 import pytest
 
 from flexarm.errors import ModelError
-from flexarm.model import Study
+from flexarm.model import StudySpec
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.drives import CONTROLLED
 from flexarm.model.scenarios.study import PlantSpec, StudyRun, plant_spec
@@ -20,13 +20,13 @@ CONTENT = {
 
 
 def study(**changes):
-    return Study.model_validate({**CONTENT, **changes})
+    return StudySpec.model_validate({**CONTENT, **changes})
 
 
 def problems_of(**changes):
     with pytest.raises(ModelError) as caught:
-        Study(**{**CONTENT, **changes})
-    return [str(problem).removeprefix("Study: ") for problem in caught.value.problems]
+        StudySpec(**{**CONTENT, **changes})
+    return [str(problem).removeprefix("StudySpec: ") for problem in caught.value.problems]
 
 
 def test_each_scenario_has_its_drive_its_motion_and_the_common_parts():

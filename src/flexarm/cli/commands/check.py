@@ -8,11 +8,13 @@ from flexarm.arm import Arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
-from flexarm.model import Study, load_arm_spec, locate_scenario, locate_study
+from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
 from flexarm.model.file_format.files import describes_arm_only, load_document
+from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.scenario import prepare
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.scenarios.summary import about_arm, about_run
+from flexarm.studies.samples import Samples
 
 
 def check_file(path: Path) -> None:
@@ -25,9 +27,10 @@ def check_file(path: Path) -> None:
     is_study = "drives" in document.value
     unstable: list[str] = []
     if is_study:
-        study = PreparedStudy(*locate_study(document))
+        located = locate_study(document)
+        study = PreparedStudy(*located)
         unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-        found = [*about_arm(study.arm), *_about_study(study.study), *about_vibration(study.arm)]
+        found = [*about_arm(study.arm), *_about_study(*located), *about_vibration(study.arm)]
     elif describes_arm_only(document):
         arm = Arm(load_arm_spec(document))
         found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
@@ -44,8 +47,12 @@ def check_file(path: Path) -> None:
     screen.print("ok, but for the warning" if unstable else "ok")
 
 
-def _about_study(study: Study) -> list[tuple[str, str]]:
+def _about_study(study: StudySpec, where: Where) -> list[tuple[str, str]]:
     names = (("drives", study.drives), ("plants", study.plants), ("motions", study.motions))
     rows = [(kind, ", ".join(list(items))) for kind, items in names]
-    runs = len(study.drives) * len(study.plants) * len(study.motions)
+    samples = Samples(study, where).count
+    runs = samples * len(study.drives) * len(study.plants) * len(study.motions)
+    if study.samples is not None:
+        varied = ", ".join(study.vary) or "noise"
+        rows.append(("samples", f"{samples}, {study.samples.method}: {varied}"))
     return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]

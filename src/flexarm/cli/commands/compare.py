@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.cli.commands.sweep import draw_samples, print_statistics
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import FlexarmWarning
 from flexarm.model import locate_study
 from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
 from flexarm.scenarios.study import PreparedStudy
+from flexarm.studies.study import Study
 from flexarm.writing.places import check_place, write_text, write_whole
 
 if TYPE_CHECKING:
@@ -39,19 +41,27 @@ _PRESSING = (
 )
 
 
-def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
+def compare_file(path: Path, out: Path | None, plot: Path | None, workers: int | None) -> None:
     """Run the study in a file.
 
-    The file and the output paths are validated before the runs.
+    The file and the output paths are validated before the runs. If numbers of the study vary, the
+    table has their statistics.
+
+    Args:
+        workers: number of processes for the samples; None for one for each core.
 
     Raises:
         InputError: if the file is not valid or an output path cannot be written.
     """
-    prepared = PreparedStudy(*locate_study(path))
+    located = locate_study(path)
     if out is not None:
         check_place("--out", out, TABLE_SUFFIXES)
     if plot is not None:
         check_place("--plot", plot, FIGURE_SUFFIXES)
+    if located[0].samples is not None:
+        _compare_samples(Study(path).run(workers=workers), out, plot)
+        return
+    prepared = PreparedStudy(*located)
     with warnings.catch_warnings():  # printed below with the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run()
@@ -69,6 +79,16 @@ def compare_file(path: Path, out: Path | None, plot: Path | None) -> None:
 
         write_figure(comparison_figure(table), plot)
         screen.print(f"plot in {plot}", soft_wrap=True)
+
+
+def _compare_samples(table: xr.Dataset, out: Path | None, plot: Path | None) -> None:
+    """Print the statistics of samples, and write the requested files."""
+    print_statistics(table)
+    if out is not None:
+        _save(table, out)
+        console().print(f"table in {out}", soft_wrap=True)
+    if plot is not None:
+        draw_samples(table, plot)
 
 
 def _printed(table: xr.Dataset, reference: str) -> object:

@@ -22,7 +22,7 @@ from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.read_bytes import read_bytes
 from flexarm.model.file_format.yaml_text import Document, parse, to_yaml
 from flexarm.model.scenarios.scenario import Scenario
-from flexarm.model.scenarios.study import Study
+from flexarm.model.scenarios.study import StudySpec
 from flexarm.model.wording import Path, suggestion
 from flexarm.writing.places import AnyPath, write_text
 
@@ -81,13 +81,13 @@ def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path]
     return _located(Scenario, path)
 
 
-def locate_study(path: AnyPath | Document) -> tuple[Study, Callable[[Path], str]]:
+def locate_study(path: AnyPath | Document) -> tuple[StudySpec, Callable[[Path], str]]:
     """Read a study file, and return the study with a function from key path to line.
 
     Raises:
         ModelError: if the file or its arm file is invalid; lists all problems with lines.
     """
-    return _located(Study, path)
+    return _located(StudySpec, path)
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
         ModelError: if the file has only an arm, or keys of the other kind of file only.
     """
     if describes_arm_only(document) and "arm" in document.value:
-        rule = f"has an arm only, so it is not a {kind.__name__.lower()}"
+        rule = f"has an arm only, so it is not a {_WORDS[kind][0]}"
         hint = "`flexarm check`, `modes` and `linearize` read an arm alone."
         if kind is Scenario:
             hint = f"Add `run: {{duration: 2}}` to simulate it. {hint}"
@@ -141,18 +141,18 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
     keys = document.value.keys()
     own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
     others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
-    if kind is Study:
+    if kind is StudySpec:
         others |= keys & {"run"}  # the only key of its own in a scenario of a free arm
     if own or not others:
         return
-    names = {Scenario: ("scenario", "run"), Study: ("study", "compare")}
-    expected, (other, command) = names[kind][0], names[_OTHERS[kind]]
+    expected, (other, command) = _WORDS[kind][0], _WORDS[_OTHERS[kind]]
     hint = f"Run it with `flexarm {command}`, or with run_{other} in Python."
     place = document.where((min(others),))
     raise ModelError(Problem("the file", f"is a {other}, not a {expected}", hint=hint, where=place))
 
 
-_OTHERS: dict[type[Record], type[Record]] = {Scenario: Study, Study: Scenario}
+_OTHERS: dict[type[Record], type[Record]] = {Scenario: StudySpec, StudySpec: Scenario}
+_WORDS: dict[Any, Any] = {Scenario: ("scenario", "run"), StudySpec: ("study", "compare")}
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
@@ -176,14 +176,14 @@ def save_scenario(scenario: Scenario, path: AnyPath) -> None:
     write_text(file_text(scenario), path)
 
 
-def file_text(record: ArmSpec | Scenario | Study) -> str:
+def file_text(record: ArmSpec | Scenario | StudySpec) -> str:
     """Return the YAML text of an arm file, a scenario file or a study file."""
     content = content_of(record)
     parts = {"arm": content} if isinstance(record, ArmSpec) else content
     return to_yaml({"flexarm": FILE_VERSION, **parts})
 
 
-def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
+def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
     """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`.
 
     Raises:
@@ -197,7 +197,7 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | Study:
     return locate_scenario(document)[0]
 
 
-def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | Study:
+def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | StudySpec:
     """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
 
     Raises:
@@ -304,7 +304,7 @@ def _head_problems(document: Document, kind: type[Record] | None) -> list[Proble
     If only the arm is read, the file may be of any kind.
     """
     if kind is None:
-        kind = Study if "drives" in document.value else Scenario
+        kind = StudySpec if "drives" in document.value else Scenario
     keys = ("flexarm", *kind.model_fields)
     problems = [
         Problem(key, "is not a known key", hint=suggestion(key, keys), where=document.where((key,)))

@@ -9,23 +9,24 @@ from typing import Any, TypeVar
 
 from flexarm.errors import InputError, Problem, shown
 from flexarm.model.checks import Record
+from flexarm.model.quantities import Names
 
 R = TypeVar("R", bound=Record)
 
-_PART = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_PART = re.compile(r"\.?([A-Za-z_](?:\w| (?=\w))*)|\[(\d{1,6})\]")
 
 
-def number_at(name: str, record: Record, path: object) -> float:
+def number_at(name: str, record: Record, path: object, whole: str = "arm") -> float:
     """Return the number at a path.
 
     Args:
-        name: name of the argument, for messages.
+        name: name of the argument, and whole: name of the record, for messages.
 
     Raises:
         InputError: if the record has no such path, or its value is not a floating-point number but
             None, an integer, a boolean or text.
     """
-    rule = "be the path of a number of the arm"
+    rule = f"be the path of a number of the {whole}"
     if not isinstance(path, str):
         hint = "A path is text such as 'links[0].flexural_rigidity' or 'payload.mass'."
         raise InputError(Problem(name, rule, shown(path), hint))
@@ -36,7 +37,7 @@ def number_at(name: str, record: Record, path: object) -> float:
         known = _names(value)
         if part not in known:
             near = get_close_matches(str(part), [str(k) for k in known], n=1)
-            hint = f"{walked or 'The arm'} has no {part}" + (
+            hint = f"{walked or f'The {whole}'} has no {part}" + (
                 f"; did you mean {near[0]}?" if near else "."
             )
             raise InputError(Problem(name, rule, shown(path), hint))
@@ -91,11 +92,13 @@ def parts_of(path: str) -> list[str | int]:
 def _names(value: Any) -> list[str | int]:
     if isinstance(value, Record):
         return list(type(value).model_fields)
+    if isinstance(value, Names):
+        return list(value)
     return list(range(len(value))) if isinstance(value, tuple) else []
 
 
 def _inside(value: Any, part: str | int) -> Any:
-    return getattr(value, part) if isinstance(part, str) else value[part]
+    return getattr(value, str(part)) if isinstance(value, Record) else value[part]
 
 
 def _joined(walked: str, part: str | int) -> str:
@@ -111,4 +114,6 @@ def _with(value: Any, parts: list[str | int], number: Any, checked: bool) -> Any
     inside = _with(_inside(value, first), rest, number, checked)
     if isinstance(first, int):
         return (*value[:first], inside, *value[first + 1 :])
+    if isinstance(value, Names):
+        return Names({**value, first: inside})
     return value.replace(**{first: inside}) if checked else value.model_copy(update={first: inside})

@@ -9,10 +9,10 @@ from flexarm.model.arm.sections import MATERIALS
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.file_format.files import FILE_VERSION
 from flexarm.model.scenarios.scenario import Scenario
-from flexarm.model.scenarios.study import Study
+from flexarm.model.scenarios.study import StudySpec
 from flexarm.model.wording import suggestion
 
-_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": Study}
+_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": StudySpec}
 
 
 @public_call
@@ -30,7 +30,7 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
         rule = f"be one of {', '.join(map(repr, _KINDS))}"
         hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
         raise ModelError(Problem("kind", rule, shown(kind), hint))
-    whole = (Study if kind == "study" else Scenario).model_json_schema()
+    whole = (StudySpec if kind == "study" else Scenario).model_json_schema()
     definitions = whole["$defs"]
     for definition in definitions.values():
         if "kind" in definition.get("properties", {}):

@@ -19,6 +19,7 @@ from flexarm.model.environment.loads import Load, off_the_arm
 from flexarm.model.hardware import Hardware
 from flexarm.model.quantities import (
     Listed,
+    Mapped,
     Named,
     NonNegative,
     OneOrMany,
@@ -26,6 +27,7 @@ from flexarm.model.quantities import (
     Word,
 )
 from flexarm.model.scenarios.motions import MotionSpec
+from flexarm.model.scenarios.sampling import Distribution, SamplePlan, sampling_faults
 from flexarm.model.scenarios.scenario import RunSettings, Scenario
 from flexarm.model.wording import Fault, Path
 
@@ -85,8 +87,8 @@ class StudyRun(Record):
 _SHARED = ("hardware", "loads", "contacts")
 
 
-class Study(Record):
-    """A comparison of all drives on all plants along all motions."""
+class StudySpec(Record):
+    """All drives on all plants along all motions, for all samples if numbers vary."""
 
     arm: ArmSpec = Field(description="The arm that the drives use as their model.")
     motions: Named[MotionSpec] = Field(description="Reference motions by name.")
@@ -103,6 +105,17 @@ class Study(Record):
     contacts: Listed[Contact] = Field(
         default=(), description="Contacts of points of the arm with surfaces."
     )
+    vary: Mapped[Distribution] = Field(
+        default={},
+        validate_default=True,
+        description=(
+            "Numbers that differ from sample to sample, by their path: in the simulated arms, such "
+            "as `payload.mass`, or in this file, such as `run.duration`."
+        ),
+    )
+    samples: SamplePlan | None = Field(
+        default=None, description="Number and choice of the samples; required with `vary`."
+    )
     run: StudyRun = Field(description="Settings of the runs and of their metrics.")
 
     _hints: ClassVar[dict[str, str]] = {
@@ -112,6 +125,7 @@ class Study(Record):
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         yield from _unfit_plants(given)
+        yield from sampling_faults(given)
         if not given.has("arm", "motions", "drives", "run"):
             return
         if not all(given.absent(name) or given.has(name) for name in _SHARED):

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from flexarm.arm import Arm
-from flexarm.model import Link, Scenario, Study
+from flexarm.model import Link, Scenario, StudySpec
 from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.file_format.content import content_of
@@ -50,7 +50,7 @@ def way_of(link: Link) -> str:
 
 
 def plain_edit(
-    record: Scenario | Study, scenario: Scenario, place: Path, path: Path, value: Any
+    record: Scenario | StudySpec, scenario: Scenario, place: Path, path: Path, value: Any
 ) -> tuple[Path, Sequence[Any]]:
     """Return an edit as a path of the record and values for it; the first valid one counts.
 
@@ -91,7 +91,7 @@ def plain_edit(
     return place, _in_form(scenario, forms, value, old)
 
 
-def shown_by(record: Scenario | Study, place: Path, path: Path) -> Path:
+def shown_by(record: Scenario | StudySpec, place: Path, path: Path) -> Path:
     """Return the path, or its beginning, of the field to continue with after an edit.
 
     Args:
@@ -105,14 +105,14 @@ def shown_by(record: Scenario | Study, place: Path, path: Path) -> Path:
     return path[:-1] if path[-1] == FORM else path
 
 
-def _at(record: Scenario | Study, place: Path) -> Any:
+def _at(record: Scenario | StudySpec, place: Path) -> Any:
     value: Any = record
     for part in place:
         value = look(value, part)
     return value
 
 
-def _removed(record: Scenario | Study, place: Path) -> tuple[Path, list[Any]]:
+def _removed(record: Scenario | StudySpec, place: Path) -> tuple[Path, list[Any]]:
     """Return the edit that removes an entry of a list, or a value that may be omitted."""
     if not isinstance(place[-1], int):
         return place, [None]

@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from flexarm.integrate import INTEGRATORS
-from flexarm.model import Link, Study
+from flexarm.model import Link, StudySpec
 from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
@@ -101,7 +101,7 @@ def groups_of(project: Project) -> list[Group]:
     rest = [name for name in type(arm).model_fields if name not in ("links", "joints", "payload")]
     groups.append(Group("Arm", partial(of.groups, [_value_of(arm, k, ("arm",)) for k in rest])))
     for name in type(record).model_fields:
-        if isinstance(record, Study) and name in STUDIED:
+        if isinstance(record, StudySpec) and name in STUDIED:
             one = STUDIED[name]
             value = getattr(record, name)[getattr(project.choice, one)]
             forms = field_forms(record, name).given[0].items()

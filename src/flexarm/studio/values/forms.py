@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from flexarm.model import Scenario, Study
+from flexarm.model import Scenario, StudySpec
 from flexarm.model.checks import Record
 from flexarm.model.quantities import PerJoint, Typed
 from flexarm.model.wording import Path, look
@@ -170,7 +170,7 @@ def _form_name(annotation: Any, origin: Any, parts: tuple[Any, ...]) -> FormName
     return "record" if issubclass(annotation, Record) else "function"
 
 
-def forms_at(record: Scenario | Study, path: Path) -> Forms:
+def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
     """Return the forms of the value at a path of a scenario or study, which may be omitted.
 
     Raises:

@@ -1,0 +1,149 @@
+"""``flexarm sweep``: run the samples of a study into a store, and print their statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.cli.failures import warn
+from flexarm.cli.tables import console, numbers
+from flexarm.errors import InputError, Problem, SimulationError, shown
+from flexarm.output import FIGURE_SUFFIXES, write_figure
+from flexarm.studies.statistics import study_statistics
+from flexarm.studies.study import Study
+from flexarm.writing.places import check_place
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Columns of the printed table: metric, heading, factor to the displayed unit.
+_COLUMNS = (
+    ("tip_error_rms", "RMS mm", 1e3),
+    ("residual_vibration", "after mm", 1e3),
+    ("force_error_rms", "RMS N", 1.0),
+    ("torque_peak", "peak N m", 1.0),
+)
+_QUANTILES = (0.5, 0.95)
+#: Samples that ``--verify`` repeats.
+_REPEATED = 10
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """Options of the command.
+
+    Attributes:
+        out: folder of the store; None for one beside the study.
+        plot: file of the plot.
+        scheduler: address of a scheduler of Dask, or None for processes of this computer.
+        workers: number of those processes; None for one for each core.
+        chunk: samples of a task; None for a measured number.
+        limits: largest acceptable metrics, as ``NAME=VALUE``.
+        resume: whether an existing store is continued.
+        verify: whether a random part of the samples is repeated.
+    """
+
+    out: Path | None = None
+    plot: Path | None = None
+    scheduler: str | None = None
+    workers: int | None = None
+    chunk: int | None = None
+    limits: Sequence[str] = ()
+    resume: bool = False
+    verify: bool = False
+
+
+def sweep_file(path: Path, options: SweepOptions) -> None:
+    """Run the study in a file; the file and the options are validated before the runs.
+
+    Raises:
+        InputError: if the file or an option is not valid, or the store exists.
+        SimulationError: if a repeated sample differs.
+    """
+    limits = dict(map(_limit, options.limits))
+    study = Study(path)
+    if options.plot is not None:
+        check_place("--plot", options.plot, FIGURE_SUFFIXES)
+    out = options.out or path.with_suffix(".zarr")
+    given: dict[str, Any] = {"workers": options.workers, "chunk": options.chunk}
+    table = study.run(out, options.scheduler, resume=options.resume, **given)
+    print_statistics(table, limits)
+    screen = console()
+    screen.print(f"{study.runs} runs in {out}", soft_wrap=True)
+    if options.plot is not None:
+        draw_samples(table, options.plot)
+    if options.verify:
+        different = study.verify(out, _REPEATED)
+        if different:
+            names = ", ".join(map(str, different))
+            raise SimulationError(0.0, f"samples {names} of the store differ when repeated.")
+        screen.print(f"{min(_REPEATED, study.samples)} samples repeated: identical")
+
+
+def print_statistics(table: xr.Dataset, limits: dict[str, float] | None = None) -> None:
+    """Print the statistics of a study, and the first failure and the first warning of each run."""
+    found = study_statistics(table, _QUANTILES, limits=limits)
+    screen = console()
+    for reference in found["reference"].values:
+        screen.print(_printed(found.sel(reference=reference), str(reference)), soft_wrap=True)
+    for kind in ("failure", "warning"):
+        for text in _first_of(table, kind):
+            warn(text)
+
+
+def draw_samples(table: xr.Dataset, plot: Path) -> None:
+    """Write the figure of the samples."""
+    from flexarm.plot.samples import samples_figure
+
+    write_figure(samples_figure(table), plot)
+    console().print(f"plot in {plot}", soft_wrap=True)
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        rule = "be a metric and a number, such as tip_error_peak=0.01"
+        raise InputError(Problem("--limit", rule, shown(text))) from None
+
+
+def _printed(found: xr.Dataset, reference: str) -> object:
+    shown_columns = [c for c in _COLUMNS if np.isfinite(found[c[0]].values).any()]
+    rows = []
+    for drive in found["controller"].values:
+        for k, plant in enumerate(found["plant"].values):
+            one = found.sel(controller=drive, plant=plant)
+            cells = [
+                " / ".join(f"{factor * value:.3g}" for value in one[name].values)
+                for name, _, factor in shown_columns
+            ]
+            rate, low, high = (
+                _percent(float(one[f"failure_rate{end}"])) for end in ("", "_low", "_high")
+            )
+            cells.append(f"{rate} ({low}-{high})")
+            rows.append([str(drive) if k == 0 else "", str(plant), *cells])
+    title = f"Along {reference}: median / 95 % quantile; failures with their 95 % interval"
+    heads = ["drive", "plant", *(head for _, head, _ in shown_columns), "failed %"]
+    return numbers(title, heads, rows)
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.0f}" if fraction > 0.1 else f"{100.0 * fraction:.2g}"
+
+
+def _first_of(table: xr.Dataset, kind: str) -> Iterator[str]:
+    """Yield the first failure or warning of each drive, plant and motion, and their number."""
+    stacked = table[kind].stack(run=("controller", "plant", "reference"))
+    for drive, plant, reference in stacked["run"].values:
+        one = table[kind].sel(controller=drive, plant=plant, reference=reference)
+        told = one.values != ""
+        if told.any():
+            k = int(np.argmax(told))
+            where = f"{drive} on {plant} along {reference}"
+            count = f"{int(told.sum())} of {told.size} runs"
+            yield f"{where}: {count}, the first of sample {one.sample.values[k]}: {one.values[k]}"

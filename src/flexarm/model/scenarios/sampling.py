@@ -1,0 +1,131 @@
+"""Description of what a study varies: distributions of numbers, and the plan of its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, plain
+from flexarm.model.wording import Fault
+
+#: Samples of a study, which bounds the size of its index.
+MOST_SAMPLES = 10**10
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), BeforeValidator(plain)]
+
+
+class _Distribution(Record):
+    """Base of distributions."""
+
+    relative: Flag = Field(
+        default=False, description="Whether the numbers are factors of the value in the file."
+    )
+
+
+class _Range(_Distribution):
+    """Base of distributions between two bounds."""
+
+    levels: Count = Field(default=5, description="Number of values in a grid, with both bounds.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("low", "high") and given.high <= given.low:
+            yield Fault(("high",), f"be greater than low, {given.low:g}", shown(given.high))
+
+
+class UniformDistribution(_Range):
+    """Equally likely values between two bounds."""
+
+    kind: Literal["uniform"] = "uniform"
+    low: Number = Field(description="Lower bound, in the unit of the number.")
+    high: Number = Field(description="Upper bound, in the unit of the number.")
+
+
+class LogUniformDistribution(_Range):
+    """Values whose logarithm is uniform between two bounds."""
+
+    kind: Literal["log_uniform"] = "log_uniform"
+    low: Positive = Field(description="Lower bound, in the unit of the number.")
+    high: Positive = Field(description="Upper bound, in the unit of the number.")
+
+
+class NormalDistribution(_Distribution):
+    """Values of a normal distribution; not in a grid."""
+
+    kind: Literal["normal"] = "normal"
+    mean: Number = Field(description="Mean, in the unit of the number.")
+    deviation: Positive = Field(description="Standard deviation, in the unit of the number.")
+
+
+class ListedValues(_Distribution):
+    """Values of a list, equally likely, or all of them in a grid."""
+
+    kind: Literal["values"] = "values"
+    values: Listed[Number] = Field(
+        json_schema_extra={"minItems": 1}, description="The values, in the unit of the number."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("values") and not given.values:
+            yield Fault(("values",), "must not be empty")
+
+
+Distribution = Annotated[
+    UniformDistribution | LogUniformDistribution | NormalDistribution | ListedValues,
+    Field(discriminator="kind"),
+]
+
+
+class SamplePlan(Record):
+    """Number and choice of the samples of a study."""
+
+    method: Literal["latin_hypercube", "sobol", "random", "grid"] = Field(
+        default="latin_hypercube",
+        description="ListedValues of the samples; a grid has all combinations.",
+    )
+    count: Count | None = Field(
+        default=None, description="Number of samples; a grid has its own number."
+    )
+    seed: Seed = Field(default=0, description="Seed of the samples and of their noise.")
+    noise: Literal["same", "different"] = Field(
+        default="same",
+        description="Whether all samples have the same noise of the hardware, or each its own.",
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("method"):
+            return
+        if given.method == "grid" and not given.absent("count"):
+            hint = "The levels of the distributions determine it."
+            yield Fault(("count",), "cannot be combined with a grid", hint=hint)
+        if given.method != "grid" and given.absent("count"):
+            yield Fault(("count",), f"is required with method {given.method}")
+
+
+def sampling_faults(given: Given) -> Iterator[Fault]:
+    """Yield the faults between the distributions, the plan and the hardware of a study."""
+    if not given.has("vary"):
+        return
+    vary: Mapping[str, Any] = given.vary
+    if vary and given.absent("samples"):
+        yield Fault(("samples",), "is required with vary")
+    if not given.has("samples"):
+        return
+    plan: SamplePlan = given.samples
+    if not vary and plan.method == "grid":
+        yield Fault(("vary",), "is required with a grid")
+    if plan.noise == "different" and given.absent("hardware"):
+        yield Fault(("samples", "noise"), "requires hardware, whose noise it is")
+    count = plan.count or 1
+    for name, item in vary.items() if plan.method == "grid" else ():
+        if isinstance(item, NormalDistribution):
+            yield Fault(("vary", name, "kind"), "is not supported with a grid", shown("normal"))
+            return
+        count *= len(item.values) if isinstance(item, ListedValues) else item.levels
+    if count > MOST_SAMPLES:
+        yield Fault(("samples",), f"be at most {MOST_SAMPLES:.0e} samples", f"{count:.3g}")

@@ -1,0 +1,183 @@
+"""Statistics of a study: quantiles, rates of failures, and what the varied numbers explain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arguments import (
+    check_choice,
+    check_count,
+    check_dataset,
+    check_mapping,
+    check_number,
+    library_missing,
+)
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.simulation.metrics import METRICS
+from flexarm.studies.table import DIMS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_LIKELY = "be greater than 0 and less than 1"
+#: Samples below which indices are not computed: their intervals would cover everything.
+_LEAST_SAMPLES = 64
+
+
+@public_call
+def study_statistics(
+    table: xr.Dataset,
+    quantiles: ArrayLike = (0.05, 0.5, 0.95),
+    *,
+    limits: Mapping[str, float] | None = None,
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """Return quantiles of the metrics of a study and the rate of its failures.
+
+    Args:
+        table: as returned by `Study.run` or `read_study`.
+        quantiles: probabilities between 0 and 1.
+        limits: largest acceptable values of metrics by name. A run that exceeds one, or failed,
+            counts as a failure; by default only runs that failed.
+        confidence: probability that the interval of the failure rate contains the true one.
+
+    Returns:
+        Dataset over controller, plant and reference with each metric over ``quantile``, from the
+        runs that did not fail; ``samples``, their number; ``failure_rate`` and its limits
+        ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson.
+
+    Raises:
+        InputError: if the table is not one of a study, or a probability or a limit is not possible.
+
+    Quantiles of the metrics leave out runs that failed, so look at the rate of failures first. The
+    interval assumes independent samples: it is exact for ``random`` and on the safe side for Latin
+    hypercubes and Sobol sequences; a grid has no probability.
+    """
+    import xarray as xr
+    from scipy.stats import binomtest
+
+    table = _checked(table)
+    probabilities = check_array("quantiles", quantiles, (-1,))
+    if not probabilities.size or not np.all((probabilities >= 0.0) & (probabilities <= 1.0)):
+        raise InputError(Problem("quantiles", "be numbers from 0 to 1", shown(quantiles)))
+    level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
+    failed = table["failure"].transpose(*DIMS).values != ""
+    for name, limit in _limits(table, limits).items():
+        failed |= table[name].transpose(*DIMS).values > limit
+    found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
+    found = found.assign_coords(quantile=probabilities)
+    for metric in METRICS:
+        if metric.name not in table:
+            continue
+        values = table[metric.name].transpose(*DIMS).values
+        spread = _quantiles(values, probabilities)
+        labels = {"units": metric.unit, "long_name": metric.meaning}
+        found[metric.name] = (("quantile", *DIMS[1:]), spread, labels)
+    count = table.sizes["sample"]
+    intervals = np.array(
+        [binomtest(int(k), count).proportion_ci(level) for k in failed.sum(axis=0).ravel()]
+    ).reshape(*failed.shape[1:], 2)
+    runs = (table["failure"].transpose(*DIMS).values == "").sum(axis=0)
+    found["samples"] = (DIMS[1:], runs, {"long_name": "runs that did not fail"})
+    meaning = "fraction of the runs that failed or exceed a limit"
+    found["failure_rate"] = (DIMS[1:], failed.mean(axis=0), {"long_name": meaning})
+    for j, end in enumerate(("low", "high")):
+        label = {"long_name": f"{end} limit of the confidence interval"}
+        found[f"failure_rate_{end}"] = (DIMS[1:], intervals[..., j], label)
+    return found
+
+
+@public_call
+def sensitivity_indices(
+    table: xr.Dataset, metric: str = "tip_error_rms", *, resamples: int = 100, seed: int = 0
+) -> xr.Dataset:
+    """Return how much of the variation of a metric each varied number explains.
+
+    Args:
+        table: as returned by `Study.run` or `read_study`, of random, Latin hypercube or Sobol
+            samples of at least 64 runs that did not fail.
+        metric: its name.
+        resamples: of the confidence intervals.
+        seed: of these.
+
+    Returns:
+        Dataset over controller, plant, reference and parameter: ``first_order``, the fraction of
+        the variance that the number explains alone, and ``first_order_confidence``, half the width
+        of its 95 % interval; ``pawn``, how far the number shifts the distribution, from 0 (not) to
+        1. NaN where too few runs remain or the metric is constant.
+
+    Raises:
+        InputError: if the table is not one of a study, no numbers vary, there is no such metric,
+            or SALib is not installed.
+
+    The indices are those of ``SALib.analyze.rbd_fast`` (Tarantola, Gatelli and Mara, Reliability
+    Engineering and System Safety 91, 2006) and ``pawn`` (Pianosi and Wagener, Environmental
+    Modelling and Software 108, 2018): both use the samples as they are.
+    """
+    import xarray as xr
+
+    try:
+        from SALib.analyze import pawn, rbd_fast
+    except ImportError:
+        raise library_missing("SALib", "cluster") from None
+    table = _checked(table)
+    check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
+    paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
+    if not paths:
+        raise InputError(Problem("table", "has no varied numbers"))
+    inputs = np.stack([table[path].values for path in paths], axis=1)
+    problem = {"num_vars": len(paths), "names": paths}
+    count, seed = check_count("resamples", resamples), check_count("seed", seed, least=0)
+    values = table[metric].transpose(*DIMS).values
+    names = "first_order", "first_order_confidence", "pawn"
+    found = {name: np.full((*values.shape[1:], len(paths)), np.nan) for name in names}
+    for index in np.ndindex(values.shape[1:]):
+        one = values[(slice(None), *index)]
+        right = np.isfinite(one)
+        if right.sum() < _LEAST_SAMPLES or np.ptp(one[right]) == 0.0:
+            continue
+        given = problem, inputs[right], one[right]
+        variance = rbd_fast.analyze(*given, num_resamples=count, seed=seed)
+        indices = variance["S1"], variance["S1_conf"], pawn.analyze(*given)["median"]
+        for name, own in zip(names, indices, strict=True):
+            found[name][index] = own
+    made = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
+    for name, array in found.items():
+        made[name] = ((*DIMS[1:], "parameter"), array)
+    return made
+
+
+def _is_parameter(name: Any, item: xr.DataArray) -> bool:
+    return item.dims == ("sample",) and name != "sample"
+
+
+def _quantiles(
+    values: NDArray[np.float64], probabilities: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return quantiles along the first axis without the values that are NaN."""
+    found = np.full((probabilities.size, *values.shape[1:]), np.nan)
+    for index in np.ndindex(values.shape[1:]):
+        one = values[(slice(None), *index)]
+        right = one[np.isfinite(one)]
+        if right.size:
+            found[(slice(None), *index)] = np.quantile(right, probabilities)
+    return found
+
+
+def _checked(table: object) -> xr.Dataset:
+    return check_dataset("table", table, (*DIMS, "failure"), "a table of a study")
+
+
+def _limits(table: xr.Dataset, limits: object) -> dict[str, float]:
+    if limits is None:
+        return {}
+    given = dict(check_mapping("limits", limits, "metrics and numbers"))
+    known: Sequence[str] = [metric.name for metric in METRICS if metric.name in table]
+    return {
+        check_choice("limits", name, known): float(check_array(f"limits[{name!r}]", value, ()))
+        for name, value in given.items()
+    }

@@ -1,0 +1,248 @@
+"""Studies: all drives on all plants along all motions, for all samples of uncertain numbers."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arguments import check_count, check_flag, check_path
+from flexarm.arm import Arm
+from flexarm.batch.execution import usable_cores
+from flexarm.engine.progress import Meter
+from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.model import StudySpec, file_text, locate_study
+from flexarm.scenarios.file_errors import Where
+from flexarm.scenarios.study import PreparedStudy
+from flexarm.studies.execution import Executor, Outcomes, executor_of
+from flexarm.studies.store import (
+    Store,
+    check_versions,
+    checksum,
+    create_store,
+    opened,
+    versions,
+)
+from flexarm.studies.table import table_of
+from flexarm.studies.workers import check_client, cluster, execute
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Duration of a task (s), long compared with what a scheduler and a store need for it; number of
+#: tasks for each worker, so that all end at about the same time, unless they get too short.
+TASK_SECONDS, TASKS_PER_WORKER, LEAST_SECONDS = 1.0, 8, 0.2
+_MOST_CHUNK = 4096
+
+
+class Study:
+    """A study: all drives on all plants along all motions, for all samples of varied numbers.
+
+    Args:
+        study: path of a study file, or its content as a dictionary; ``arm`` may be an `Arm`.
+
+    Attributes:
+        samples: number of samples. runs: number of runs, those of all samples.
+
+    Raises:
+        ModelError: if the study is not valid; it lists every problem.
+        InputError: if a motion leaves the arm's reach, a drive does not fit the arm, or a path of
+            ``vary`` leads to no number.
+    """
+
+    @public_call
+    def __init__(self, study: str | os.PathLike[str] | Mapping[str, Any] | StudySpec) -> None:
+        spec, place = _located(study)
+        self._text = file_text(spec)
+        self._prepared = PreparedStudy(spec, place)
+        self._executor = Executor(self._prepared, place)
+        self.samples = self._executor.samples.count
+        self.runs = self.samples * int(np.prod(self._executor.shape))
+
+    @public_call
+    def run(
+        self,
+        store: str | os.PathLike[str] | None = None,
+        client: Any = None,
+        *,
+        resume: bool = False,
+        workers: int | None = None,
+        chunk: int | None = None,
+        progress: bool | None = None,
+    ) -> xr.Dataset:
+        """Execute all runs and return their metrics.
+
+        Args:
+            store: folder for the results, which all workers reach, in the format Zarr; None keeps
+                them in memory.
+            client: a ``distributed.Client``, or the address of a scheduler of Dask, such as
+                ``"tcp://host:8786"``; None for processes of this computer.
+            resume: whether a store that exists is continued; otherwise it is an error.
+            workers: number of those processes, by default one for each core; 1 uses none but this.
+            chunk: samples of a task; by default from the measured duration of the first sample.
+            progress: True or False shows or hides the bar.
+
+        Returns:
+            Dataset (sample, controller, plant, reference) with the metrics of ``compare``, except
+            for computing times, which are NaN for a run that failed; ``failure``, its reason, or
+            empty; ``warning``. The varied numbers are coordinates of ``sample``, by their paths.
+
+        Raises:
+            InputError: if the first run cannot start, the store exists, belongs to another study
+                or to other versions of the software, or cannot be written, or a package of the
+                extra ``cluster`` is missing.
+
+        The numbers do not depend on ``chunk``, on the number of workers, nor on interruptions: a
+        study that was killed and resumed leaves the same files as one that was not. In a script,
+        processes require the guard ``if __name__ == "__main__":``.
+        """
+        check_flag("resume", resume)
+        count = usable_cores() if workers is None else check_count("workers", workers, most=1024)
+        chunk = None if chunk is None else check_count("chunk", chunk)
+        if client is not None and workers is not None:
+            raise InputError(Problem("workers", "cannot be combined with client"))
+        check_client(client)
+        place = None if store is None else check_path("store", store)
+        if place is not None and place.exists():
+            kept = self._existing(place, resume)
+        else:
+            size = min(self.samples, chunk or self._measured_chunk(count))
+            if place is None:
+                return self._in_memory(size, client, count, progress)
+            kept = create_store(place, self._text, self._executor, self._prepared.names, size)
+        missing = kept.missing()
+        path = str(kept.path.resolve())
+        tasks = [(path, i) for i in missing]
+        self._execute(record_chunk, tasks, lambda *_: None, client, count, progress)
+        kept.clean()
+        return kept.table()
+
+    @public_call
+    def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:
+        """Repeat random samples of a store and return the numbers of those that differ.
+
+        Args:
+            store: folder of the results.
+            count: number of samples to repeat.
+            seed: of their choice.
+
+        Raises:
+            InputError: if the store belongs to another study or to other versions of the software,
+                or a recorded chunk is missing or damaged.
+        """
+        kept = self._existing(check_path("store", store), True)
+        count = min(check_count("count", count), self.samples)
+        if missing := kept.missing():
+            rule = f"has {len(missing)} of {kept.chunks} chunks missing or damaged"
+            raise InputError(Problem("store", rule, hint="Resume the study."))
+        random = np.random.default_rng(check_count("seed", seed, least=0))
+        chosen = np.sort(random.choice(self.samples, count, replace=False)).tolist()
+        return [k for k in chosen if not self._repeats(kept, k)]
+
+    def _repeats(self, kept: Store, k: int) -> bool:
+        """Return whether sample k has the same numbers again."""
+        i, offset = divmod(k, kept.chunk)
+        before = kept.read(i).at(slice(offset, offset + 1))
+        return checksum(before) == checksum(self._executor.outcomes(k, k + 1))
+
+    def _existing(self, place: Path, resume: bool) -> Store:
+        """Return a store of this study that exists."""
+        if not resume:
+            hint = "Continue it with resume=True (--resume), or name another folder."
+            raise InputError(Problem("store", f"{shown(str(place))} exists", hint=hint))
+        kept = Store(place)
+        if kept.text != self._text:
+            raise InputError(Problem("store", f"{shown(str(place))} belongs to another study"))
+        check_versions(kept)
+        return kept
+
+    def _measured_chunk(self, workers: int) -> int:
+        """Return the number of samples of a task, from the duration of the first sample."""
+        self._executor.outcomes(0, 1)  # compiles
+        started = time.perf_counter()
+        self._executor.outcomes(0, 1)
+        per_sample = max(time.perf_counter() - started, 1e-6)
+        longest, least = TASK_SECONDS / per_sample, LEAST_SECONDS / per_sample
+        size = min(longest, max(self.samples / (TASKS_PER_WORKER * workers), least))
+        return int(2 ** np.floor(np.log2(min(max(size, 1.0), _MOST_CHUNK))))
+
+    def _in_memory(
+        self, chunk: int, client: Any, workers: int, progress: bool | None
+    ) -> xr.Dataset:
+        """Execute all runs without a store."""
+        starts = range(0, self.samples, chunk)
+        tasks = [(self._text, start, min(start + chunk, self.samples)) for start in starts]
+        found: dict[int, Outcomes] = {}
+        self._execute(outcomes_of, tasks, found.__setitem__, client, workers, progress)
+        parts = zip(*(found[i] for i in range(len(tasks))), strict=True)
+        outcomes = Outcomes(*map(np.concatenate, parts))
+        names, paths = self._prepared.names, self._executor.samples.paths
+        attributes = {"study": self._text, **versions()}
+        return table_of(outcomes, np.arange(self.samples), names, paths, attributes)
+
+    def _execute(
+        self,
+        task: Any,
+        arguments: list[tuple[Any, ...]],
+        done: Any,
+        client: Any,
+        workers: int,
+        progress: bool | None,
+    ) -> None:
+        """Execute tasks in this process or on a cluster; ``done`` receives their results."""
+        count = 0
+        with Meter("simulating", progress) as meter:
+
+            def report(place: int, result: Any) -> None:
+                nonlocal count
+                count += 1
+                done(place, result)
+                meter.update(count / len(arguments))
+
+            if client is None and (workers == 1 or len(arguments) < 2):
+                for place, given in enumerate(arguments):
+                    report(place, task(*given))
+                return
+            with cluster(client, min(workers, len(arguments))) as connected:
+                execute(connected, task, arguments, report)
+
+
+def record_chunk(path: str, i: int) -> None:
+    """Execute chunk i of the store at a path, and record it."""
+    store = opened(path)
+    samples = store.range_of(i)
+    store.write(i, executor_of(store.text).outcomes(samples.start, samples.stop))
+
+
+def outcomes_of(text: str, start: int, stop: int) -> Outcomes:
+    """Execute samples of the study with a text."""
+    return executor_of(text).outcomes(start, stop)
+
+
+@public_call
+def read_study(store: str | os.PathLike[str]) -> xr.Dataset:
+    """Return the results in a store of a study, those that are recorded so far.
+
+    Returns:
+        The dataset of `Study.run`; its attributes contain the study as a file, and the versions.
+
+    Raises:
+        InputError: if the folder is not a store of a study.
+    """
+    kept = Store(check_path("store", store))
+    return kept.table()
+
+
+def _located(study: object) -> tuple[StudySpec, Where]:
+    if isinstance(study, StudySpec):
+        return study, lambda _: "study"
+    if isinstance(study, Mapping):
+        content = dict(study)
+        if isinstance(content.get("arm"), Arm):
+            content["arm"] = content["arm"].spec
+        return StudySpec(**content), lambda _: "study"
+    return locate_study(check_path("study", study))

@@ -1,0 +1,102 @@
+"""``flexarm sweep`` and ``flexarm compare`` of a study with samples."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+
+STUDY = """\
+flexarm: 1
+arm:
+  links: [{length: 0.8, flexural_rigidity: 40.0, mass_per_length: 0.5, elements: 1}]
+  joints: [{hub_inertia: 0.05}]
+  payload: {mass: 0.1}
+motions:
+  move: {kind: joint, start: [0.2], end: [0.3], duration: 0.04}
+drives:
+  torque alone: {kind: rigid_inverse_dynamics}
+vary:
+  payload.mass: {kind: values, values: [0.1, 0.2, -1.0]}
+samples: {method: grid}
+run: {duration: 0.05, rate: 200}
+"""
+
+pytest.importorskip("zarr", reason="it comes with the extra: pip install 'flexarm[cluster]'")
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY)
+    return path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments], env={"COLUMNS": "100"})
+
+
+def test_sweep_prints_statistics_and_keeps_results(path, tmp_path):
+    done = call("sweep", path, "--workers", 1, "--verify", "--plot", tmp_path / "a.png")
+    assert done.exit_code == 0, done.output
+    assert "Along move: median / 95 % quantile" in done.output
+    assert "33 (0.84-91)" in done.output  # one of three runs: Clopper and Pearson
+    assert "torque alone on as believed along move: 1 of 3 runs, the first of sample 2" in (
+        done.output.replace("\n", " ")
+    )
+    assert "3 samples repeated: identical" in done.output
+    assert (tmp_path / "a.png").stat().st_size > 1000
+    table = fa.read_study(tmp_path / "study.zarr")
+    assert table["payload.mass"].values.tolist() == [0.1, 0.2, -1.0]
+
+
+def test_existing_results_are_continued_on_request_only(path):
+    assert call("sweep", path, "--workers", 1).exit_code == 0
+    again = call("sweep", path, "--workers", 1)
+    assert again.exit_code == 2
+    assert "Continue it with resume=True (--resume)" in again.output
+    assert call("sweep", path, "--workers", 1, "--resume").exit_code == 0
+
+
+def test_limits_count_as_failures(path):
+    done = call("sweep", path, "--workers", 1, "--limit", "tip_error_peak=1e-9")
+    assert "100 (29-100)" in done.output
+    wrong = call("sweep", path, "--workers", 1, "--resume", "--limit", "tip=1")
+    assert wrong.exit_code == 2
+    assert "limits must be one of" in wrong.output
+    wrong = call("sweep", path, "--workers", 1, "--resume", "--limit", "tip_error_peak")
+    assert "must be a metric and a number" in wrong.output
+
+
+def test_different_repetition_is_a_failure(path, monkeypatch):
+    monkeypatch.setattr(fa.Study, "verify", lambda *_: [1])
+    done = call("sweep", path, "--workers", 1, "--verify")
+    assert done.exit_code == 1
+    assert "samples 1 of the store differ" in done.output
+
+
+def test_compare_prints_the_same_statistics(path, tmp_path):
+    out = tmp_path / "table.nc"
+    done = call("compare", path, "--workers", 1, "--out", out)
+    assert done.exit_code == 0, done.output
+    assert "33 (0.84-91)" in done.output
+    swept = call("sweep", path, "--workers", 1)
+    assert done.output.split("table in")[0].split("warning")[0] in swept.output
+    with xr.open_dataset(out) as table:
+        assert np.isnan(table["tip_error_peak"].values.ravel()).tolist() == [False, False, True]
+
+
+def test_wrong_paths_are_reported_with_their_lines(path):
+    path.write_text(STUDY.replace("payload.mass:", "payload.mas:"))
+    for command in ("check", "sweep"):
+        done = call(command, path)
+        assert done.exit_code == 2
+        assert f"{path}:11: vary must be the path of a number of the arm" in done.output.replace(
+            "\n", ""
+        )
+
+
+def test_check_counts_the_runs(path):
+    assert "samples      3, grid: payload.mass" in call("check", path).output

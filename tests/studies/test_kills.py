@@ -1,0 +1,43 @@
+"""Studies on several processes: the same files after kills, and no process left behind."""
+
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from kills import compare, write_study
+from small_study import files_of
+
+import flexarm as fa
+
+distributed = pytest.importorskip(
+    "distributed", reason="it comes with the extra: pip install 'flexarm[cluster]'"
+)
+
+
+def test_killed_study_leaves_the_same_store(tmp_path):
+    """As `make kills`, with 200 runs."""
+    killed = compare(tmp_path, 200, 3, 5)
+    assert killed["driver"] + killed["worker"] > 0
+
+
+def test_driver_that_is_killed_ends_its_workers(tmp_path):
+    study, store = write_study(tmp_path, 400), tmp_path / "a.zarr"
+    command = [sys.executable, "-m", "flexarm", "sweep", str(study), "--out", str(store)]
+    running = subprocess.Popen([*command, "--chunk", "4", "--workers", "2"])
+    try:
+        while not (store / "checksum" / "c").exists():
+            assert running.poll() is None
+            time.sleep(0.05)
+        family = psutil.Process(running.pid).children(recursive=True)
+        assert len(family) >= 2
+    finally:
+        running.kill()
+        running.wait()
+    assert psutil.wait_procs(family, timeout=60)[1] == []
+    done = len(list((store / "checksum" / "c").iterdir()))
+    assert 0 < done < 100
+    fa.Study(study).run(store, workers=1, resume=True)
+    fa.Study(study).run(tmp_path / "b.zarr", workers=1, chunk=4)
+    assert files_of(store) == files_of(tmp_path / "b.zarr")

@@ -1,0 +1,84 @@
+"""Samples: their distributions, and the same values for any division into chunks."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest, loguniform, norm
+from small_study import content
+
+import flexarm as fa
+from flexarm.model import StudySpec
+from flexarm.studies.samples import Samples
+
+VARY = {
+    "payload.mass": {"kind": "uniform", "low": 0.0, "high": 2.0},
+    "links[1].flexural_rigidity": {"kind": "log_uniform", "low": 0.1, "high": 10.0, "levels": 3},
+    "run.duration": {"kind": "values", "values": [0.05, 0.07]},
+}
+NORMAL = {"links[0].length": {"kind": "normal", "mean": 1.0, "deviation": 0.1, "relative": True}}
+
+
+def samples(method, count=None, seed=3, **vary):
+    plan = {"method": method, "seed": seed}
+    plan |= {} if count is None else {"count": count}
+    return Samples(StudySpec(**content(vary={**VARY, **vary}, samples=plan)))
+
+
+@pytest.mark.parametrize("method", ["random", "sobol", "latin_hypercube", "grid"])
+def test_values_do_not_depend_on_the_chunks(method):
+    found = samples(method, None if method == "grid" else 37)
+    whole = found.values(0, found.count)
+    parts = [found.values(k, min(k + 5, found.count)) for k in range(0, found.count, 5)]
+    assert np.array_equal(np.concatenate(parts), whole)
+    assert len(whole) == found.count == (30 if method == "grid" else 37)
+
+
+@pytest.mark.parametrize("method", ["random", "sobol", "latin_hypercube"])
+def test_values_have_their_distribution(method):
+    values = samples(method, 1024, **NORMAL).values(0, 1024)
+    expected = [lambda x: x / 2.0, loguniform(0.1, 10.0).cdf]
+    for column, cdf in zip(values.T, expected, strict=False):
+        # The largest deviation of 1024 independent values exceeds 0.06 with a probability of 1e-3.
+        assert kstest(column, cdf).statistic < 0.06
+    assert kstest(values[:, 3], norm(1.0, 0.1).cdf).statistic < 0.06
+    assert set(values[:, 2]) == {0.05, 0.07}
+    assert abs(np.mean(values[:, 2] == 0.05) - 0.5) < 0.06
+    assert not np.array_equal(values, samples(method, 1024, seed=4, **NORMAL).values(0, 1024))
+
+
+def test_latin_hypercube_has_one_value_in_each_interval():
+    masses = samples("latin_hypercube", 50).values(0, 50)[:, 0]
+    assert sorted((masses * 25.0).astype(int)) == list(range(50))
+
+
+def test_grid_has_all_combinations():
+    found = samples("grid")
+    values = found.values(0, found.count)
+    assert len({tuple(row) for row in values.tolist()}) == 5 * 3 * 2
+    assert np.unique(values[:, 0]).tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert np.unique(values[:, 1]) == pytest.approx([0.1, 1.0, 10.0], rel=1e-12)
+
+
+def test_relative_values_are_factors():
+    values = samples("random", 9, **NORMAL).values(0, 9)
+    longer = content()["arm"] | {"links": [{**content()["arm"]["links"][0], "length": 3.0}] * 2}
+    plan = {"method": "random", "count": 9, "seed": 3}
+    other = Samples(StudySpec(**content(arm=longer, vary={**VARY, **NORMAL}, samples=plan)))
+    assert other.values(0, 9)[:, 3] == pytest.approx(3.0 * values[:, 3], rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"vary": {"payload.mas": VARY["payload.mass"]}}, "did you mean mass?"),
+        ({"vary": {"run.integrator": VARY["payload.mass"]}}, "It is 'auto' there."),
+        ({"samples": None}, "samples is required with vary"),
+        ({"samples": {"method": "random"}}, "samples.count is required with method random"),
+        ({"samples": {"method": "grid"}}, "is not supported with a grid"),
+        ({"samples": {"count": 2, "noise": "different"}}, "requires hardware"),
+        ({"vary": {"payload.mass": {"kind": "uniform", "low": 1, "high": 1}}}, "greater than low"),
+    ],
+)
+def test_wrong_plans_are_named(changes, message):
+    with pytest.raises(fa.InputError) as caught:
+        fa.Study(content(**changes))
+    assert message in str(caught.value)

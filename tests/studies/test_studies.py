@@ -1,0 +1,96 @@
+"""Studies: the numbers of a sample equal those of `compare`, and failures are recorded."""
+
+import numpy as np
+import pytest
+from small_study import CONTENT, PD, READING, content
+
+import flexarm as fa
+from flexarm.model import StudySpec
+from flexarm.scenarios.study import PreparedStudy
+
+LARGE = {"kind": "values", "values": [0.1, 5.0]}
+
+
+def run(**changes):
+    return fa.Study(content(**changes)).run(workers=1, chunk=4)
+
+
+def test_numbers_of_a_sample_equal_those_of_compare():
+    table = run(drives={"PD": PD}, plants={"one": {}, "heavier": {"mass_factor": 1.5}})
+    sample = table.isel(sample=3)
+    arm = fa.Arm(StudySpec(**CONTENT).arm)
+    mass, rigidity = sample["payload.mass"].item(), sample["links[0].flexural_rigidity"].item()
+    first, second = arm.spec.links
+    simulated = fa.Arm(
+        links=[first.replace(flexural_rigidity=rigidity), second],
+        joints=arm.spec.joints,
+        payload=fa.Payload(mass=mass),
+    )
+    by_hand = fa.compare(
+        arm,  # the controller keeps the arm of the file as its model
+        {"PD": fa.JointPD([20.0, 6.0], [5.0, 1.0])},
+        0.05,
+        {"move": fa.joint_motion(arm, [0.2, -0.4], [0.3, -0.3], 0.04)},
+        {"one": simulated, "heavier": fa.varied(simulated, mass_factor=1.5)},
+        rate=200.0,
+    )
+    for name in ("tip_error_rms", "torque_peak", "residual_vibration"):
+        # The same operations on the same numbers.
+        assert np.array_equal(sample[name].values, by_hand[name].values, equal_nan=True)
+    assert np.ptp(table["tip_error_rms"].values, axis=0).min() > 0.0
+
+
+def test_keys_of_the_file_vary():
+    vary = {"drives.joint PD.proportional[0]": LARGE, "run.duration": {**LARGE, "values": [0.06]}}
+    table = run(drives={"joint PD": PD}, vary=vary, samples={"method": "grid"})
+    for k, gain in enumerate([0.1, 5.0]):
+        changed = {**PD, "proportional": [gain, 6.0]}
+        by_hand = content(drives={"joint PD": changed}, run={"duration": 0.06, "rate": 200.0})
+        expected = PreparedStudy(StudySpec(**{**by_hand, "vary": {}, "samples": None})).run()
+        assert table["tip_error_rms"].isel(sample=k).item() == expected["tip_error_rms"].item()
+
+
+def test_arm_of_the_file_varies_in_models_and_plants():
+    """`arm.payload.mass` is the mass that the drive compensates, `payload.mass` is another one."""
+    vary = {"arm.payload.mass": LARGE}
+    known = run(vary=vary, samples={"method": "grid"})
+    unknown = run(vary={"payload.mass": LARGE}, samples={"method": "grid"})
+    error = known["tip_error_rms"].values.ravel()
+    assert error[0] == unknown["tip_error_rms"].values.ravel()[0]
+    assert error[1] != unknown["tip_error_rms"].values.ravel()[1]
+
+
+def test_failures_are_recorded_with_their_reasons():
+    vary = {"payload.mass": {"kind": "values", "values": [0.1, -1.0]}}
+    table = run(vary=vary, samples={"method": "grid"})
+    good, bad = table["failure"].values.ravel()
+    assert good == ""
+    assert "payload.mass" in bad or "mass must be" in bad
+    assert np.isnan(table["tip_error_rms"].values.ravel()).tolist() == [False, True]
+    found = fa.study_statistics(table)
+    assert found["failure_rate"].item() == 0.5
+    assert found["samples"].item() == 1
+
+
+def test_diverging_runs_are_recorded():
+    gains = {"kind": "joint_pd", "proportional": 1.0, "derivative": 1e6, "sample_time": 0.01}
+    vary = {"drives.PD.derivative": {"kind": "values", "values": [1.0, 1e6]}}
+    table = run(drives={"PD": gains}, vary=vary, samples={"method": "grid"})
+    good, bad = table["failure"].values.ravel()
+    assert good == ""
+    assert bad.startswith("stopped at t =")
+
+
+def test_each_sample_has_its_own_noise_on_request():
+    changes = {"drives": {"PD": PD}, "hardware": READING, "vary": {}}
+    same = run(**changes, samples={"count": 3})["tip_error_rms"].values
+    own = run(**changes, samples={"count": 3, "noise": "different"})["tip_error_rms"].values
+    assert len(np.unique(same)) == 1
+    assert len(np.unique(own)) == 3
+    seeds = run(**changes, samples={"count": 3, "noise": "different", "seed": 9})
+    assert not np.intersect1d(seeds["tip_error_rms"].values, own).size
+
+
+def test_run_study_refuses_samples():
+    with pytest.raises(fa.InputError, match="has samples, which run_study does not run"):
+        fa.run_study(StudySpec(**content()))

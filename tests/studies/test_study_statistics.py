@@ -1,0 +1,58 @@
+"""Statistics of studies, on tables with known numbers."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flexarm as fa
+
+DIMS = ("sample", "controller", "plant", "reference")
+
+
+def table(values, failed=(), **varied):
+    count = len(values)
+    texts = np.full((count, 1, 1, 1), "", dtype="<U9")
+    texts[list(failed)] = "it failed"
+    errors = np.array(values, dtype=float).reshape(-1, 1, 1, 1)
+    errors[list(failed)] = np.nan
+    coords = {"sample": np.arange(count), **{dim: ["one"] for dim in DIMS[1:]}}
+    coords |= {name: ("sample", given) for name, given in varied.items()}
+    return xr.Dataset({"tip_error_rms": (DIMS, errors), "failure": (DIMS, texts)}, coords)
+
+
+def test_quantiles_leave_out_failures():
+    found = fa.study_statistics(table(range(12), failed=[11]), [0.0, 0.5, 1.0])
+    assert found["tip_error_rms"].values.ravel().tolist() == [0.0, 5.0, 10.0]
+    assert found["samples"].item() == 11
+
+
+def test_interval_of_failures_is_exact():
+    """No failure in 20 runs: (alpha / 2)^(1/20) of the binomial distribution."""
+    found = fa.study_statistics(table(range(20)), confidence=0.95)
+    assert found["failure_rate"].item() == 0.0
+    assert found["failure_rate_low"].item() == 0.0
+    assert found["failure_rate_high"].item() == pytest.approx(1.0 - 0.025 ** (1 / 20), rel=1e-9)
+
+
+def test_limits_count_as_failures():
+    found = fa.study_statistics(table(range(10), failed=[0]), limits={"tip_error_rms": 7.0})
+    assert found["failure_rate"].item() == pytest.approx(0.3)
+
+
+def test_sensitivity_indices_of_a_sum():
+    """Of y = a + 2 b with equal distributions, a explains 1/5 and b 4/5; c explains nothing."""
+    pytest.importorskip("SALib", reason="it comes with the extra: pip install 'flexarm[cluster]'")
+    given = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 2000))
+    values = given[0] + 2.0 * given[1]
+    found = fa.sensitivity_indices(table(values, a=given[0], b=given[1], c=given[2]), resamples=10)
+    # Estimates from 2000 samples in classes have a bias and a scatter of a few hundredths.
+    assert found["first_order"].values.ravel() == pytest.approx([0.2, 0.8, 0.0], abs=0.05)
+    shifts = found["pawn"].values.ravel()
+    assert shifts[1] > shifts[0] > shifts[2]
+
+
+def test_wrong_tables_are_refused():
+    with pytest.raises(fa.InputError, match="must be a table of a study"):
+        fa.study_statistics(xr.Dataset())
+    with pytest.raises(fa.InputError, match="has no varied numbers"):
+        fa.sensitivity_indices(table(range(3)))
