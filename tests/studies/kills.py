@@ -22,9 +22,6 @@ from small_study import content, files_of
 
 import flexarm as fa
 
-#: Time (s) between two kills: from the start of a driver to some of its chunks.
-_BETWEEN = (0.5, 6.0)
-
 
 def write_study(folder: Path, samples: int) -> Path:
     """Write the study file."""
@@ -40,34 +37,42 @@ def driver(study: Path, store: Path, scheduler: str, chunk: int) -> subprocess.P
     return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
 
+def recorded(store: Path) -> int:
+    """Return the number of recorded chunks."""
+    folder = store / "checksum" / "c"
+    return len(os.listdir(folder)) if folder.exists() else 0
+
+
 def interrupted(
-    study: Path, store: Path, cluster: Any, client: Any, kills: int, chunk: int, seed: int
+    study: Path, store: Path, cluster: Any, client: Any, chunk: int, times: list[float]
 ) -> dict[str, int]:
-    """Run a study to its end while the driver or a worker is killed at random times.
+    """Run a study to its end while the driver and the workers are killed.
+
+    Args:
+        chunk: number of samples of a chunk.
+        times: of the kills, in recorded chunks; each kills the driver or a worker at random.
 
     Returns:
-        How often each was killed, and how many chunks were recorded at the last kill.
+        How often each was killed.
     """
-    choice = random.Random(seed)
-    killed = {"driver": 0, "worker": 0, "chunks": 0}
+    choice = random.Random(len(times))
+    killed = {"driver": 0, "worker": 0}
     running = driver(study, store, cluster.scheduler_address, chunk)
     try:
-        while sum((killed["driver"], killed["worker"])) < kills:
-            time.sleep(choice.uniform(*_BETWEEN))
+        for at in times:
+            while recorded(store) < at and running.poll() is None:
+                time.sleep(0.01)
+            time.sleep(choice.uniform(0.0, 0.02))
             if running.poll() is not None:
                 break
-            done = store / "checksum" / "c"
-            killed["chunks"] = len(list(done.iterdir())) if done.exists() else 0
             if choice.random() < 0.5:
                 running.kill()
                 running.wait()
                 killed["driver"] += 1
                 running = driver(study, store, cluster.scheduler_address, chunk)
-            else:
-                pids = list(client.run(os.getpid).values())
-                if pids:
-                    psutil.Process(choice.choice(pids)).kill()
-                    killed["worker"] += 1
+            elif pids := list(client.run(os.getpid).values()):
+                psutil.Process(choice.choice(pids)).kill()
+                killed["worker"] += 1
         assert running.wait(timeout=3600) == 0
     finally:
         running.kill()
@@ -75,8 +80,13 @@ def interrupted(
     return killed
 
 
-def compare(folder: Path, samples: int, kills: int, chunk: int, seed: int = 1) -> dict[str, int]:
+def compare(
+    folder: Path, samples: int, kills: int, chunk: int, seed: int = 1, workers: int = 1
+) -> dict[str, int]:
     """Run a study with and without kills, and compare all files of the stores.
+
+    Args:
+        workers: number of processes of the study without kills.
 
     Raises:
         AssertionError: if a file differs, or a run is missing.
@@ -84,12 +94,14 @@ def compare(folder: Path, samples: int, kills: int, chunk: int, seed: int = 1) -
     from distributed import Client, LocalCluster
 
     study = write_study(folder, samples)
-    fa.Study(study).run(folder / "undisturbed.zarr", workers=2, chunk=chunk)
+    fa.Study(study).run(folder / "undisturbed.zarr", workers=workers, chunk=chunk)
     with (
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
     ):
-        killed = interrupted(study, folder / "killed.zarr", cluster, client, kills, chunk, seed)
+        choice = random.Random(seed)
+        times = sorted(choice.uniform(0.0, 0.9 * samples / chunk) for _ in range(kills))
+        killed = interrupted(study, folder / "killed.zarr", cluster, client, chunk, times)
     expected, found = (files_of(folder / f"{name}.zarr") for name in ("undisturbed", "killed"))
     assert found.keys() == expected.keys()
     assert found == expected
@@ -107,7 +119,7 @@ def main() -> None:
     given = parser.parse_args()
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="flexarm-kills-") as folder:
-        killed = compare(Path(folder), given.runs, given.kills, given.chunk, given.seed)
+        killed = compare(Path(folder), given.runs, given.kills, given.chunk, given.seed, 2)
     print(f"{given.runs} runs, {killed}: all files are identical.")
     print(f"{time.perf_counter() - started:.0f} s")
 

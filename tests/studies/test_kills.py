@@ -18,8 +18,8 @@ distributed = pytest.importorskip(
 
 def test_killed_study_leaves_the_same_store(tmp_path):
     """As `make kills`, with 200 runs."""
-    killed = compare(tmp_path, 200, 3, 5)
-    assert killed["driver"] + killed["worker"] > 0
+    killed = compare(tmp_path, 200, 2, 2)
+    assert min(killed.values()) > 0
 
 
 def test_driver_that_is_killed_ends_its_workers(tmp_path):
