@@ -15,7 +15,7 @@ from flexarm.model.wording import look
 from flexarm.studio.state import Project, open_bytes
 from flexarm.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
 from flexarm.studio.values.field import Field
-from flexarm.studio.values.fields import groups_of
+from flexarm.studio.values.fields import SAMPLED, groups_of
 from flexarm.studio.values.forms import Forms, forms_of
 
 #: A scenario in which a contact, instruments and a controller are possible.
@@ -53,9 +53,15 @@ def records_in(forms: Forms, found: set[type[Record]]) -> None:
 def keys_of(root: type[Record]) -> set[tuple[str, str]]:
     """Return class and name of every key below a scenario or study."""
     found: set[type[Record]] = {root}
-    for field in root.model_fields.values():
-        records_in(forms_of(field), found)
-    return {(record.__name__, name) for record in found for name in record.model_fields}
+    for name, field in root.model_fields.items():
+        if name not in SAMPLED:
+            records_in(forms_of(field), found)
+    return {
+        (record.__name__, name)
+        for record in found
+        for name in record.model_fields
+        if record is not root or name not in SAMPLED
+    }
 
 
 def shown(project: Project) -> Iterator[tuple[tuple[str, str], Field]]:

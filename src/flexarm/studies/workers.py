@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -63,6 +64,7 @@ def cluster(client: object, workers: int) -> Iterator[Any]:
                 n_workers=workers,
                 threads_per_worker=1,
                 memory_limit=None,
+                silence_logs=logging.ERROR,
                 dashboard_address=None,
                 worker_dashboard_address=None,
             ) as local,

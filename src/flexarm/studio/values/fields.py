@@ -82,6 +82,8 @@ _WRITTEN = {
     **{word: word.capitalize() for word in ("rayleigh", "timoshenko")},
     "euler bernoulli": "Euler-Bernoulli",
 }
+#: Keys without fields: the studio computes no samples, but keeps them in the file.
+SAMPLED = ("vary", "samples")
 #: Fields of a link that its other descriptions replace.
 _DESCRIBING = ("material", "section", "table")
 _WAY = "A link is described by constants, by its material and section, or by a table."
@@ -107,7 +109,7 @@ def groups_of(project: Project) -> list[Group]:
             forms = field_forms(record, name).given[0].items()
             described = _Value(value, forms, (one,), one, f"The {one} that is simulated.")
             groups.append(Group(_title(one), partial(of.group, described)))
-        elif name != "arm":
+        elif name not in ("arm", *SAMPLED):
             groups.append(Group(_title(name), partial(of.group, _value_of(record, name, ()))))
     return groups
 
