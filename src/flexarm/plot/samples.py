@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 
 from flexarm.arguments import check_choice, check_dataset
 from flexarm.errors import InputError, Problem, public_call_as
@@ -109,5 +110,9 @@ class _Samples:
                 axes.set_ylabel(f"{self.metric.name} [{self.metric.unit}]")
                 if len(self.references) > 1:
                     axes.set_title(f"along {reference}")
-        if len(pairs) > 1:
-            made[columns - 1].legend(loc="best")
+            axes.margins(x=0.02)
+        if len(pairs) > 1 and isinstance(made[0].figure, Figure):
+            handles, labels = made[columns - 1].get_legend_handles_labels()
+            corner = made[columns - 1].get_position().x1, 1.0
+            where = {"loc": "upper right", "bbox_to_anchor": corner}
+            made[0].figure.legend(handles, labels, ncols=min(len(labels), 4), **where)
