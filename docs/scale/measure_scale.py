@@ -2,9 +2,9 @@
 
 python docs/scale/measure_scale.py [check]
 
-Measures the processor time of a run, of the recording of a chunk and of a task of Dask, and computes
-a study of 1e9 runs. With ``check``, on an idle computer, it predicts the duration of a study with 1,
-2 and 4 workers, and measures it.
+Measures the processor time of a run, of the recording of a chunk and of a task of Dask, and
+computes a study of 1e9 runs. With ``check``, on an idle computer, it predicts the duration of a
+study with 1, 2 and 4 workers, and measures it.
 """
 
 from __future__ import annotations
