@@ -359,7 +359,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Study": (
         lambda: fa.Study(folder() / "samples.yaml"),
         {
-            "run": {"workers": 1, "chunk": 1},
+            "run": {"workers": 1, "chunk": 2},  # one task, which needs no other process
             "verify": {"store": lambda: folder() / "samples.zarr", "count": 1},
         },
     ),

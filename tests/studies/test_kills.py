@@ -1,5 +1,6 @@
 """Studies on several processes: the same files after kills, and no process left behind."""
 
+import os
 import subprocess
 import sys
 import time
@@ -10,16 +11,27 @@ from kills import compare, write_study
 from small_study import files_of
 
 import flexarm as fa
+from flexarm.studies import workers
 
-distributed = pytest.importorskip(
-    "distributed", reason="it comes with the extra: pip install 'flexarm[cluster]'"
-)
+dask = pytest.importorskip("dask", reason="it comes with the extra: pip install 'flexarm[cluster]'")
+pytest.importorskip("distributed", reason="it comes with the same extra")
 
 
 def test_killed_study_leaves_the_same_store(tmp_path):
     """As `make kills`, with 200 runs."""
     killed = compare(tmp_path, 200, 2, 2)
     assert min(killed.values()) > 0
+
+
+def test_task_that_kills_its_workers_is_named(monkeypatch):
+    """The first process dies, and that of the second attempt; Dask itself would try four times."""
+    monkeypatch.setattr(workers, "_MOST_LOSSES", 2)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        workers.cluster(None, 1) as client,
+        pytest.raises(fa.InputError, match=r"ended the process .* that executed task \(7,\)"),
+    ):
+        workers.execute(client, os._exit, [(7,)], lambda *_: None)
 
 
 def test_driver_that_is_killed_ends_its_workers(tmp_path):

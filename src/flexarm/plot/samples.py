@@ -114,5 +114,7 @@ class _Samples:
         if len(pairs) > 1 and isinstance(made[0].figure, Figure):
             handles, labels = made[columns - 1].get_legend_handles_labels()
             corner = made[columns - 1].get_position().x1, 1.0
-            where = {"loc": "upper right", "bbox_to_anchor": corner}
-            made[0].figure.legend(handles, labels, ncols=min(len(labels), 4), **where)
+            count = min(len(labels), 4)
+            made[0].figure.legend(
+                handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=count
+            )

@@ -242,6 +242,8 @@ def _located(study: object) -> tuple[StudySpec, Where]:
         return study, lambda _: "study"
     if isinstance(study, Mapping):
         content = dict(study)
+        if not all(isinstance(key, str) for key in content):
+            raise InputError(Problem("study", "have text as keys", shown(content)))
         if isinstance(content.get("arm"), Arm):
             content["arm"] = content["arm"].spec
         return StudySpec(**content), lambda _: "study"

@@ -59,17 +59,19 @@ def cluster(client: object, workers: int) -> Iterator[Any]:
     distributed = _distributed()
     if client is None:
         # One thread for each process: most of a run is Python code, and threads take turns at it.
-        with (
-            distributed.LocalCluster(
+        try:
+            local = distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 memory_limit=None,
                 silence_logs=logging.ERROR,
                 dashboard_address=None,
                 worker_dashboard_address=None,
-            ) as local,
-            distributed.Client(local) as own,
-        ):
+            )
+        except RuntimeError:
+            hint = 'A script needs the guard `if __name__ == "__main__":`; workers=1 does not.'
+            raise InputError(Problem("workers", "could not be started", hint=hint)) from None
+        with local, distributed.Client(local) as own:
             yield own
     elif isinstance(client, str):
         try:
