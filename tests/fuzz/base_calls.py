@@ -79,15 +79,7 @@ def folder() -> Path:
         "run: {duration: 0.01, rate: 500}\n"
     )
     (place / "study.yaml").write_text(study)
-    vary = "vary: {payload.mass: {kind: uniform, low: 0, high: 1}}\nsamples: {count: 2}\n"
-    (place / "samples.yaml").write_text(study + vary)
-    fa.Study(place / "samples.yaml").run(place / "samples.zarr", workers=1, chunk=2)
     return place
-
-
-@cache
-def study_table() -> Any:
-    return fa.read_study(folder() / "samples.zarr")
 
 
 def controller() -> fa.JointPD:
@@ -228,12 +220,9 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "report": {"result": result},
     "rigid_torque": _MOVE,
     "run_scenario": {"scenario": lambda: folder() / "scenario.yaml"},
-    "Study": {"study": lambda: folder() / "samples.yaml"},
-    "read_study": {"store": lambda: folder() / "samples.zarr"},
     "run_study": {"study": lambda: folder() / "study.yaml"},
     "save_arm": {"arm": arm, "path": lambda: folder() / "saved.yaml"},
     "save_linear": {"model": lambda: fa.linearize(arm()), "path": lambda: folder() / "m.json"},
-    "sensitivity_indices": {"table": study_table, "resamples": 2},
     "shaped": {"motion": motion, "arm": arm},
     "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "simulate_batch": {"arm": arm, "duration": 0.01, "rate": 500.0, "initial": [Q, Q]},
@@ -249,7 +238,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
     **{key: {"arm": arm, "parameters": ["payload.mass"]} for key in ("to_casadi", "to_jax")},
-    "study_statistics": {"table": study_table},
     "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
     "tip_inversion": {
         "arm": arm,
@@ -354,13 +342,6 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             "quasi_static": {},
             "save": {"path": lambda: folder() / "separation.npz"},
             "to_dataset": {},
-        },
-    ),
-    "Study": (
-        lambda: fa.Study(folder() / "samples.yaml"),
-        {
-            "run": {"workers": 1, "chunk": 2},  # one task, which needs no other process
-            "verify": {"store": lambda: folder() / "samples.zarr", "count": 1},
         },
     ),
     **{REGISTRY[name].__name__: (make, _UPDATE) for name, make in EXAMPLES.items()},

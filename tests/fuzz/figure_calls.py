@@ -6,7 +6,8 @@ from functools import cache
 from typing import Any
 
 import flexarm as fa
-from fuzz.base_calls import arm, controller, end, motion, result, start, study_table
+from fuzz.base_calls import arm, controller, end, motion, result, start
+from fuzz.study_calls import study_table
 
 _TABLE = cache(lambda: fa.compare(arm(), {"pd": controller()}, 0.01, {"line": motion()}))
 _MODES = cache(lambda: fa.modes(arm()))

@@ -12,6 +12,7 @@ from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
 from fuzz.figure_calls import FIGURES
 from fuzz.motion_calls import MOTIONS
+from fuzz.study_calls import STUDIES, STUDY_METHODS
 
 #: Classes whose methods are called during a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
@@ -23,7 +24,7 @@ def calls() -> dict[str, Callable[[], Call]]:
     """Return every call by name: a function that returns its callable, and one that returns its
     arguments."""
     found: dict[str, Callable[[], Call]] = {}
-    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS, **MOTIONS}
+    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS, **MOTIONS, **STUDIES}
     for name, given in made.items():
         found[name] = lambda name=name, given=given: (getattr(fa, name), _values(given))
     for name, given in FIGURES.items():
@@ -31,7 +32,7 @@ def calls() -> dict[str, Callable[[], Call]]:
             getattr(fa.plot, name),
             _values(given),
         )
-    for owner, (make, methods) in METHODS.items():
+    for owner, (make, methods) in (METHODS | STUDY_METHODS).items():
         for method, given in methods.items():
             found[f"{owner}.{method}"] = lambda make=make, method=method, given=given: (
                 getattr(make(), method),
