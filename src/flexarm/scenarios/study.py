@@ -13,11 +13,13 @@ from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.errors import InputError, public_call
-from flexarm.model import Study, locate_study
+from flexarm.model import Scenario, Study, locate_study
+from flexarm.model.drives import ControllerDrive
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference
+from flexarm.scenarios.references import Followed
 from flexarm.scenarios.scenario import Prepared, prepare
 from flexarm.simulation.compare import check_settling, comparison
 
@@ -41,23 +43,29 @@ class PreparedStudy:
         self.study = study
         self.arm = Arm(study.arm)
         self.plants = {
-            name: (Arm(plant_spec(study.arm, plant)), plant.loads)
-            for name, plant in study.plants.items()
+            name: (Arm(plant_spec(study.arm, plant)), plant) for name, plant in study.plants.items()
         }
         self._prepared: dict[tuple[str, str], Prepared] = {}
-        made: dict[
-            str, TaskReference | None
-        ] = {}  # reused, because pressed motions take seconds to create
+        # Reused, because pressed motions and tip inversions take seconds to create.
+        made: dict[str, TaskReference | None] = {}
+        followed: dict[tuple[str, str | None], Followed] = {}
         for drive in study.drives:
             for motion in study.motions:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
                 with _told_in_study(drive, motion):
-                    prepared = prepare(scenario, own, made.get(motion))
+                    kind = _reference_kind(scenario)
+                    prepared = prepare(
+                        scenario, own, made.get(motion), followed.get((motion, kind))
+                    )
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
+                if kind != _OWN:
+                    followed[motion, kind] = prepared.followed
         with problems_at(place, "run"):
-            check_settling(study.run.settling, study.run.duration, made)
+            for (_, name), one in self._prepared.items():
+                references = {name: one.followed.motion}
+                check_settling(study.run.settling, study.run.duration, references)
 
     def run(self, progress: bool | None = None) -> xr.Dataset:
         """Run the study; return the table of ``flexarm.compare`` with drives as controllers."""
@@ -82,9 +90,23 @@ class PreparedStudy:
 
     def _one(self, drive: str, plant: str, motion: str) -> tuple[xr.Dataset, Reference]:
         prepared = self._prepared[drive, motion]
-        assert prepared.motion is not None
-        simulated, loads = self.plants[plant]
-        return prepared.run(plant=simulated, loads=loads, progress=False), prepared.motion
+        reference = prepared.followed.motion
+        assert reference is not None
+        simulated, spec = self.plants[plant]
+        result = prepared.run(
+            plant=simulated, loads=spec.loads, changes=spec.changes, progress=False
+        )
+        return result, reference
+
+
+#: Kind of the reference of drives without feedback, which share nothing.
+_OWN = "own"
+
+
+def _reference_kind(scenario: Scenario) -> str | None:
+    """Return the kind of reference that drives share, see ``ControllerDrive.reference_kind``."""
+    drive = scenario.drive
+    return drive.reference_kind if isinstance(drive, ControllerDrive) else _OWN
 
 
 @public_call
