@@ -195,10 +195,10 @@ class Run:
         if changes is None:
             return self._carried(system, until)
         while True:
-            if changes.next_time <= self.progress.time:
-                system = self._changed(system, changes)
             if self.progress.time >= min(until, self.duration):  # an event may end the run
                 return system
+            if changes.next_time <= self.progress.time:
+                system = self._changed(system, changes)
             system = self._carried(system, min(until, changes.next_time))
 
     def _changed(self, system: System, changes: ArmChanges) -> System:
