@@ -100,6 +100,23 @@ def test_plant_gives_the_same_digits(hardware):
     assert run.change_path.values.tolist()[0] == "links[0].flexural_rigidity"
 
 
+def test_an_accelerometer_measures_the_changed_arm():
+    arm = two_links()
+    light = fa.Arm(with_payload(arm, mass=0.0))
+    q, qd = (0.3 * part for part in moving(arm))
+    hardware = fa.Hardware([fa.Instrument(fa.Sensor("acceleration", 2))])
+    drop = fa.Change("payload.mass", at=0.0105, to=0.0)
+    plant = fa.Plant(arm, 0.001, hardware, changes=[drop])
+    plant.reset(q, qd)
+    for _ in range(11):
+        reading = plant.step([0.0, 0.0])
+    fresh = fa.Plant(light, 0.001, hardware)
+    wanted = fresh.reset(plant.q, plant.qd).acceleration
+    old = fa.Plant(arm, 0.001, hardware).reset(plant.q, plant.qd).acceleration
+    np.testing.assert_allclose(reading.acceleration, wanted, rtol=1e-9)
+    assert abs(old - wanted).max() > 0.1
+
+
 @pytest.mark.parametrize("integrator", ["rk4", "generalized_alpha", "gauss_6", "cowell_4"])
 def test_every_kind_of_integrator_goes_on(integrator):
     arm = two_links()

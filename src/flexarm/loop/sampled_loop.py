@@ -91,9 +91,4 @@ class SampleSchedule:
         else:
             drive.breaks[:], coefficients = acting.cubics(now, change)
             drive.coefficients[:, :, self._bodies] = coefficients
-        arm = run.arm
         self._system = run.carry_to(self._system, change)
-        if run.arm is not arm:
-            memory = self._sensing.memory()
-            self._sensing = sensing_of(run, self._hardware, self.sample_time)
-            self._sensing.recall(memory)
