@@ -61,6 +61,25 @@ class TestEvents:
         np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_events_stop_every_integrator_for_a_change(integrator):
+    """A terminal event later than the change still ends the run."""
+    arm = two_links()
+    q, qd = moving(arm)
+    pick = fa.Change("payload.mass", at="there", to=0.6)
+    runs = []
+    for method in ("auto", integrator):
+        there = fa.joint_event(arm, 1, 0.45, name="there", direction=1)
+        end = fa.joint_event(arm, 1, 0.6, name="end", terminal=True)
+        options = {"events": [there, end], "changes": [pick], "integrator": method, "rate": 100.0}
+        runs.append(fa.simulate(arm, 0.4, initial=q, initial_rate=qd, **options))
+    assert [run.ended_by for run in runs] == ["end"] * 2
+    # The default step of fixed-step methods allows more than they need here.
+    np.testing.assert_allclose(*(run.change_time.values for run in runs), rtol=1e-5)
+    np.testing.assert_allclose(*(run.time.values[-1] for run in runs), rtol=1e-5)
+    np.testing.assert_allclose(*(run.tip.values for run in runs), rtol=0, atol=1e-5)
+
+
 FIXED = [name for name, kind in INTEGRATORS.items() if not kind.adaptive]
 STEPS = [
     fa.Change("payload.mass", at=0.1, to=0.5),

@@ -93,7 +93,7 @@ class Run:
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
-    environment: Environment = EMPTY  # what ``loads`` are made of
+    environment: Environment = EMPTY  # source of ``loads``
     spans: list[Span] = field(default_factory=list)  # before the last change of the arm
 
     def system(self, history: PiecewiseCubic) -> System:

@@ -38,7 +38,7 @@ def _time_or_event(value: Any) -> str:
 
 if TYPE_CHECKING:
     Course = float | ValueTable | Callable[[float], float] | tuple[Any, Any]
-    Moment = float | str
+    TimeOrEvent = float | str
 else:
     Course = Annotated[
         Annotated[Number, Tag("<number>")]
@@ -46,7 +46,7 @@ else:
         | Annotated[SkipJsonSchema[Callable[[float], float]], Tag("<function>")],
         Discriminator(_course),
     ]
-    Moment = Annotated[
+    TimeOrEvent = Annotated[
         Annotated[NonNegative, Tag("<time>")] | Annotated[Word, Tag("<event>")],
         Discriminator(_time_or_event),
     ]
@@ -62,7 +62,7 @@ class Change(Record, kw_only=False):
     path: Word = Field(
         description="Path of the number, such as payload.mass or links[0].flexural_rigidity."
     )
-    at: Moment = Field(
+    at: TimeOrEvent = Field(
         default=0.0,
         description="Time of the change (s), or the name of an event: its first occurrence.",
     )
