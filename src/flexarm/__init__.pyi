@@ -72,6 +72,7 @@ from .linear.step_derivatives.step_jacobian import StepJacobian as StepJacobian
 from .linear.step_derivatives.step_jacobian import step_jacobian as step_jacobian
 from .loop_analysis.margins import loop_margins as loop_margins
 from .model import Box as Box
+from .model import Change as Change
 from .model import Circle as Circle
 from .model import Contact as Contact
 from .model import Friction as Friction

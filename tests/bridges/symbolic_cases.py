@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
-from flexarm.model.file_format.paths import with_number
+from flexarm.model.paths import with_number
 from random_options import Busy
 
 #: Parameters of `parametric`, and the factors by which the tests change them.

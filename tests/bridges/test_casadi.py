@@ -17,7 +17,7 @@ from bridges.symbolic_cases import (
     parametric,
 )
 from flexarm.bridges.symbolic.parameters import ParametricArm
-from flexarm.model.file_format.paths import number_paths, with_number
+from flexarm.model.paths import number_paths, with_number
 from random_options import busy
 
 

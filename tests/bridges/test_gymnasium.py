@@ -367,3 +367,23 @@ def test_without_gymnasium_the_error_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(ImportError, match=r"pip install 'flexarm\[gym\]'"):
         importlib.reload(bridge)
+
+
+def test_changes_happen_in_every_episode_and_may_be_drawn():
+    pick = fa.Change("payload.mass", at=0.05, to=0.5)
+
+    def draw(rng):
+        return [pick.replace(to=float(rng.uniform(0.3, 0.6)))]
+
+    push = lambda env, info: np.full(2, 0.5, np.float32)  # noqa: E731
+    options = {"sample_time": 0.01, "duration": 0.2}
+    plain = episode(gymnasium.make(REACH, **options), push)[0]
+    env = gymnasium.make(REACH, changes=[pick], **options)
+    first, again = episode(env, push)[0], episode(env, push)[0]
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first[:6], plain[:6])  # the sixth reading is before the change
+    assert abs(first[7:] - plain[7:]).max() > 1e-3
+    drawn = gymnasium.make(REACH, changes=draw, **options)
+    one, other, same = (episode(drawn, push, seed=seed)[0] for seed in (1, 2, 1))
+    np.testing.assert_array_equal(one, same)
+    assert abs(one[-1] - other[-1]).max() > 1e-3

@@ -34,6 +34,7 @@ CASES = {
     "base_acceleration": ([0.0, 1.0], {}),
     "events": ([{"name": "down", "kind": "joint_angle", "joint": 1, "angle": -1e-4}], {}),
     "contacts": ([FLOOR], {}),
+    "changes": ([{"path": "payload.mass", "at": 0.01, "to": 0.5}], {}),
     "initial": ({"joint_angle": [0.1, 0.2]}, {}),
     "run": ({**RUN, "duration": 0.03}, {}),
     "initial.joint_angle": ([0.1, 0.2], {}),

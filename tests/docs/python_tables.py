@@ -17,7 +17,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("ModalDamping", "RayleighDamping", "Gauge"),
         *("Joint", "Friction", "JointLimits", "Payload"),
     ),
-    "loads": ("Load", "Contact", "Wall", "RoundWall", "SurfaceTable"),
+    "loads": ("Load", "Change", "Contact", "Wall", "RoundWall", "SurfaceTable"),
     "motions": (
         *("line_motion", "via_point_motion", "spline_motion", "circle_motion", "joint_motion"),
         *("inverse_kinematics", "rigid_torque", "shaped", "smoothed"),

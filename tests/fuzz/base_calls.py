@@ -172,6 +172,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
         "gravity": [0.0, -9.81],
         "theory": "linear",
     },
+    "Change": {"path": "payload.mass", "at": 0.1, "to": 0.3, "velocity": (0.1, 0.0)},
     "Contact": {"surface": lambda: fa.Wall((0.0, -3.0), (0.0, 1.0)), "stiffness": 1e3},
     "Event": {"function": lambda: lambda t, q, qd: 1.0},
     "Hardware": {"instruments": lambda: [fa.Instrument("joint_angle")], "motors": fa.Motors},

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
-from flexarm.model.file_format.paths import with_number
+from flexarm.model.paths import with_number
 
 pytestmark = pytest.mark.compiled
 

@@ -149,7 +149,7 @@ def test_load_on_one_plant_moves_a_joint_by_its_torque_over_the_gain():
 def test_plant_is_an_arm_or_an_arm_with_loads(arm, motion, wrong):
     if isinstance(wrong, tuple) and wrong[0] == "arm":
         wrong = (arm, *wrong[1:])
-    words = r"plants\['pushed'\] must be an Arm, or a pair of an Arm and a list of Load objects"
+    words = r"plants\['pushed'\] must be an Arm, or a pair of an Arm and a list of Load and Change"
     with pytest.raises(fa.InputError, match=words):
         fa.compare(arm, {"pd": gains()}, 0.1, {"move": motion}, {"pushed": wrong})
 

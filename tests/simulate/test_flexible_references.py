@@ -146,20 +146,23 @@ run: {duration: 0.1, rate: 100}
 """
     gains = "proportional: 20, derivative: [2, 1]"
     direct = {
-        f"kind: joint_pid, {gains}, integral: 3, gravity: sag, torque_limit: 9": lambda a, f: (
-            fa.JointPID(20.0, [2.0, 1.0], 3.0, arm=a, sag=True, torque_limit=9.0)
+        f"kind: joint_pid, {gains}, integral: 3, gravity: sag, torque_limit: 9, reference: rigid": (
+            lambda a, f: fa.JointPID(20.0, [2.0, 1.0], 3.0, arm=a, sag=True, torque_limit=9.0)
         ),
         f"kind: joint_pid, {gains}, feedforward: rigid_inverse_dynamics": lambda a, f: fa.JointPID(
             20.0, [2.0, 1.0], feedforward=f
         ),
-        "kind: computed_torque, frequency_hz: 0.5, damping_ratio: 0.7": lambda a, f: (
-            fa.ComputedTorque(a, 0.5, 0.7)
+        "kind: computed_torque, frequency_hz: 0.5, damping_ratio: 0.7, reference: rigid": (
+            lambda a, f: fa.ComputedTorque(a, 0.5, 0.7)
+        ),
+        "kind: computed_torque, frequency_hz: 0.5, reference: rigid, feedforward: none": (
+            lambda a, f: fa.ComputedTorque(a, 0.5)
         ),
         "kind: computed_torque, frequency_hz: 0.5, feedforward: rigid_inverse_dynamics": (
             lambda a, f: fa.ComputedTorque(a, 0.5, feedforward=f)
         ),
-        f"kind: strain_feedback, {gains}, strain: [30, 9], strain_rate: 0.1": lambda a, f: (
-            fa.StrainFeedback(20.0, [2.0, 1.0], [30.0, 9.0], 0.1)
+        f"kind: strain_feedback, {gains}, strain: [30, 9], strain_rate: 0.1, reference: rigid": (
+            lambda a, f: fa.StrainFeedback(20.0, [2.0, 1.0], [30.0, 9.0], 0.1, feedforward=f)
         ),
     }
     path = tmp_path / "s.yaml"

@@ -22,7 +22,8 @@ arm:
     - {length: 0.6, flexural_rigidity: 25.0, mass_per_length: 0.4, elements: 1}
   joints: [{hub_inertia: 0.05}, {hub_inertia: 0.03}]
 motion: {kind: joint, start: [0.2, -0.4], end: [0.9, 0.5], duration: 0.3}
-drive: {kind: joint_pd, proportional: [20, 8], derivative: [2, 0.8], sample_time: 0.002}
+drive: {kind: joint_pd, proportional: [20, 8], derivative: [2, 0.8], sample_time: 0.002,
+  reference: rigid, feedforward: none}
 run: {duration: 0.4, rate: 500}
 """
 HARDWARE = """\
@@ -82,7 +83,7 @@ def test_signals_of_files_equal_those_of_python():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("signal: strain", "signal: strian", "scenario.yaml:18: hardware.instruments[1].signal"),
+        ("signal: strain", "signal: strian", "scenario.yaml:19: hardware.instruments[1].signal"),
         ("noise: 2e-6", "noise: -1", "hardware.instruments[1].noise must be at least 0"),
         ("name: camera", "link: 1", "link is not supported for the signal tip"),
         ("link: 2,", "", "link is required for the signal acceleration"),
@@ -106,7 +107,7 @@ def test_problems_are_reported_with_their_place(tmp_path, old, new, words):
 
 
 def test_hardware_without_a_controller_is_rejected(tmp_path):
-    drive = ARM.splitlines()[-2]
+    drive = "\n".join(ARM.splitlines()[-3:-1])
     text = (ARM + HARDWARE).replace(drive, "drive: {kind: rigid_inverse_dynamics}")
     with pytest.raises(fa.InputError, match="hardware requires a controller as drive"):
         fa.run_scenario(written(tmp_path, text))

@@ -132,7 +132,11 @@ class TestEquilibrium:
             "{kind: none}",
             "{kind: rigid_inverse_dynamics}",
             "{kind: torque, rate: 100, interpolation: linear, values: [ZEROS]}",
-            "{kind: joint_pd, proportional: 20, derivative: 1}",
+            "{kind: joint_pd, proportional: 20, derivative: 1, reference: rigid}",
+            (
+                "{kind: joint_pd, proportional: 20, derivative: 1, reference: rigid, "
+                "feedforward: none}"
+            ),
             (
                 "{kind: joint_pd, proportional: 20, derivative: 1, "
                 "feedforward: rigid_inverse_dynamics}"

@@ -13,7 +13,7 @@ from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
 from flexarm.linear.step_derivatives.formulas import constants_at
-from flexarm.model.file_format.paths import number_at, number_paths, with_number
+from flexarm.model.paths import number_at, number_paths, with_number
 from flexarm.simulation.preparation import run_options
 from random_arms import random_spec
 

@@ -85,7 +85,7 @@ class OpenLoop:
         variations: arguments of the runs.
         options: options of all runs.
         acting: the arguments ``tip_force``, ``loads``, ``base_acceleration``, ``contacts``,
-            ``events`` and ``prescribed`` of ``simulate``.
+            ``events``, ``prescribed`` and ``changes`` of ``simulate``.
         channels: names of the required channels.
     """
 
@@ -99,6 +99,7 @@ class OpenLoop:
         self._variations, self._options = variations, options
         self._channels = channels
         self._events, self._prescribed = acting["events"], acting["prescribed"] or {}
+        self._changes = acting["changes"]
         names = "tip_force", "loads", "base_acceleration", "contacts"
         self._environment = tuple(acting[name] for name in names)
         self._meter = Meter("simulating", False)
@@ -160,12 +161,13 @@ class OpenLoop:
         with self._users:
             environment = Environment.of(arm, *self._environment)
             log = event_log(arm, self._events)
-            run = options.new_run(arm, state, environment, log, self._meter)
+            run = options.new_run(arm, state, environment, log, self._meter, self._changes)
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
         run.prescribed = tuple(self._prescribed)
         run.loads_of = partial(self._loads, run.loads_of)
-        if self._variations.same_arm and not placed.body.size and log is None:
+        same = self._variations.same_arm and run.changes is None
+        if same and not placed.body.size and log is None:
             self._template = restarted(run, state, options.integrator, options.step)
         return run, state
 

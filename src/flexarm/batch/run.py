@@ -51,7 +51,10 @@ OPTIONS = {
     if name not in _OWN
 }
 #: Options that act on the arm, besides its torques.
-_ACTING = ("tip_force", "loads", "base_acceleration", "contacts", "events", "prescribed")
+_ACTING = (
+    *("tip_force", "loads", "base_acceleration", "contacts"),
+    *("events", "prescribed", "changes"),
+)
 #: Runs that a thread executes before it reports its progress, one at a time or in lanes, and the
 #: memory (bytes) to which the states of the latter are limited.
 _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24

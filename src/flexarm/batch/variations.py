@@ -17,7 +17,7 @@ from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Hardware
-from flexarm.model.file_format.paths import number_at, with_number
+from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.preparation import Torque
 
 T = TypeVar("T")

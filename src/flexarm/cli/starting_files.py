@@ -66,11 +66,10 @@ def scenario_text(links: int, gravity: bool) -> str:
 flexarm: 1
 arm: arm.yaml
 {_motion(links)}
-drive:                # joint PD with the torques of the rigid arm as feedforward
+drive:                # joint PD along the angles of the bent arm, with its torques as feedforward
   kind: joint_pd
   proportional: {proportional}  # N m/rad, one for each joint
   derivative: {derivative}  # N m s/rad
-  feedforward: rigid_inverse_dynamics
   sample_time: {sample_time}  # s
 {f"initial:{chr(10)}{start}" if gravity else ""}run:
   duration: 4.0       # s

@@ -68,6 +68,13 @@ class Watch:
         self._seen, self._last = mark.seen, mark.last
         del self.log.found[mark.found :]
 
+    def go_on(self, progress: Progress, tolerance: Tolerance) -> None:
+        """Continue the search from the present state of the run, which may have jumped."""
+        self.tolerance, self._seen = tolerance, progress.sample
+        time, state = progress.time, progress.state
+        values, _ = self._values(np.array([time]), state[None])
+        self._last = _Point(time, state.copy(), values[-1]) if len(values) else None
+
     def look(
         self,
         system: System,
@@ -76,7 +83,9 @@ class Watch:
         samples: FloatArray,
         status: Status,
     ) -> Found | None:
-        """Search the samples since the last call; return the event that ends the run, or None.
+        """Search the samples since the last call; return the event that stops the run, or None.
+
+        An event stops the run if it is terminal or the arm changes there.
 
         Unless the integrator only paused, its last state counts as a sample, because the system
         may change from there on.
@@ -126,7 +135,8 @@ class Watch:
                 found.append(Found(int(place), time, state, direction))
         for one in sorted(found, key=lambda one: one.time):
             self.log.found.append(one)
-            if self.log.events[one.place].terminal:
+            stops = self.log.names[one.place] in self.log.triggers
+            if stops or self.log.events[one.place].terminal:
                 return one
         return None
 

@@ -18,7 +18,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact, EventSpec, JointEvent
-from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.model.scenarios.events import DURATION, FAILURE, event_names
 from flexarm.observe import contact_values, tips_of
 
 #: Function of t (s), q (dof,) and qd (dof,) that returns a number.
@@ -229,11 +229,15 @@ class Found:
 
 @dataclass(eq=False)
 class EventLog:
-    """Events of a run, their names and their occurrences in order of time."""
+    """Events of a run, their names and their occurrences in order of time.
+
+    ``triggers`` are the names of events at whose next occurrence the arm changes.
+    """
 
     events: list[Event]
     names: list[str]
     found: list[Found] = field(default_factory=list)
+    triggers: set[str] = field(default_factory=set)
 
     @property
     def ended_by(self) -> str | None:
@@ -251,7 +255,7 @@ def event_log(arm: Arm, events: Sequence[Event]) -> EventLog | None:
             created for a different arm.
     """
     events = check_list_of("events", events, Event)
-    names = [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
+    names = event_names(events)
     problems = []
     for k, event in enumerate(events):
         if names[k] in names[:k]:

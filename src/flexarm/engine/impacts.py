@@ -43,6 +43,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic])
     if first.impacts == 0 or (tolerance.relative, tolerance.absolute) != (RTOL, ATOL):
         return
     before, before_times = run.samples, run.sample_times
+    run.begin_again()
     run.tolerance = tolerance._replace(relative=_TIGHT * RTOL, absolute=_TIGHT * ATOL)
     run.sample_times, run.duration = times, duration
     run.samples = np.empty((len(times), *start.shape))

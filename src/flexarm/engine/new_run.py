@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
+from flexarm.engine.changes.schedule import arm_changes
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import default_step
 from flexarm.engine.event_search import Watch
@@ -23,6 +25,7 @@ from flexarm.errors import InputError, Problem, check_array
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
+from flexarm.model import Change
 
 
 def new_run(
@@ -42,6 +45,7 @@ def new_run(
     meter: Meter,
     stations: int = 0,
     specialized: bool | None = None,
+    changes: Sequence[Change] = (),
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
@@ -51,7 +55,7 @@ def new_run(
 
     Raises:
         InputError: if a load, the base acceleration or a contact does not fit the arm, or no
-            integrator has that name.
+            integrator has that name, or a change does not fit the arm.
     """
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(touching)
@@ -78,6 +82,8 @@ def new_run(
         specialized=specialized,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
+        changes=arm_changes(arm, changes, duration, log),
+        environment=environment,
     )
 
 

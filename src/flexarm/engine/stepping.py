@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.actions.environment import EMPTY, Environment
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.engine.default_step import DefaultStep
+from flexarm.engine.changes.schedule import ArmChanges
+from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
+from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
+from flexarm.engine.events import Found
 from flexarm.engine.integrator_choice import Choice, choose_by_drive
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
+from flexarm.engine.tolerance import tolerance_of
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -51,9 +57,20 @@ _HINTS = {
 _CHUNK = 4096
 
 
+class Span(NamedTuple):
+    """Part of a run between two changes of its arm."""
+
+    arm: Arm
+    loads: LoadHistory
+    end: int  # number of samples up to the change
+
+
 @dataclass
 class Run:
-    """Arguments and current progress of one run."""
+    """Arguments and current progress of one run.
+
+    ``arm`` and ``loads`` are those of the present, after the last change of the arm.
+    """
 
     arm: Arm
     choice: Choice
@@ -75,6 +92,9 @@ class Run:
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     max_steps: int = 64
+    changes: ArmChanges | None = None  # of the arm during the run
+    environment: Environment = EMPTY  # source of ``loads``
+    spans: list[Span] = field(default_factory=list)  # before the last change of the arm
 
     def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
@@ -171,6 +191,82 @@ class Run:
         Raises:
             SimulationError: if the integrator fails before ``until``.
         """
+        changes = self.changes
+        if changes is None:
+            return self._carried(system, until)
+        while True:
+            if self.progress.time >= min(until, self.duration):  # an event may end the run
+                return system
+            if changes.next_time <= self.progress.time:
+                system = self._changed(system, changes)
+            system = self._carried(system, min(until, changes.next_time))
+
+    def _changed(self, system: System, changes: ArmChanges) -> System:
+        """Make the changes of the arm that are due; return the system after them.
+
+        The integrator starts again, because the motion is not smooth there.
+        """
+        progress, before = self.progress, self.arm
+        free = np.setdiff1d(np.arange(before.dof), before.joint_index[self._moved()])
+        self.arm, state = changes.apply(progress.time, progress.state, free)
+        if self.arm is before:
+            return system
+        self.spans.append(Span(before, self.loads, progress.sample))
+        progress.state[...] = state
+        progress.memory = progress.method = progress.entry = None
+        touching = contacts_of_run(self.arm, self.environment.contacts, state)
+        self.loads = replace(self.loads, placed=self.loads.placed._replace(contacts=touching))
+        asked = self.tolerance
+        tolerance = tolerance_of(self.arm, state, asked.absolute, asked.relative)
+        fastest = max(tolerance.fastest, contact_frequency(touching))
+        self.tolerance = tolerance._replace(fastest=fastest)
+        if self.default_step is not None:
+            self.default_step = default_step(self.integrator, self.tolerance)
+        if self.watch is not None:
+            self.watch.go_on(progress, self.tolerance)
+        constants, drive = self._constants(), system.drive
+        contacts = touching._replace(seen=touching.seen.copy())
+        drive = drive._replace(loads=drive.loads._replace(contacts=contacts))
+        return System(system.sizes, constants, drive, KernelView(constants).work)
+
+    def begin_again(self) -> None:
+        """Return to the arm at the start of the run, for another pass."""
+        if self.changes is not None:
+            self.changes.reset()
+            self.arm = self.changes.first
+            self.loads = self.spans[0].loads if self.spans else self.loads
+            self.spans = []
+            if self.watch is not None:
+                self.watch.log.triggers = set(self.changes.waiting)
+
+    def parts(self) -> list[tuple[slice, Run]]:
+        """Return the samples of each span, and a run of its arm with these samples only."""
+        last = Span(self.arm, self.loads, self.progress.sample)
+        found, begin = [], 0
+        for span in [*self.spans, last]:
+            part = slice(begin, max(span.end, begin))
+            count = part.stop - part.start
+            progress = replace(self.progress, sample=count)
+            own = replace(
+                self,
+                arm=span.arm,
+                loads=span.loads,
+                sample_times=self.sample_times[part],
+                samples=self.samples[part],
+                progress=progress,
+                spans=[],
+            )
+            found.append((part, own))
+            begin = part.stop
+        return [one for one in found if one[0].stop > one[0].start] or found[:1]
+
+    @property
+    def first_arm(self) -> Arm:
+        """The arm at the start of the run."""
+        return self.arm if self.changes is None else self.changes.first
+
+    def _carried(self, system: System, until: float) -> System:
+        """Advance to a time up to which the arm does not change, or to an event."""
         if self.default_step is not None:
             return self.default_step.carry(self, system, until)
         while True:
@@ -232,6 +328,9 @@ class Run:
             raise
         if event is None:
             return False
+        name = self.watch.log.names[event.place]
+        if not self.watch.log.events[event.place].terminal:
+            return self._stopped_for_change(name, event)
         keep = int(np.searchsorted(self.sample_times, event.time))
         self.sample_times = np.append(self.sample_times[:keep], event.time)
         if keep == len(self.samples):  # the event lies after the last sample
@@ -240,6 +339,20 @@ class Run:
         progress.state[...] = event.state
         self.duration = progress.time = event.time
         progress.sample = keep + 1
+        return True
+
+    def _stopped_for_change(self, name: str, event: Found) -> bool:
+        """Return to an event at which the arm changes; the run goes on from there."""
+        assert self.changes is not None
+        assert self.watch is not None
+        progress = self.progress
+        progress.state[...] = event.state
+        progress.time = event.time
+        progress.sample = int(np.searchsorted(self.sample_times, event.time))
+        progress.memory = progress.method = progress.entry = None
+        self.watch.log.triggers.discard(name)
+        self.watch.go_on(progress, self.tolerance)
+        self.changes.trigger(name, event.time)
         return True
 
     def failure(self, status: Status, reason: str = "", hint: str = "") -> SimulationError:
@@ -275,7 +388,8 @@ def failure_of(
 def run_open_loop(run: Run, history: PiecewiseCubic) -> None:
     """Simulate a run under a given torque history."""
     run.history = history
-    stops = np.concatenate([history.stops, run.loads.factors.stops])
+    changed = run.changes.times if run.changes is not None else np.zeros(0)
+    stops = np.concatenate([history.stops, run.loads.factors.stops, changed])
     choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
     if choice is not run.choice:
         run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt

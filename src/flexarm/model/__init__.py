@@ -22,6 +22,7 @@ from flexarm.model.arm.spec import ArmSpec as ArmSpec
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
+from flexarm.model.environment.changes import Change as Change
 from flexarm.model.environment.contacts import Contact as Contact
 from flexarm.model.environment.contacts import RoundWall as RoundWall
 from flexarm.model.environment.contacts import Surface as Surface

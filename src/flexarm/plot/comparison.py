@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from flexarm.arguments import check_dataset
 from flexarm.errors import InputError, Problem, public_call_as
@@ -28,6 +28,8 @@ _PANELS = (
     ("force_error_rms", "force error, RMS [N]", 1.0),
     ("torque_rms", "torque, RMS [N m]", 1.0),
 )
+#: Ratio of the ends of an axis below which it has evenly spaced labels.
+_NARROW = 8.0
 #: Value drawn instead of zero on the logarithmic axis.
 _LEAST = 1e-9
 _MARKS = "os^Dv<>ph*"
@@ -132,7 +134,10 @@ def _scale(axes: Axes, values: FloatArray) -> None:
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     steps = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
-    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=8))
+    # Within less than a decade the locator would place labels on each other.
+    narrow = high < _NARROW * low
+    locator = MaxNLocator(4) if narrow else LogLocator(subs=steps, numticks=8)
+    axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.grid(axis="x", visible=True)

@@ -17,7 +17,7 @@ from flexarm.kernels.layout import Array
 from flexarm.linear.step_derivatives.formulas import constants_at, scaled, scales_of
 from flexarm.linear.step_derivatives.parameters import POWERS
 from flexarm.model import Link
-from flexarm.model.file_format.paths import number_at, parts_of, with_number
+from flexarm.model.paths import number_at, parts_of, with_number
 from flexarm.run_derivatives.differences import SMOOTH, differences
 from flexarm.run_derivatives.inputs import ArmInputs, arm_inputs
 

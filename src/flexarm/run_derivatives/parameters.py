@@ -15,7 +15,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import added_coefficients, collected_samples
 from flexarm.kernels.layout import Array
-from flexarm.model.file_format.paths import number_at, with_number
+from flexarm.model.paths import number_at, with_number
 from flexarm.run_derivatives.arm_parameters import arm_derivative
 from flexarm.run_derivatives.differences import differences
 from flexarm.run_derivatives.inputs import ArmInputs, Inputs, arm_inputs, no_change

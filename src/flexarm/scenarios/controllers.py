@@ -13,10 +13,11 @@ from flexarm.controllers import CONTROLLERS
 from flexarm.errors import InputError, Problem
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.model import Hardware
-from flexarm.model.drives import ControllerDrive
+from flexarm.model.drives import ControllerDrive, FlexibleTorqueDrive, RigidInverseDynamicsDrive
 from flexarm.motion import Motion
 from flexarm.scenarios.file_errors import problems_under
-from flexarm.scenarios.initial_state import Start, feedforward
+from flexarm.scenarios.initial_state import Start, with_holding
+from flexarm.scenarios.references import Followed, torque_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +27,14 @@ class DriveContext:
     Attributes:
         arm: the controllers' model of the arm.
         motion: of the rigid model, or None.
+        followed: the reference of the controller, with its torque.
         start: of the run.
         hardware: of the scenario, or None.
     """
 
     arm: Arm
     motion: Motion | None
+    followed: Followed
     start: Start
     hardware: Hardware | None
 
@@ -45,7 +48,9 @@ def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
     given: dict[str, Any] = {}
     for name in type(drive).model_fields:
         value = getattr(drive, name)
-        if name == "kind" or value is None:  # the class's own default
+        if name == "feedforward":
+            value = feedforward_kind(drive, around)
+        if name in ("kind", "reference") or value is None:  # the class's own default
             continue
         make = _MADE.get(name)
         given |= {name: value} if make is None else make(value, around)
@@ -57,9 +62,25 @@ def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
     return made
 
 
+def feedforward_kind(drive: Any, around: DriveContext) -> str:
+    """Return the kind of feedforward of a drive: the given one, or by default the reference.
+
+    Gravity compensation replaces it, and so does the model of computed torque on a rigid arm.
+    """
+    if drive.feedforward is not None:
+        return str(drive.feedforward)
+    compensated = getattr(drive, "gravity", "none") != "none"
+    modelled = drive.kind == "computed_torque" and around.followed.initial is None
+    return "none" if compensated or modelled else "reference"
+
+
 def _feedforward(asked: str, around: DriveContext) -> dict[str, Any]:
-    motion = around.motion if asked == "rigid_inverse_dynamics" else None
-    return {"feedforward": feedforward(around.arm, motion, around.start)}
+    torque = None
+    if asked == "reference":
+        torque = around.followed.torque
+    elif asked != "none" and around.motion is not None:
+        torque = torque_of(around.arm, FEEDFORWARDS[asked](), around.motion).torque
+    return {"feedforward": with_holding(torque, around.start)}
 
 
 def _gravity(asked: str, around: DriveContext) -> dict[str, Any]:
@@ -83,6 +104,12 @@ def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
     with problems_under("estimator"):
         return {"estimator": ExtendedKalmanFilter(around.arm, **options)}
 
+
+#: Drives without feedback whose torque can be a feedforward, by the value of the key.
+FEEDFORWARDS: dict[str, Callable[[], Any]] = {
+    "rigid_inverse_dynamics": RigidInverseDynamicsDrive,
+    "flexible_torque": FlexibleTorqueDrive,
+}
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.
 _MADE: dict[str, Callable[[Any, DriveContext], dict[str, Any]]] = {

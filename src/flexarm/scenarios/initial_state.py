@@ -25,7 +25,8 @@ from flexarm.model import (
     Scenario,
     TabulatedJoint,
 )
-from flexarm.motion import Motion, RigidTorque, rigid_torque
+from flexarm.motion import Motion
+from flexarm.scenarios.references import Followed
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +44,10 @@ class Start:
     holding: FloatArray | None = None
 
 
-def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None) -> Start:
-    """Return the start of a scenario; a pressed motion starts with links bent by the force.
+def start_of(
+    arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None, followed: Followed
+) -> Start:
+    """Return the start of a scenario; that of a flexible reference has bent links.
 
     Raises:
         EquilibriumError: if an equilibrium is requested and none is found.
@@ -53,6 +56,8 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
     angles = np.zeros(arm.joints)
     if asked.joint_angle is not None:
         angles = np.array(asked.joint_angle)
+    elif followed.initial is not None:
+        angles = arm.joint_angles(followed.initial).copy()
     elif motion is not None:
         angles = np.array(motion.joint_angle(0.0))
     prescribed: dict[int, PrescribedAngle | Motion] = {}
@@ -72,8 +77,8 @@ def start_of(arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None
         prescribed[spec.joint] = own
     if not asked.equilibrium:
         chosen = asked.joint_angle is not None or prescribed
-        if isinstance(motion, PressedMotion) and not chosen:
-            return Start(motion.initial, prescribed)
+        if followed.initial is not None and not chosen:
+            return Start(followed.initial, prescribed)
         return Start(arm.rest(angles), prescribed)
     loads = [_load_at_start(load) for load in scenario.loads]
     base, contacts = scenario.base_acceleration, scenario.contacts
@@ -93,38 +98,39 @@ def _load_at_start(load: Load) -> Load:
     return load.replace(factor=None).scaled(float(factor[0, 0]))
 
 
+#: Time (s) before every motion, at which torques are those of the arm at rest.
+_LONG_BEFORE = -1e9
+
+
 @dataclass(frozen=True, eq=False)
 class _Balanced:
-    """Rigid torques along a motion, plus a constant for the equilibrium of the flexible arm.
+    """Torques along a motion, plus a constant for the equilibrium of the arm at the start.
 
-    Rigid torques include neither the loads nor the shift of mass by the sag of the links.
+    The torques do not include the loads, and rigid torques not the sag of the links.
     """
 
     vectorized: ClassVar[bool] = True
 
-    rigid: RigidTorque
+    torque: Any
     more: FloatArray  # (joints,)
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        return self.rigid.breaks
+        return tuple(getattr(self.torque, "breaks", ()))
 
     def __call__(self, t: ArrayLike) -> FloatArray:
-        return self.rigid(t) + self.more
+        return np.asarray(self.torque(t)) + self.more
 
 
-def feedforward(arm: Arm, motion: Motion | None, start: Start) -> Callable[[Any], Any] | None:
-    """Return the rigid torque along a motion, corrected for the equilibrium at the start.
+def with_holding(torque: Callable[[Any], Any] | None, start: Start) -> Callable[[Any], Any] | None:
+    """Return a torque along a motion, corrected for the equilibrium at the start.
 
-    The correction applies if the start has a holding torque. Without a motion the result is the
+    The correction applies if the start has a holding torque. Without a torque the result is the
     holding torque, or None.
     """
     holding = start.holding
-    if motion is None:
+    if torque is None:
         return None if holding is None else partial(constant, holding)
-    rigid = rigid_torque(arm, motion)
     if holding is None:
-        return rigid
-    still = np.zeros(arm.joints)
-    known = rigid.rigid_counterpart.inverse_dynamics(motion.joint_angle(0.0), still, still)
-    return _Balanced(rigid, holding - known)
+        return torque
+    return _Balanced(torque, holding - np.asarray(torque(_LONG_BEFORE)))

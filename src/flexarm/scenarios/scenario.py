@@ -21,21 +21,22 @@ from flexarm.histories.samples import sampled_torque
 from flexarm.loop.requirements import misfits
 from flexarm.loop.stability import LoopPole, describe_instability, loop_poles
 from flexarm.model import (
+    Change,
     EventSpec,
     Load,
-    RigidInverseDynamicsDrive,
     Scenario,
     TorqueDrive,
     file_text,
     locate_scenario,
 )
-from flexarm.model.drives import ControllerDrive
+from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
 from flexarm.scenarios.controllers import DriveContext, controller_of
 from flexarm.scenarios.file_errors import Where, problems_at
-from flexarm.scenarios.initial_state import Start, feedforward, start_of
+from flexarm.scenarios.initial_state import Start, start_of, with_holding
 from flexarm.scenarios.motions import TaskReference, motion_of
+from flexarm.scenarios.references import Followed, reference_of, torque_of
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ class Prepared:
     Attributes:
         arm: the arm.
         motion: its requested motion, or None.
+        followed: the reference of the controller; the requested motion without one.
         options: arguments of ``simulate``.
         text: the scenario as a file, which results contain.
         events: requested events; those in ``options`` are created for ``arm``.
@@ -56,6 +58,7 @@ class Prepared:
 
     arm: Arm
     motion: TaskReference | None
+    followed: Followed
     options: dict[str, Any]
     text: str
     events: Sequence[EventSpec] = ()
@@ -93,23 +96,25 @@ class Prepared:
         arm: Arm | None = None,
         plant: Arm | None = None,
         loads: Sequence[Load] = (),
+        changes: Sequence[Change] = (),
         progress: bool | None = None,
-        **changes: Any,
+        **instead: Any,
     ) -> xr.Dataset:
-        """Simulate the scenario, optionally with changes.
+        """Simulate the scenario, optionally with other arguments.
 
         Args:
             arm: arm with the same number of joints to use instead, such as the rigid model.
             plant: arm to simulate, while the controller keeps the scenario's arm as its model.
-            loads: loads in addition to those of the scenario.
+            loads, changes: those in addition to the scenario's.
             progress: True or False shows or hides the progress bar.
-            changes: arguments of ``simulate`` in place of those of the scenario.
+            instead: arguments of ``simulate`` in place of those of the scenario.
         """
-        options = self.options | changes
+        options = self.options | instead
         if plant is not None:
             options["plant"] = plant
-        if loads:
-            options["loads"] = [*options.get("loads", ()), *loads]
+        for name, more in (("loads", loads), ("changes", changes)):
+            if more:
+                options[name] = [*options.get(name, ()), *more]
         if arm is not None:
             options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
             if "initial_rate" in options:
@@ -120,14 +125,23 @@ class Prepared:
             result = simulate(arm or self.arm, progress=progress, **options)
         except SimulationError as error:
             if error.result is not None:
-                error.result.attrs["scenario"] = self.text
+                error.result.attrs |= self._attributes()
             raise
-        result.attrs["scenario"] = self.text
+        result.attrs |= self._attributes()
         return result
+
+    def _attributes(self) -> dict[str, str]:
+        """Return the attributes of results: the file, and the reference of a controller."""
+        if "controller" not in self.options:
+            return {"scenario": self.text}
+        return {"scenario": self.text, "reference_kind": self.followed.kind}
 
 
 def prepare(
-    scenario: Scenario, place: Where = lambda _: "scenario", motion: TaskReference | None = None
+    scenario: Scenario,
+    place: Where = lambda _: "scenario",
+    motion: TaskReference | None = None,
+    followed: Followed | None = None,
 ) -> Prepared:
     """Create the arm, the motion and the drive of a scenario.
 
@@ -135,6 +149,7 @@ def prepare(
         scenario: the scenario to run.
         place: function from key path to location in its file, for messages.
         motion: the scenario's motion, if it already exists.
+        followed: the reference of its drive, if it already exists.
 
     Raises:
         InputError: if the motion leaves the arm's reach, or a part of the scenario does not fit
@@ -148,26 +163,29 @@ def prepare(
             motion = motion_of(arm, scenario)
     run = scenario.run
     options: dict[str, Any] = {name: value for name, value in run if value is not None}
-    for name in ("hardware", "loads", "base_acceleration", "contacts"):
+    for name in ("hardware", "loads", "base_acceleration", "contacts", "changes"):
         if given := getattr(scenario, name):
             options[name] = given
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
+    if followed is None:
+        with problems_at(place, "drive"):
+            followed = _followed(arm, scenario, motion)
     with problems_at(place, "initial"):
-        start = start_of(arm, scenario, motion)
+        start = start_of(arm, scenario, motion, followed)
     options["initial"] = start.q
     if scenario.initial.joint_rate is not None:
         options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
     if start.prescribed:
         options["prescribed"] = start.prescribed
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
-        _set_drive(arm, scenario, motion, start, options)
+        _set_drive(arm, scenario, motion, followed, start, options)
     _check_fit(arm, scenario, place, options)
     with problems_at(place, "run"):
         check_integrator(run.integrator, run.step, bool(scenario.contacts))
     if scenario.contacts:
         _check_touch(arm, place, options, motion)
-    return Prepared(arm, motion, options, file_text(scenario), scenario.events)
+    return Prepared(arm, motion, followed, options, file_text(scenario), scenario.events)
 
 
 def _check_touch(
@@ -230,10 +248,22 @@ def run_scenario(
     return prepare(*located).run(progress=progress)
 
 
+def _followed(arm: Arm, scenario: Scenario, motion: TaskReference | None) -> Followed:
+    """Return the reference of a drive that is a controller, or the torque of another one."""
+    drive = scenario.drive
+    if isinstance(drive, ControllerDrive):
+        return reference_of(arm, drive, motion)
+    if drive.kind in FEEDFORWARD_DRIVES:
+        assert isinstance(motion, Motion)  # checked when the file is read
+        return torque_of(arm, drive, motion)
+    return Followed(motion)
+
+
 def _set_drive(
     arm: Arm,
     scenario: Scenario,
     motion: TaskReference | None,
+    followed: Followed,
     start: Start,
     options: dict[str, Any],
 ) -> None:
@@ -244,10 +274,11 @@ def _set_drive(
             drive.values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
         )
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
-    elif isinstance(drive, RigidInverseDynamicsDrive):
-        options["torque"] = feedforward(arm, plain, start)
+    elif drive.kind in FEEDFORWARD_DRIVES:
+        options["torque"] = with_holding(followed.torque, start)
     elif isinstance(drive, ControllerDrive):
-        around = DriveContext(arm, plain, start, options.get("hardware"))
-        options["controller"], options["reference"] = controller_of(drive, around), motion
+        around = DriveContext(arm, plain, followed, start, options.get("hardware"))
+        options["controller"] = controller_of(drive, around)
+        options["reference"] = followed.motion
     elif start.holding is not None:
         options["torque"] = PiecewiseCubic.constant(start.holding)

@@ -13,12 +13,13 @@ from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.errors import InputError, Problem, public_call
-from flexarm.model import StudySpec, locate_study
-from flexarm.model.drives import CONTROLLED
+from flexarm.model import Scenario, StudySpec, locate_study
+from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference
+from flexarm.scenarios.references import Followed
 from flexarm.scenarios.scenario import Prepared, prepare
 from flexarm.simulation.compare import check_settling, comparison
 
@@ -43,19 +44,26 @@ class PreparedStudy:
         self.arm = Arm(study.arm)
         self.plants = {name: Arm(plant_spec(study.arm, p)) for name, p in study.plants.items()}
         self._prepared: dict[tuple[str, str], Prepared] = {}
-        made: dict[
-            str, TaskReference | None
-        ] = {}  # reused, because pressed motions take seconds to create
+        # Reused, because pressed motions and tip inversions take seconds to create.
+        made: dict[str, TaskReference | None] = {}
+        followed: dict[tuple[str, str | None], Followed] = {}
         for drive in study.drives:
             for motion in study.motions:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
                 with _told_in_study(drive, motion):
-                    prepared = prepare(scenario, own, made.get(motion))
+                    kind = _reference_kind(scenario)
+                    prepared = prepare(
+                        scenario, own, made.get(motion), followed.get((motion, kind))
+                    )
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
+                if kind != _OWN:
+                    followed[motion, kind] = prepared.followed
         with problems_at(place, "run"):
-            check_settling(study.run.settling, study.run.duration, made)
+            for (_, name), one in self._prepared.items():
+                references = {name: one.followed.motion}
+                check_settling(study.run.settling, study.run.duration, references)
 
     @property
     def names(self) -> dict[str, list[str]]:
@@ -88,18 +96,32 @@ class PreparedStudy:
         return {name: text for name, text in found.items() if text}
 
     def one(
-        self, drive: str, plant: str, motion: str, simulated: Arm | None = None, **changes: Any
+        self, drive: str, plant: str, motion: str, simulated: Arm | None = None, **instead: Any
     ) -> tuple[xr.Dataset, Reference]:
         """Simulate one run; return its result and its motion.
 
         Args:
-            simulated: arm in place of that of the plant, whose loads act on it.
-            changes: as in `Prepared.run`.
+            simulated: arm in place of that of the plant, whose loads and changes act on it.
+            instead: as in `Prepared.run`.
         """
         prepared = self._prepared[drive, motion]
-        assert prepared.motion is not None
-        arm, loads = simulated or self.plants[plant], self.study.plants[plant].loads
-        return prepared.run(plant=arm, loads=loads, progress=False, **changes), prepared.motion
+        reference = prepared.followed.motion
+        assert reference is not None
+        arm, spec = simulated or self.plants[plant], self.study.plants[plant]
+        result = prepared.run(
+            plant=arm, loads=spec.loads, changes=spec.changes, progress=False, **instead
+        )
+        return result, reference
+
+
+#: Kind of the reference of drives without feedback, which share nothing.
+_OWN = "own"
+
+
+def _reference_kind(scenario: Scenario) -> str | None:
+    """Return the kind of reference that drives share, see ``ControllerDrive.reference_kind``."""
+    drive = scenario.drive
+    return drive.reference_kind if isinstance(drive, ControllerDrive) else _OWN
 
 
 @public_call

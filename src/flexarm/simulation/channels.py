@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+import numpy as np
+
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
 from flexarm.integrate.base import FloatArray
@@ -25,6 +27,15 @@ def channels_of_run(
         given: (samples, joints) torques, N m, or accelerations of prescribed joints, rad/s^2.
         names: the required channels; others may be missing. None: all channels.
     """
+    found = [_channels_of_span(part, given[samples], names) for samples, part in run.parts()]
+    if len(found) == 1:
+        return found[0]
+    return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+
+
+def _channels_of_span(
+    run: Run, given: FloatArray, names: Collection[str] | None
+) -> dict[str, FloatArray]:
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
     if names is not None and not run.prescribed and not BY_FORCES.intersection(names):

@@ -26,7 +26,7 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
-from flexarm.model import Hardware, Load
+from flexarm.model import Change, Hardware, Load
 from flexarm.model.scenarios.events import DURATION
 from flexarm.simulation.metrics import METRICS, metrics_of
 from flexarm.simulation.run import simulate
@@ -42,8 +42,8 @@ INCONSISTENT = (
     "arm, or raise torque_noise or the noise of the instruments."
 )
 _DIMS = ("controller", "plant", "reference")
-#: Simulated arm, optionally with loads that act only on it.
-ComparedPlant = Arm | tuple[Arm, Sequence[Load]]
+#: Simulated arm, optionally with loads that act only on it and changes of it during the run.
+ComparedPlant = Arm | tuple[Arm, Sequence[Load | Change]]
 
 
 @public_call
@@ -68,7 +68,8 @@ def compare(
         references: motions by name.
         plants: simulated arms by name; None for the arm itself, as "nominal". A pair
             ``(arm, loads)`` is an arm with loads that act only on it, in addition to those of the
-            option ``loads``; no controller includes any of them in its model.
+            option ``loads``; no controller includes any of them in its model. The list may also
+            contain changes of this arm during the run (``Change``).
         hardware: of every run, with the same seed: the noise is the same in all.
         settling: time (s) after the end of a motion to exclude from the metrics of the time after
             it; shorter than the run.
@@ -102,14 +103,16 @@ def compare(
     duration = check_positive("duration", duration)
     check_settling(settling, duration, references)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
-    everywhere = options.pop("loads", ())
+    everywhere = {name: options.pop(name, ()) for name in ("loads", "changes")}
 
     def one(controller: str, plant: str, reference: str) -> tuple[xr.Dataset, Reference]:
         simulated, own = loaded[plant]
         run: dict[str, Any] = {"plant": simulated, "reference": references[reference]}
-        # Pass loads that are not a list unchanged, so that simulate raises its own error.
-        both = own and isinstance(everywhere, list | tuple)
-        run |= {"loads": [*everywhere, *own] if both else everywhere}
+        for (name, shared), kind in zip(everywhere.items(), (Load, Change), strict=True):
+            more = [item for item in own if isinstance(item, kind)]
+            # Pass what is not a list unchanged, so that simulate raises its own error.
+            both = more and isinstance(shared, list | tuple)
+            run[name] = [*shared, *more] if both else shared
         run |= {"hardware": hardware, "progress": False, **options}
         chosen = controllers[controller]
         return simulate(arm, duration, controller=chosen, **run), references[reference]
@@ -144,15 +147,15 @@ def check_settling(settling: object, duration: float, references: Mapping[str, A
             raise InputError(Problem("settling", rule, shown(settling)))
 
 
-def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load]]:
-    """Return a plant as its arm and the loads that act only on it."""
+def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load | Change]]:
+    """Return a plant as its arm and the loads that act only on it, and its changes."""
     match plant:
         case Arm():
             return plant, ()
         case (Arm() as simulated, list() | tuple() as loads):
-            if all(isinstance(load, Load) for load in loads):
+            if all(isinstance(load, Load | Change) for load in loads):
                 return simulated, loads
-    rule = "be an Arm, or a pair of an Arm and a list of Load objects"
+    rule = "be an Arm, or a pair of an Arm and a list of Load and Change objects"
     raise InputError(Problem(f"plants[{name!r}]", rule, shown(plant)))
 
 

@@ -31,7 +31,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.sampled_loop import SampleSchedule
 from flexarm.loop.sensors import TipMotion
-from flexarm.model import Contact, Hardware, Load
+from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.observe import contact_forces
 
 
@@ -50,6 +50,7 @@ class Plant:
         hardware: instruments and motors; None for exact sensors of joint angles, rates and strain,
             and motors that apply the commanded torque exactly.
         tip_force, loads, base_acceleration, contacts: external actions, see ``flexarm.simulate``.
+        changes: numbers of the arm that change after each reset, at times, see ``Change``.
         breaks: times (s) at which loads or a base acceleration that are functions of time jump or
             have a kink.
         integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
@@ -80,6 +81,7 @@ class Plant:
         base_acceleration: BaseAcceleration | None = None,
         breaks: ArrayLike = (),
         contacts: Sequence[Contact] = (),
+        changes: Sequence[Change] = (),
         integrator: str | Integrator = "auto",
         step: float | None = None,
         rtol: float = RTOL,
@@ -113,6 +115,7 @@ class Plant:
             atol=check_positive("atol", atol),
             meter=Meter("stepping", False),
             specialized=check_flag("specialized", specialized),
+            changes=changes,
         )
         self._reset(None, None, None)
 

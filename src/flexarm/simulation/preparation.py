@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
+from flexarm.model import Change
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.stations import MOST_STATIONS
 from flexarm.user_functions import call
@@ -58,6 +59,7 @@ class RunOptions(NamedTuple):
         environment: Environment,
         log: EventLog | None,
         meter: Meter,
+        changes: Sequence[Change] = (),
     ) -> Run:
         """Create a run from ``state`` (2, n, 1 + m); the errors are those of ``new_run``."""
         return new_run(
@@ -76,6 +78,7 @@ class RunOptions(NamedTuple):
             meter=meter,
             stations=self.stations,
             specialized=self.specialized,
+            changes=changes,
         )
 
 

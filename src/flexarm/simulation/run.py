@@ -14,6 +14,7 @@ from flexarm.arguments import check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
 from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
+from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
@@ -36,7 +37,7 @@ from flexarm.histories.prescribed import Prescribed
 from flexarm.integrate import Integrator
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
-from flexarm.model import Contact, Hardware, Load
+from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
@@ -66,6 +67,7 @@ def simulate(
     base_acceleration: BaseAcceleration | None = None,
     events: Sequence[Event] = (),
     contacts: Sequence[Contact] = (),
+    changes: Sequence[Change] = (),
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
     stations: int = 0,
@@ -106,6 +108,8 @@ def simulate(
             search compares samples, so two crossings within ``1 / rate`` may be missed. A terminal
             event ends the run and is its last sample.
         contacts: surfaces for contact with points of the arm, fixed relative to the base.
+        changes: numbers of the simulated arm that change during the run (``Change``); the
+            controller's model does not. Samples and readings at the time of a change are before it.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -132,7 +136,9 @@ def simulate(
         Dataset over ``time`` with the channels of ``flexarm.engine.channels``; with ``events``
         also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1 falling),
         ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is "duration",
-        "failure" or the name of the event that ended the run.
+        "failure" or the name of the event that ended the run. With ``changes`` also
+        ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
+        (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
 
     Raises:
         InputError: if an argument has the wrong shape, is not finite, or contradicts another, the
@@ -177,7 +183,7 @@ def simulate(
     acting = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(simulated, *acting)
     with Meter("simulating", progress) as meter:
-        run = options.new_run(simulated, state, environment, log, meter)
+        run = options.new_run(simulated, state, environment, log, meter, changes)
         placed = run.loads.placed.contacts
         refuse_deep_start(simulated, state, placed)
         refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
@@ -265,15 +271,23 @@ def _result(
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
-        "warning": theory_error(run.arm, run.samples[:count]),
+        "warning": _bending_error(run),
         "unstable_loop": unstable,
     }
     given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
     channels = channels_of_run(run, given)
     if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = drive.command_at(times)
-    result = make_result(run.arm, times, channels, attributes)
-    return result if log is None else result.assign(event_variables(run.arm, log))
+    result = make_result(run.first_arm, times, channels, attributes)
+    if log is not None:
+        result = result.assign(event_variables(run.first_arm, log))
+    return result if run.changes is None else result.assign(change_variables(run.changes))
+
+
+def _bending_error(run: Run) -> str:
+    """Return the first warning of links that exceed the theory; empty text without one."""
+    found = (theory_error(part.arm, part.samples) for _, part in run.parts())
+    return next(filter(None, found), "")
 
 
 def _check_objects(

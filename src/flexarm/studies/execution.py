@@ -15,7 +15,7 @@ from flexarm.errors import InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
-from flexarm.model.file_format.paths import with_number
+from flexarm.model.paths import with_number
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
@@ -93,11 +93,11 @@ class Executor:
             prepared, simulated = self._varied(values, chosen[1])
         except InputError as error:  # the values are not possible
             return Evaluation(failure=str(error))
-        changes: dict[str, Any] = dict(_EXACT)
+        instead: dict[str, Any] = dict(_EXACT)
         seed, hardware = self.samples.noise_seed(k), prepared.study.hardware
         if seed is not None and hardware is not None and prepared.controlled(chosen[0]):
-            changes["hardware"] = hardware.replace(seed=seed)
-        run = partial(prepared.one, *chosen, simulated, **changes)
+            instead["hardware"] = hardware.replace(seed=seed)
+        run = partial(prepared.one, *chosen, simulated, **instead)
         return evaluated(run, prepared.arm, prepared.study.run.settling)
 
     def _varied(self, values: Mapping[str, float], plant: str) -> tuple[PreparedStudy, Arm | None]:

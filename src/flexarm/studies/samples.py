@@ -12,7 +12,7 @@ import numpy as np
 from flexarm.errors import InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
-from flexarm.model.file_format.paths import number_at
+from flexarm.model.paths import number_at
 from flexarm.model.scenarios.sampling import (
     Distribution,
     ListedValues,

@@ -102,7 +102,8 @@ def execute(
     """
     from distributed import CancelledError, KilledWorker, as_completed
 
-    waiting, places, losses = as_completed(), {}, Counter[int]()
+    completed: Any = as_completed  # without annotations
+    waiting, places, losses = completed(), {}, Counter[int]()
     left = iter(range(len(arguments)))
 
     def submit(place: int) -> None:

@@ -17,6 +17,7 @@ from flexarm.bending import one_warning
 from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
 from flexarm.linear import modes
 from flexarm.loop_analysis.margins import loop_margins
+from flexarm.model import PlantSpec
 from flexarm.plot.animation.page import player_data
 from flexarm.plot.animation.scene import SceneOptions, scene_of, thin
 from flexarm.plot.drawn_arm import rigid_result
@@ -134,13 +135,13 @@ def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
 
 
 def _run(project: Project, prepared: Prepared, plant: Arm | None) -> xr.Dataset:
-    loads = project.plant.loads if project.plant else ()
-    return prepared.run(plant=plant, loads=loads, progress=False)
+    own = project.plant or PlantSpec()
+    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
 
 
 def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
     arm = plant or prepared.arm
-    reference = prepared.motion
+    reference = prepared.followed.motion
     times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
     wishes = SceneOptions(1.0, trace=True, torque=arm.links <= _MOST_ARROWS)
     scene = scene_of(

@@ -37,7 +37,8 @@ def script_of(project: Project) -> str:
             "# The simulated arm differs from the design model of the controller.",
             f"difference = {varied}",
             "plant = fa.Arm(plant_spec(scenario.arm, difference))",
-            "result = prepare(scenario).run(plant=plant, loads=difference.loads)",
+            "more = {'loads': difference.loads, 'changes': difference.changes}",
+            "result = prepare(scenario).run(plant=plant, **more)",
         ]
     imports = ["import flexarm as fa"]
     for module in sorted(names):

@@ -3,7 +3,7 @@
 import pytest
 
 import flexarm as fa
-from flexarm.model.file_format.paths import number_at, number_paths, with_number
+from flexarm.model.paths import number_at, number_paths, with_number
 
 
 @pytest.fixture

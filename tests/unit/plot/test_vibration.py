@@ -190,3 +190,13 @@ def test_metrics_of_a_comparison_are_drawn_into_given_axes(table):
     assert names == ["slow", "fast"]
     assert panels[1, 0].get_title().endswith("along back")
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["bare", "loaded"]
+
+
+def test_short_axes_of_a_comparison_have_few_labels(table):
+    """Within less than a decade, labels at every half would cover each other."""
+    close = table.copy(deep=True)
+    close["torque_rms"][:] = np.linspace(1.8, 2.2, close["torque_rms"].size).reshape(2, 2, 2)
+    panels = fa.plot.study(close, axes=Figure().subplots(2, 3))
+    low, high = panels[0, 2].get_xlim()
+    shown = [at for at in panels[0, 2].get_xticks() if low <= at <= high]
+    assert 2 <= len(shown) <= 5

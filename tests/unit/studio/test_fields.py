@@ -10,7 +10,7 @@ from pydantic import Field
 from flexarm.errors import ModelError
 from flexarm.model.arm.links import Gauge
 from flexarm.model.checks import Record
-from flexarm.model.drives import CONTROLLED, DRIVES
+from flexarm.model.drives import CONTROLLED, DRIVES, FEEDFORWARD_DRIVES
 from flexarm.model.quantities import (
     Count,
     Flag,
@@ -129,7 +129,7 @@ def test_drives_stand_under_the_titles_of_their_groups():
     choices = fields_of(paper_project())["drive.kind"].choices
     assert [title for title, _ in choices] == list(DRIVES)
     kinds = [kind for _, entries in choices for kind, _ in entries]
-    assert set(kinds) == {"none", "torque", "rigid_inverse_dynamics", *CONTROLLED}
+    assert set(kinds) == {"none", "torque", *FEEDFORWARD_DRIVES, *CONTROLLED}
     assert dict(choices)["joint control"][0] == ("joint_pd", "joint PD")
 
 

@@ -25,11 +25,13 @@ from flexarm.bridges.gymnasium_env.observation import (
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
 from flexarm.errors import InputError, Problem, SimulationError, check_array, public_call, shown
-from flexarm.model import Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
+from flexarm.model import Change, Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
 from flexarm.simulation.plant import Plant
 
 #: An arm, or a function that draws one for each episode.
 PlantSource = Arm | Callable[[np.random.Generator], Arm]
+#: Changes of the plant during an episode, or a function that draws them for each episode.
+ChangeSource = Sequence[Change] | Callable[[np.random.Generator], Sequence[Change]]
 #: Reward penalty of full torque, as a fraction of the largest reward.
 _EFFORT = 0.002
 
@@ -73,6 +75,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         hardware: instruments and motors; each episode replaces its seed. Without instruments:
             exact joint angles, rates, strain, tip and its velocity.
         render_mode: "rgb_array" or None.
+        changes: numbers of the simulated arm that change during each episode, at times or by
+            tables (``flexarm.Change``); or a function of a random generator that returns them.
 
     Attributes:
         arm, torque_limit: as given, the latter (joints,).
@@ -109,6 +113,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         torque_limit: ArrayLike | None = None,
         hardware: Hardware | None = None,
         render_mode: str | None = None,
+        changes: ChangeSource = (),
     ) -> None:
         _check_objects(arm, plant, hardware, render_mode)
         hardware = hardware or Hardware()
@@ -121,8 +126,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = hardware.replace(instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
+        self._changes = changes
         first = self._source if isinstance(self._source, Arm) else self.arm
-        self.plant = self._made(first, sample_time)
+        self.plant = self._made(first, sample_time, () if callable(changes) else changes)
         self.ticks = round(check_number("duration", duration) / sample_time)
         if self.ticks < 1:
             raise InputError(Problem("duration", "be at least sample_time", shown(duration)))
@@ -201,8 +207,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         super().reset(seed=seed)
         start = self.draw_task(options)
         drawn = self._source if isinstance(self._source, Arm) else self._source(self.np_random)
-        if drawn is not self.plant.arm or self.contacts():
-            self.plant = self._made(drawn, self.plant.sample_time)
+        changing = self._changes(self.np_random) if callable(self._changes) else self._changes
+        if drawn is not self.plant.arm or self.contacts() or callable(self._changes):
+            self.plant = self._made(drawn, self.plant.sample_time, changing)
         self.plant.reset(self.plant.arm.rest(start), seed=self.draw_noise())
         self._tick, self._begun = 0, True
         return self._look(np.zeros(self.arm.joints), "")
@@ -271,7 +278,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     # ----------------------------------------------------------------------------------------------
 
-    def _made(self, arm: object, sample_time: float) -> Plant:
+    def _made(self, arm: object, sample_time: float, changes: Sequence[Change]) -> Plant:
         """Create the plant of an arm with the nominal arm's numbers of joints and gauges."""
         known = self.arm
         arm = check_kind("plant", arm, Arm)
@@ -279,7 +286,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
             raise InputError(Problem("plant", rule, f"{arm.joints} and {len(arm.gauges)}"))
         touching = self.contacts()
-        return Plant(arm, sample_time, self._hardware, contacts=touching, warn=False)
+        return Plant(
+            arm, sample_time, self._hardware, contacts=touching, changes=changes, warn=False
+        )
 
     def _look(self, torque: FloatArray, reason: str) -> tuple[Vector, dict[str, Any]]:
         """Return the observation and the info after a step."""

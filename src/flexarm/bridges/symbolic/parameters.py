@@ -21,7 +21,7 @@ from flexarm.assembly.coordinates import check_joint
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.step_derivatives.formulas import constants_at
-from flexarm.model.file_format.paths import number_at, number_paths, with_number
+from flexarm.model.paths import number_at, number_paths, with_number
 from flexarm.stations import place_gauges
 
 #: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a

@@ -17,7 +17,7 @@ from flexarm.assembly.assemble import constants_of_links, place_joints_and_paylo
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.linear.step_derivatives.parameters import POWERS
 from flexarm.model import ArmSpec, Link
-from flexarm.model.file_format.paths import with_number
+from flexarm.model.paths import with_number
 from flexarm.stations import place_gauges
 
 

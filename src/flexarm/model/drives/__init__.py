@@ -8,11 +8,26 @@ from flexarm.model.checks import Record
 from flexarm.model.drives.around import AROUND, FilterSpec
 from flexarm.model.drives.base import ControllerDrive
 from flexarm.model.drives.registry import GROUPS, one_of
-from flexarm.model.drives.torques import NoDrive, RigidInverseDynamicsDrive, TorqueDrive
+from flexarm.model.drives.torques import (
+    FEEDFORWARD_DRIVES,
+    FlexibleTorqueDrive,
+    NoDrive,
+    QuasiStaticDrive,
+    RigidInverseDynamicsDrive,
+    TipInversionDrive,
+    TorqueDrive,
+)
 
 #: All drives of files, by the title of their group in lists.
 DRIVES: dict[str, tuple[type[Record], ...]] = {
-    "without feedback": (RigidInverseDynamicsDrive, TorqueDrive, NoDrive),
+    "without feedback": (
+        RigidInverseDynamicsDrive,
+        QuasiStaticDrive,
+        FlexibleTorqueDrive,
+        TipInversionDrive,
+        TorqueDrive,
+        NoDrive,
+    ),
     **GROUPS,
     "with an inner controller": AROUND,
 }
@@ -39,11 +54,15 @@ def balances(drive: object) -> bool:
 __all__ = [
     "CONTROLLED",
     "DRIVES",
+    "FEEDFORWARD_DRIVES",
     "ControllerDrive",
     "Drive",
     "FilterSpec",
+    "FlexibleTorqueDrive",
     "NoDrive",
+    "QuasiStaticDrive",
     "RigidInverseDynamicsDrive",
+    "TipInversionDrive",
     "TorqueDrive",
     "balances",
 ]

@@ -10,12 +10,20 @@ from pydantic import Field
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives.parameters import Parameters, parameters_of, record_of
 from flexarm.model.quantities import NonNegative, PerJoint, Positive
-from flexarm.model.wording import Fault
+from flexarm.model.wording import Fault, look
 
+#: Torques along the motion that a drive can add to its feedback.
+FeedforwardKind = Literal["none", "reference", "rigid_inverse_dynamics", "flexible_torque"]
 Feedforward = Annotated[
-    Literal["none", "rigid_inverse_dynamics"],
-    Field(description="Torque added to the feedback."),
+    FeedforwardKind | None,
+    Field(
+        description="Torque added to the feedback: none, that of the reference, that of the rigid "
+        "arm, or that with which the joints of the flexible arm follow the motion; by default that "
+        "of the reference.",
+    ),
 ]
+#: Feedforward torques with which the joints, not the tip, follow the motion.
+OF_JOINTS = ("rigid_inverse_dynamics", "flexible_torque")
 SampleTime = Annotated[
     Positive, Field(description="Time between updates; the torque is constant in between (s).")
 ]
@@ -39,6 +47,8 @@ class ControllerParameters(Parameters):
     """
 
     name: ClassVar[str]
+    plans_bending: ClassVar[bool] = False
+    """Whether the controller computes the bending along a motion of the rigid arm itself."""
 
     @classmethod
     def _file_faults(cls, given: Given) -> Iterator[Fault]:
@@ -62,9 +72,31 @@ class ControllerDrive(Record):
     per_joint: ClassVar[tuple[str, ...]]
     """Keys with one number for all joints, or one for each."""
 
+    reference: Literal["quasi_static", "tip_inversion", "rigid"] | None = Field(
+        default=None,
+        description="Joint angles to follow: those of the statically bent arm, of the arm under "
+        "the torques of a tip inversion, or of the rigid arm; by default quasi_static where arm "
+        "and motion allow it.",
+    )
+
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        return cls.declaration._file_faults(given)
+        if look(given.raw("inner"), "reference") is not None:
+            hint = "It is a key of the outer drive."
+            yield Fault(("inner", "reference"), "is not supported in an inner drive", hint=hint)
+        yield from cls.declaration._file_faults(given)
+
+    @property
+    def reference_kind(self) -> str | None:
+        """The kind of the reference; None if it depends on the arm and the motion."""
+        if self.reference is None:
+            innermost: Any = self
+            while getattr(innermost, "inner", None) is not None:
+                innermost = innermost.inner
+            follows = getattr(innermost, "feedforward", None)
+            if innermost.declaration.plans_bending or follows in OF_JOINTS:
+                return "rigid"
+        return self.reference
 
     def balances(self) -> bool:
         """Return whether the controller includes gravity compensation, or accepts no feedforward.

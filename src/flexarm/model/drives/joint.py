@@ -13,6 +13,7 @@ from flexarm.model.drives.base import (
     ControllerParameters,
     Derivative,
     Feedforward,
+    FeedforwardKind,
     Proportional,
     SampleTime,
 )
@@ -32,7 +33,7 @@ class JointPDParameters(ControllerParameters):
 class JointPDKeys(JointPDParameters):
     """Keys of the drive `joint_pd`."""
 
-    feedforward: Feedforward = "none"
+    feedforward: Feedforward = None
 
 
 class JointPIDParameters(ControllerParameters):
@@ -68,7 +69,7 @@ class JointPIDKeys(JointPIDParameters):
             "Torque limit (N m), one for all joints or one for each; no limit by default."
         ),
     )
-    feedforward: Feedforward = "none"
+    feedforward: Feedforward = None
 
     @classmethod
     def _file_faults(cls, given: Given) -> Iterator[Fault]:
@@ -98,16 +99,17 @@ class ComputedTorqueParameters(ControllerParameters):
 class ComputedTorqueKeys(ComputedTorqueParameters):
     """Keys of the drive `computed_torque`."""
 
-    feedforward: Literal["none", "rigid_inverse_dynamics"] = Field(
-        default="none",
+    feedforward: FeedforwardKind | None = Field(
+        default=None,
         description=(
-            "Torque along the motion instead of the torque of the model at the measured angles."
+            "Torque along the motion, see joint_pd, instead of the torque of the model at the "
+            "measured angles; by default that of the reference of a flexible arm."
         ),
     )
 
     @staticmethod
     def _file_balances(drive: Any) -> bool:
-        return bool(drive.feedforward == "none")
+        return drive.feedforward in (None, "none")
 
 
 class StrainFeedbackParameters(ControllerParameters):
@@ -134,4 +136,4 @@ class StrainFeedbackParameters(ControllerParameters):
 class StrainFeedbackKeys(StrainFeedbackParameters):
     """Keys of the drive `strain_feedback`."""
 
-    feedforward: Feedforward = "none"
+    feedforward: Feedforward = None

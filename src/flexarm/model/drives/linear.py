@@ -48,6 +48,7 @@ _Horizon = Annotated[int, Field(strict=True, ge=1, le=500), BeforeValidator(plai
 class LinearParameters(ControllerParameters):
     """Parameters of all controllers that are designed on linear models of the flexible arm."""
 
+    plans_bending = True
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
         default=None, description="Joint angles of the design; zero by default (rad)."
     )

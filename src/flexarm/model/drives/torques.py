@@ -18,6 +18,36 @@ class RigidInverseDynamicsDrive(Record):
     kind: Literal["rigid_inverse_dynamics"] = "rigid_inverse_dynamics"
 
 
+class QuasiStaticDrive(Record):
+    """Torques of the statically bent arm whose tip follows the motion, without feedback."""
+
+    kind: Literal["quasi_static"] = "quasi_static"
+
+
+class FlexibleTorqueDrive(Record):
+    """Torques with which the joints of the flexible arm follow the motion, without feedback."""
+
+    kind: Literal["flexible_torque"] = "flexible_torque"
+
+
+class TipInversionDrive(Record):
+    """Torques with which the tip of the flexible arm follows the motion, without feedback."""
+
+    kind: Literal["tip_inversion"] = "tip_inversion"
+    pre_actuation: Positive | None = Field(
+        default=None,
+        description="Duration of the torques before the motion (s); by default until 1e-6 of the "
+        "bending remains.",
+    )
+    post_actuation: Positive | None = Field(
+        default=None, description="Duration of the torques after the motion, likewise (s)."
+    )
+    reduction: Positive = Field(
+        default=2e-3,
+        description="Tip error that ends the search, as a fraction of that under rigid torques.",
+    )
+
+
 class TorqueDrive(Record):
     """Sampled joint torques as a function of time."""
 
@@ -45,6 +75,15 @@ class TorqueDrive(Record):
         if samples == 1 and given.has("interpolation") and given.interpolation != "hold":
             rule = f"have at least two samples for {given.interpolation} interpolation"
             yield Fault(("values",), rule, "1")
+
+
+#: Drives without feedback whose torques are computed from the motion.
+FEEDFORWARD_DRIVES: tuple[str, ...] = (
+    "rigid_inverse_dynamics",
+    "quasi_static",
+    "flexible_torque",
+    "tip_inversion",
+)
 
 
 class NoDrive(Record):

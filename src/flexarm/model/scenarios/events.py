@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -14,6 +14,11 @@ from flexarm.model.wording import Fault
 
 #: Names of other ends of a run, not permitted for events.
 DURATION, FAILURE = "duration", "failure"
+
+
+def event_names(events: Sequence[Any]) -> list[str]:
+    """Return the names of events: the given ones, or by default event_1 and so on."""
+    return [event.name or f"event_{k}" for k, event in enumerate(events, start=1)]
 
 
 class _Event(Record):

@@ -8,6 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from flexarm.model.checks import Given, Record
+from flexarm.model.drives import FEEDFORWARD_DRIVES
+from flexarm.model.drives.base import OF_JOINTS
 from flexarm.model.environment.tables import TimeTable
 from flexarm.model.quantities import (
     Direction,
@@ -173,13 +175,15 @@ def motion_faults(given: Given) -> Iterator[Fault]:
     if look(motion, "kind") != "pressed":
         return
     kind = look(drive, "kind")
-    if kind == "rigid_inverse_dynamics":
-        yield Fault(("drive", "kind"), f"{kind} is not supported with a pressed motion")
+    unpressed = "is not supported with a pressed motion"
+    if kind in FEEDFORWARD_DRIVES:
+        yield Fault(("drive", "kind"), f"{kind} {unpressed}")
+    elif look(drive, "reference") is not None:
+        yield Fault(("drive", "reference"), f"{unpressed}, which is a reference itself")
     place: tuple[str, ...] = ("drive",)
     while drive is not None:
-        if look(drive, "feedforward") == "rigid_inverse_dynamics":
-            rule = "rigid_inverse_dynamics is not supported with a pressed motion"
-            yield Fault((*place, "feedforward"), rule)
+        if (torque := look(drive, "feedforward")) in OF_JOINTS:
+            yield Fault((*place, "feedforward"), f"{torque} {unpressed}")
         drive, place = look(drive, "inner"), (*place, "inner")
     for k, joint in enumerate(given.prescribed if given.has("prescribed") else ()):
         if joint.kind == "motion":

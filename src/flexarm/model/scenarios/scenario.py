@@ -10,12 +10,13 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives import CONTROLLED, Drive, NoDrive, balances
+from flexarm.model.drives import CONTROLLED, FEEDFORWARD_DRIVES, Drive, NoDrive, balances
+from flexarm.model.environment.changes import Change, file_change_faults
 from flexarm.model.environment.contacts import Contact, contact_faults
 from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
 from flexarm.model.quantities import Finite, Flag, Listed, Number, Positive, Word, length_of, plain
-from flexarm.model.scenarios.events import EventSpec, event_faults
+from flexarm.model.scenarios.events import EventSpec, event_faults, event_names
 from flexarm.model.scenarios.motions import MotionSpec, motion_faults
 from flexarm.model.scenarios.prescribed import PrescribedJoint, prescribed_faults
 from flexarm.model.wording import Fault, Path, look
@@ -47,7 +48,7 @@ class InitialState(Record):
         default=False,
         description=(
             "Whether the run starts in the equilibrium with locked joints; otherwise "
-            "the links start straight."
+            "the links start straight, or bent as at the start of a flexible reference."
         ),
     )
     balance: Flag = Field(
@@ -113,6 +114,9 @@ class Scenario(Record):
     contacts: Listed[Contact] = Field(
         default=(), description="Contacts of points of the arm with surfaces."
     )
+    changes: Listed[Change] = Field(
+        default=(), description="Numbers of the simulated arm that change during the run."
+    )
     initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
     run: RunSettings = Field(description="Settings of the run.")
 
@@ -141,12 +145,14 @@ class Scenario(Record):
         yield from motion_faults(given)
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
+        if given.has("arm", "changes", "events"):
+            yield from file_change_faults(given.arm, given.changes, event_names(given.events))
         if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
             rule = "cannot be combined with a drive that compensates gravity"
             yield Fault(("initial", "balance"), rule)
 
 
-_FOLLOWING = ("rigid_inverse_dynamics", *CONTROLLED)
+_FOLLOWING = (*FEEDFORWARD_DRIVES, *CONTROLLED)
 """Drives that follow a motion."""
 
 

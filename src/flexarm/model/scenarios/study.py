@@ -14,6 +14,7 @@ from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.arm.variation import varied_spec
 from flexarm.model.checks import Given, Record, faults_of
 from flexarm.model.drives import CONTROLLED, Drive
+from flexarm.model.environment.changes import Change, file_change_faults
 from flexarm.model.environment.contacts import Contact
 from flexarm.model.environment.loads import Load, off_the_arm
 from flexarm.model.hardware import Hardware
@@ -53,6 +54,9 @@ class PlantSpec(Record):
     )
     loads: Listed[Load] = Field(
         default=(), description="Forces and moments that act on this plant alone."
+    )
+    changes: Listed[Change] = Field(
+        default=(), description="Numbers of this plant that change during each run."
     )
 
 
@@ -179,7 +183,9 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
         return
     for name, plant in given.plants.items():
         try:
-            plant_spec(given.arm, plant)
+            simulated = plant_spec(given.arm, plant)
+            for fault in file_change_faults(simulated, plant.changes, ()):
+                yield fault.inside("plants", name)
         except InputError as error:
             for problem in error.problems:
                 path = ("plants", name, problem.name)
@@ -190,10 +196,10 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
-    """Return the description of a simulated arm, without its loads.
+    """Return the description of a simulated arm, without its loads and changes.
 
     Raises:
         InputError: if a list does not fit the links, or the arm has no payload to change.
     """
-    factors = [name for name in PlantSpec.model_fields if name != "loads"]
+    factors = [name for name in PlantSpec.model_fields if name not in ("loads", "changes")]
     return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

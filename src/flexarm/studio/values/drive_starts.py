@@ -151,8 +151,6 @@ def drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
         value = _STARTS[name](of, default) if name in _STARTS else None
         if value is not None:
             found[name] = value
-    if "proportional" in found and not of.presses:
-        found["feedforward"] = "rigid_inverse_dynamics"
     return found
 
 

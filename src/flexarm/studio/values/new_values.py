@@ -16,6 +16,7 @@ from flexarm.model.arm.joints import Friction, JointLimits
 from flexarm.model.arm.links import Gauge
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.checks import Record
+from flexarm.model.environment.changes import PAYLOAD_MASS, Change, ValueTable
 from flexarm.model.environment.contacts import Contact, RoundWall, SurfaceTable, Wall
 from flexarm.model.environment.loads import Load
 from flexarm.model.environment.tables import AccelerationTable, FactorTable
@@ -138,6 +139,16 @@ def _load(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {"link": len(scenario.arm.links), "force": [0.0, -force]}
 
 
+def _change(scenario: Scenario, old: Any) -> dict[str, Any]:
+    mass = scenario.arm.payload.mass
+    half = short(0.5 * scenario.run.duration)
+    return {"path": PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
+
+
+def _number_of(old: Any) -> float:
+    return old if isinstance(old, float) else 1.0
+
+
 def _contact(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {
         "surface": new_record(scenario, Wall),
@@ -233,6 +244,8 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
         "values": [[0.0, 0.0], list(old or (1.0, 0.0)), [0.0, 0.0]],
     },
     ForceTable: lambda of, old: {"times": _times(of, 2), "values": [old or 1.0] * 2},
+    Change: _change,
+    ValueTable: lambda of, old: {"times": _times(of, 2), "values": [_number_of(old)] * 2},
     Contact: _contact,
     Wall: _wall,
     RoundWall: _post,

@@ -1,0 +1,1 @@
+"""Changes of the simulated arm during a run."""

@@ -1,0 +1,96 @@
+"""State of an arm after a change of its parameters: momentum, rates and energy.
+
+The coordinates do not change, because positions have no time to. The rates follow from the mass
+matrices before and after, M and M+; theory page "arms that change", (V.1) to (V.4).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem
+from flexarm.integrate.base import FloatArray
+
+#: Eigenvalues of the change of the mass matrix below this fraction of the matrix are rounding.
+_ROUNDING = 1e-12
+#: Relative difference of two mode shapes that is rounding.
+_SAME_SHAPE = 1e-9
+
+
+class ChangedState(NamedTuple):
+    """State after a change, and the change of the arm's mechanical energy."""
+
+    state: FloatArray  # (2, n, 1 + m)
+    energy: float  # J, after minus before
+
+
+def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
+    """Raise if two arms do not have the same coordinates.
+
+    Raises:
+        InputError: if the number of coordinates, bodies or a mode shape of a link differs.
+    """
+    rule = "be a number that may change during a run"
+    sizes = [(arm.dof, arm.assembly.bodies) for arm in (before, after)]
+    if sizes[0] != sizes[1]:
+        hint = "The change adds or removes coordinates of the arm, or an eccentric payload."
+        raise InputError(Problem("changes", rule, repr(path), hint))
+    for one, other in zip(before.assembly.pieces, after.assembly.pieces, strict=True):
+        old, new = one.shapes.basis, other.shapes.basis
+        if np.abs(new - old).max(initial=0.0) > _SAME_SHAPE * np.abs(old).max(initial=0.0):
+            hint = f"It changes the mode shapes of link {one.link + 1}."
+            raise InputError(Problem("changes", rule, repr(path), hint))
+
+
+def after_change(
+    before: Arm,
+    after: Arm,
+    state: FloatArray,
+    free: NDArray[np.intp],
+    impulse: FloatArray,
+) -> ChangedState:
+    """Return the state of an arm after its parameters have changed at one instant.
+
+    Inertia that is added was at rest, except for ``impulse``, and the impact is inelastic:
+    M+ qd+ = M qd + impulse, (V.1). Inertia that is removed takes its momentum with it, so the rates
+    do not change, (V.2). Likewise where inertia is only moved.
+
+    Args:
+        state: (2, n, 1 + m) before the change.
+        free: indices of the coordinates whose motion is not prescribed.
+        impulse: (dof,) generalised momentum of the added mass.
+    """
+    q, qd = before.unpadded(state)
+    M, M_after = before.mass_matrix(q), after.mass_matrix(q)
+    rates = qd.copy()
+    if _grows(M, M_after):
+        missing = M @ qd + impulse - M_after @ qd
+        rates[free] += np.linalg.solve(M_after[np.ix_(free, free)], missing[free])
+    energy = after.energy(q, rates).total - before.energy(q, qd).total
+    return ChangedState(after.padded(np.stack([q, rates])), energy)
+
+
+def _grows(before: FloatArray, after: FloatArray) -> bool:
+    """Return whether a mass matrix grows: the difference has positive eigenvalues only."""
+    scale = 1.0 / np.sqrt(np.diag(after))
+    values = np.linalg.eigvalsh((after - before) * np.outer(scale, scale))
+    return bool(values[-1] > _ROUNDING and values[0] >= -_ROUNDING * len(values))
+
+
+def payload_impulse(arm: Arm, q: FloatArray, mass: float, velocity: FloatArray) -> FloatArray:
+    """Return the generalised momentum (dof,) of a mass at the payload's centre of mass, (V.3).
+
+    Args:
+        mass: kg. velocity: (2,) m/s, world axes.
+    """
+    offset = np.array(arm.spec.payload.offset)
+    angle = arm.tip(q)[2]
+    lever = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ offset
+    rows = np.array([arm.tip_velocity(q, unit) for unit in np.eye(arm.dof)])
+    J = rows[:, :2] + np.outer(rows[:, 2], [-lever[1], lever[0]])
+    found: FloatArray = mass * (J @ velocity)
+    return found

@@ -1,0 +1,266 @@
+"""Changes of the simulated arm during a run: their times, and the arm at each time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arguments import check_list_of, check_number
+from flexarm.arm import Arm
+from flexarm.engine.changes.after_change import (
+    after_change,
+    check_same_coordinates,
+    payload_impulse,
+)
+from flexarm.errors import InputError, Problem, shown
+from flexarm.integrate.base import FloatArray
+from flexarm.model import ArmSpec, Change
+from flexarm.model.environment.changes import (
+    PAYLOAD_MASS,
+    ValueTable,
+    change_faults,
+    original_number,
+)
+from flexarm.model.paths import number_at, with_number
+from flexarm.user_functions import call
+
+if TYPE_CHECKING:
+    from flexarm.engine.events import EventLog
+
+#: Largest number of intervals of one change, each of which takes an arm of its own.
+_MOST_INTERVALS = 10**5
+
+
+@dataclass
+class Happened:
+    """A change that has happened.
+
+    Attributes:
+        change: the change. time: s, its beginning.
+        start, end: the number before, and the last one.
+        energy: change of the arm's mechanical energy, summed over all its instants, J.
+    """
+
+    change: Change
+    time: float
+    start: float
+    end: float
+    energy: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Course:
+    """Numbers of one change over time.
+
+    Attributes:
+        times: (k,) s from the beginning of the change, the first is 0.
+        numbers: (k,) the number from each time on.
+    """
+
+    times: FloatArray
+    numbers: FloatArray
+
+
+@dataclass(eq=False)
+class ArmChanges:
+    """Changes of the arm during one run.
+
+    Attributes:
+        first: the arm at the start of the run.
+        arm: the arm at present.
+        happened: changes that have happened, in order.
+        waiting: names of the events that changes still wait for.
+    """
+
+    first: Arm
+    changes: Sequence[Change]
+    courses: list[_Course]
+    arm: Arm = field(init=False)
+    happened: list[Happened] = field(init=False)
+    _due: list[tuple[float, int, int]] = field(init=False)  # time, change, place in its course
+    _log: dict[int, Happened] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the start of the run."""
+        self.arm, self.happened, self._log = self.first, [], {}
+        self._due = []
+        for k, change in enumerate(self.changes):
+            if not isinstance(change.at, str):
+                self._begin(k, float(change.at))
+        self.waiting = {change.at for change in self.changes if isinstance(change.at, str)}
+
+    @property
+    def times(self) -> FloatArray:
+        """Known times of the changes to come, s, ascending."""
+        return np.array([time for time, _, _ in self._due])
+
+    @property
+    def next_time(self) -> float:
+        """Time of the next change, s; infinite if none is known."""
+        return self._due[0][0] if self._due else math.inf
+
+    def trigger(self, event: str, time: float) -> None:
+        """Begin the changes that wait for an event, at a time (s)."""
+        self.waiting.discard(event)
+        for k, change in enumerate(self.changes):
+            if change.at == event:
+                self._begin(k, time)
+
+    def _begin(self, k: int, time: float) -> None:
+        course = self.courses[k]
+        self._due += [(time + t, k, i) for i, t in enumerate(course.times.tolist())]
+        self._due.sort()
+
+    def apply(
+        self, time: float, state: FloatArray, free: NDArray[np.intp]
+    ) -> tuple[Arm, FloatArray]:
+        """Make the changes that are due at a time (s); return the arm and its state.
+
+        Args:
+            state: (2, n, 1 + m) before the changes.
+            free: indices of the coordinates whose motion is not prescribed.
+
+        Raises:
+            InputError: if a number is not possible together with those of other changes.
+        """
+        while self.next_time <= time:
+            _, k, i = self._due.pop(0)
+            state = self._change(k, i, time, state, free)
+        return self.arm, state
+
+    def _change(
+        self, k: int, i: int, time: float, state: FloatArray, free: NDArray[np.intp]
+    ) -> FloatArray:
+        change, before = self.changes[k], self.arm
+        number = float(self.courses[k].numbers[i])
+        now = number_at("path", before.spec, change.path)
+        log = self._log.get(k)
+        if log is None:
+            log = self._log[k] = Happened(change, time, now, number)
+            self.happened.append(log)
+        log.end = number
+        if number == now:
+            return state
+        after = Arm(with_number(before.spec, change.path, number))
+        check_same_coordinates(change.path, before, after)
+        impulse = np.zeros(before.dof)
+        if change.path == PAYLOAD_MASS and number > now and any(change.velocity):
+            q = before.unpadded(state)[0]
+            impulse = payload_impulse(before, q, number - now, np.array(change.velocity))
+        found = after_change(before, after, state, free, impulse)
+        log.energy += found.energy
+        self.arm = after
+        return found.state
+
+
+def arm_changes(
+    arm: Arm, changes: Sequence[Change], duration: float, log: EventLog | None
+) -> ArmChanges | None:
+    """Validate the changes of a run of ``arm``; return None without any.
+
+    Args:
+        duration: s, of the run; infinite for a plant without one.
+        log: of the events of the run.
+
+    Raises:
+        InputError: if ``changes`` is not a list of changes, or one does not fit the arm, its
+            events, or the duration.
+    """
+    changes = check_list_of("changes", changes, Change)
+    if not changes:
+        return None
+    names = [] if log is None else log.names
+    faults = list(change_faults(arm.spec, changes, names))
+    if faults:
+        raise InputError(*(fault.problem() for fault in faults))
+    courses = [_course(k, change, arm.spec, duration) for k, change in enumerate(changes)]
+    found = ArmChanges(arm, changes, courses)
+    if log is not None:
+        log.triggers = set(found.waiting)
+    return found
+
+
+def _course(k: int, change: Change, spec: ArmSpec, duration: float) -> _Course:
+    """Return the numbers of a change: those in the middle of its intervals."""
+    original = original_number(spec, change)
+    scale = 1.0 if change.factor is None else original
+    course: Any = change.course
+    if isinstance(course, ValueTable):
+        edges, values = _tabulated(k, change, course)
+    elif callable(course):
+        if not math.isfinite(duration):
+            rule = "is required with changes that are functions of time"
+            raise InputError(Problem("duration", rule, hint="Tables do not need it."))
+        begin = 0.0 if isinstance(change.at, str) else float(change.at)
+        edges = _edges(k, change, np.array([0.0, max(duration - begin, change.interval)]))
+        middle = 0.5 * (edges[:-1] + edges[1:])
+        name = f"changes[{k}]"
+        edges = edges[:-1]
+        values = np.array(
+            [check_number(f"{name} at {t:g} s", call(name, course, t)) for t in middle.tolist()]
+        )
+    else:
+        edges, values = np.zeros(1), np.array([float(course)])
+    numbers = values * scale
+    for number in {float(numbers.min()), float(numbers.max())}:
+        with_number(spec, change.path, number)
+    return _Course(edges, numbers)
+
+
+def _tabulated(k: int, change: Change, table: ValueTable) -> tuple[FloatArray, FloatArray]:
+    """Return the beginnings of the intervals of a table, and the values in their middle."""
+    times, values = np.array(table.times, float), np.array(table.values, float)
+    last = float(times[-1])
+    if last <= 0.0:
+        return np.zeros(1), values[-1:]
+    inner = np.unique(times[(times > 0.0) & (times < last)])
+    edges = _edges(k, change, np.array([0.0, *inner, last]))
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    found = np.append(np.interp(middle, times, values), values[-1])
+    kept = np.append(True, np.diff(found) != 0.0)
+    return edges[kept], found[kept]
+
+
+def _edges(k: int, change: Change, knots: FloatArray) -> FloatArray:
+    """Divide the spans between knots (s) into equal parts, at most an interval long."""
+    parts = np.maximum(np.ceil(np.diff(knots) / change.interval * (1.0 - 1e-9)), 1.0)
+    if parts.sum() > _MOST_INTERVALS:
+        least = float(knots[-1]) / _MOST_INTERVALS
+        rule = f"be at least {least:.3g} s for a change over {float(knots[-1]):.6g} s"
+        raise InputError(Problem(f"changes[{k}].interval", rule, shown(change.interval)))
+    pieces = [
+        np.linspace(a, b, int(n), endpoint=False)
+        for a, b, n in zip(knots[:-1], knots[1:], parts, strict=True)
+    ]
+    return np.concatenate([*pieces, knots[-1:]])
+
+
+def change_variables(changes: ArmChanges) -> dict[str, Any]:
+    """Return the variables over ``change`` of a result: those that have happened, in order."""
+    found = changes.happened
+    paths = np.array([one.change.path for one in found], dtype=None if found else "U1")
+    unit = {"units": "unit of the number"}
+
+    def numbers(name: str) -> FloatArray:
+        return np.array([getattr(one, name) for one in found], dtype=np.float64)
+
+    energy = "change of the arm's mechanical energy at the change"
+    return {
+        "change_time": (
+            "change",
+            numbers("time"),
+            {"units": "s", "long_name": "time of the change"},
+        ),
+        "change_path": ("change", paths, {"long_name": "path of the number that changes"}),
+        "change_from": ("change", numbers("start"), {**unit, "long_name": "number before"}),
+        "change_to": ("change", numbers("end"), {**unit, "long_name": "last number"}),
+        "change_energy": ("change", numbers("energy"), {"units": "J", "long_name": energy}),
+    }
