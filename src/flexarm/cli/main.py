@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from flexarm.cli.export import export
 from flexarm.cli.failures import end_orderly_when_terminated, report_failures
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+app.add_typer(export, name="export")
 
 
 class Joints(StrEnum):
@@ -170,6 +172,26 @@ def compare(
 
 @app.command()
 @report_failures
+def identify(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Arm, records and free parameters.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Save the arm with its estimates: .yaml."),
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="Do not print the fit after each evaluation.")
+    ] = False,
+) -> None:
+    """Estimate parameters of an arm from measured records."""
+    from flexarm.cli.commands.identify import identify_file
+
+    identify_file(study, out, quiet)
+
+
+@app.command()
+@report_failures
 def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[
@@ -297,66 +319,6 @@ def studio(
     from flexarm.cli.commands.studio import open_studio
 
     open_studio(file, host, port, browser)
-
-
-export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
-app.add_typer(export, name="export")
-
-
-@export.command("c")
-@report_failures
-def export_c(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="Arm, or a scenario, whose controller is exported."),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder; by default beside the file: FILE_c."),
-    ] = None,
-    name: Annotated[
-        str, typer.Option(metavar="NAME", help="Prefix of the functions and of the files.")
-    ] = "arm",
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameter",
-            metavar="PATH",
-            help="A number that becomes an argument, such as payload.mass; repeatable.",
-        ),
-    ] = None,
-) -> None:
-    """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
-    from flexarm.cli.commands.export import export_c_file
-
-    export_c_file(file, out, name, parameters or [])
-
-
-_ArmFile = Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")]
-_Out = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="The file; by default beside the arm's.")
-]
-_VirtualJoints = Annotated[
-    int, typer.Option(min=2, max=64, help="Virtual joints of each flexible link.")
-]
-
-
-@export.command("mjcf")
-@report_failures
-def export_mjcf(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a model of MuJoCo: links as rigid bars on virtual joints."""
-    from flexarm.cli.commands.export import export_chain_file
-
-    export_chain_file(arm, out, virtual_joints, "xml")
-
-
-@export.command("urdf")
-@report_failures
-def export_urdf(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a robot in URDF: links as rigid bars on virtual joints."""
-    from flexarm.cli.commands.export import export_chain_file
-
-    export_chain_file(arm, out, virtual_joints, "urdf")
 
 
 @app.command()

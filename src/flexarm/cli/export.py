@@ -1,0 +1,68 @@
+"""Commands of ``flexarm export`` with options and help; see `flexarm.cli.main`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexarm.cli.failures import report_failures
+
+export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
+
+
+@export.command("c")
+@report_failures
+def export_c(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="Arm, or a scenario, whose controller is exported."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder; by default beside the file: FILE_c."),
+    ] = None,
+    name: Annotated[
+        str, typer.Option(metavar="NAME", help="Prefix of the functions and of the files.")
+    ] = "arm",
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter",
+            metavar="PATH",
+            help="A number that becomes an argument, such as payload.mass; repeatable.",
+        ),
+    ] = None,
+) -> None:
+    """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
+    from flexarm.cli.commands.export import export_c_file
+
+    export_c_file(file, out, name, parameters or [])
+
+
+_ArmFile = Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")]
+_Out = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="The file; by default beside the arm's.")
+]
+_VirtualJoints = Annotated[
+    int, typer.Option(min=2, max=64, help="Virtual joints of each flexible link.")
+]
+
+
+@export.command("mjcf")
+@report_failures
+def export_mjcf(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a model of MuJoCo: links as rigid bars on virtual joints."""
+    from flexarm.cli.commands.export import export_chain_file
+
+    export_chain_file(arm, out, virtual_joints, "xml")
+
+
+@export.command("urdf")
+@report_failures
+def export_urdf(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a robot in URDF: links as rigid bars on virtual joints."""
+    from flexarm.cli.commands.export import export_chain_file
+
+    export_chain_file(arm, out, virtual_joints, "urdf")
