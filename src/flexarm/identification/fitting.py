@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexarm.errors import InputError
-from flexarm.identification.derivatives import outputs_and_derivatives
+from flexarm.identification.derivatives import output_derivatives
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space
 from flexarm.integrate.base import FloatArray
@@ -39,7 +39,7 @@ class FitProblem:
         self.fixed: set[str] = set()
         self.failure = ""
         self.evaluations = 0
-        self._last: tuple[FloatArray, list[FloatArray], list[FloatArray]] | None = None
+        self._last: tuple[FloatArray, list[FloatArray]] | None = None
         for run in runs:
             given = run.record.settings.noise
             for k, label in enumerate(run.labels):
@@ -128,19 +128,19 @@ class FitProblem:
         They are kept for the last vector, because new weights do not change them.
 
         Raises:
-            _JacobianFailure: if the runs near ``vector`` fail.
+            FitFailure: if the runs near ``vector`` fail.
         """
         if self._last is not None and np.array_equal(self._last[0], vector):
-            return self._last[2]
-        pairs = []
+            return self._last[1]
+        every = []
         for k, run in enumerate(self.runs):
             places = self.space.acting_on(k)
-            pair = outputs_and_derivatives(run, self.space, k, vector, places)
-            if isinstance(pair, str):
-                raise FitFailure(f"record {run.name}: {pair}")
-            pairs.append(pair)
-        self._last = vector, [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-        return self._last[2]
+            found = output_derivatives(run, self.space, k, vector, places)
+            if isinstance(found, str):
+                raise FitFailure(f"record {run.name}: {found}")
+            every.append(found)
+        self._last = vector, every
+        return every
 
     def _weights(self, run: RecordRun) -> FloatArray:
         return np.array([self.noise[label.text] for label in run.labels])

@@ -37,6 +37,7 @@ class RecordRun:
         measured: (samples, channels) values of the record, filtered; where samples are missing
             they have no meaning.
         valid: (samples, channels) whether the record has the sample.
+        channels: names of the compared channels.
 
     Raises:
         InputError: if the record does not fit the arm; all problems are listed.
@@ -68,7 +69,7 @@ class RecordRun:
             [path.measured(filled[:, k]) for k, path in enumerate(self._paths)], axis=1
         )
         self._places = [place_of(arm, label) for label in self.labels]
-        self._channels = list(dict.fromkeys(label.channel for label in self.labels))
+        self.channels = list(dict.fromkeys(label.channel for label in self.labels))
         self._drive = self._drive_of_joints()
         self._prescribed = self._prescribed_joints()
         self._angles = self._start_angles()
@@ -86,6 +87,26 @@ class RecordRun:
             problems.append(Problem("initial_angle", rule, str(len(angle))))
         if problems:
             raise InputError(*(replace(p, where=f"record {self.name}") for p in problems))
+
+    @property
+    def differentiable(self) -> bool:
+        """Whether ``sensitivities`` supports the run, its start and its outputs."""
+        settled = self.record.settings.initial == "equilibrium"
+        return self.record.controller is None and not settled and "torque" not in self.channels
+
+    def arguments(self, case: Case) -> dict[str, Any]:
+        """Return the arguments of ``simulate``, besides the arm, for runs without a controller."""
+        q, qd = self._state(Arm(case.spec), case)
+        return {
+            "duration": self.record.duration,
+            "torque": self._torque(case),
+            "initial": q,
+            "initial_rate": qd,
+            "channels": self.channels,
+            "rate": self.record.rate,
+            "prescribed": self._prescribed or None,
+            **self._options,
+        }
 
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         """Return the outputs (samples, channels) of each case, or the reason of its failure."""
@@ -111,7 +132,7 @@ class RecordRun:
             )
         except FlexarmError as error:
             return str(error)
-        return self._outputs({name: result[name].values for name in self._channels})
+        return self._outputs({name: result[name].values for name in self.channels})
 
     def _open_loop(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         arms: list[Arm] = []
@@ -136,7 +157,7 @@ class RecordRun:
                 torque=[self._torque(cases[k]) for k in good],
                 initial=np.array([q for q, _ in states]),
                 initial_rate=np.array([qd for _, qd in states]),
-                channels=self._channels,
+                channels=self.channels,
                 rate=self.record.rate,
                 prescribed=self._prescribed or None,
                 progress=False,
@@ -146,7 +167,7 @@ class RecordRun:
             for k in good:
                 found[k] = str(error)
             return found
-        values = {name: batch[name].values for name in self._channels}
+        values = {name: batch[name].values for name in self.channels}
         for row, k in enumerate(good):
             failure = str(batch["failure"].values[row])
             rows = {name: value[row] for name, value in values.items()}
@@ -155,11 +176,25 @@ class RecordRun:
 
     def _outputs(self, channels: Mapping[str, FloatArray]) -> FloatArray:
         """Return simulated channels as the record contains them, (samples, channels)."""
+        return self.changes({name: values[..., None] for name, values in channels.items()})[..., 0]
+
+    def changes(self, channels: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the outputs (samples, channels, n) for channels (samples, ..., n).
+
+        The way from a channel to an output is linear: n derivatives of the channels give those of
+        the outputs.
+        """
         columns = []
         for label, place, path in zip(self.labels, self._places, self._paths, strict=True):
-            values = channels[label.channel].reshape(len(self.times), -1)[:, place]
-            columns.append(path.simulated(values[:, None])[:, 0])
+            values = channels[label.channel]
+            values = values.reshape(len(self.times), -1, values.shape[-1])[:, place]
+            columns.append(path.simulated(values))
         return np.stack(columns, axis=1)
+
+    def gauge_number(self, link: int, gauge: int) -> int:
+        """Return the number, from 1, of a gauge that is given by indices in the arm."""
+        before = [len(one.gauges) for one in self._arm.spec.links[:link]]
+        return sum(before) + gauge + 1
 
     def _state(self, arm: Arm, case: Case) -> tuple[FloatArray, FloatArray]:
         """Return the initial coordinates and rates (dof,)."""

@@ -197,6 +197,14 @@ class Space:
         return Case(spec, motors, state["q"], state["qd"])
 
 
+def initial_argument(path: str) -> str:
+    """Return the path of a number of an initial state as ``sensitivities`` has it; else empty."""
+    match = _INITIAL.match(path)
+    if match is None:
+        return ""
+    return f"{'initial' if match[1] == 'q' else 'initial_rate'}[{match[2]}]"
+
+
 def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> list[Slot]:
     """Return the estimated numbers of the initial state of a record, as changes of its start."""
     settings = record.settings

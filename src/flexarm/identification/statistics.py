@@ -182,7 +182,7 @@ def undetermined(
     for vector in _sparse(vectors[:, weak].T):
         order = np.argsort(-np.abs(vector))
         named = [int(places[k]) for k in order if abs(vector[k]) > _NAMED * np.abs(vector).max()]
-        share = np.sqrt(vector @ own @ vector) / np.linalg.norm(vector)
+        share = np.sqrt(max(vector @ own @ vector, 0.0)) / np.linalg.norm(vector)
         found.append((named, float(1.0 / share) if share > 0.0 else np.inf))
     return found
 
