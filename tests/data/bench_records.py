@@ -2,11 +2,13 @@
 
 The links are chains of rigid bars on torsional springs with dampers; the records are the limit of
 many bars (Richardson) and contain no noise, which the tests add. The torques are multisines that
-are constant between the samples. It needs the extra ``peers``.
+are constant between the samples. It needs the extra ``peers``; with ``--example`` it only makes
+the records of ``examples/bench`` from those that exist.
 """
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -197,8 +199,32 @@ def write(name: str, bench: Bench, duration: float, seed: int) -> None:
     np.savetxt(path, table, fmt="%.8g", delimiter=",", header=",".join(heads), comments="")
 
 
+def write_example(source: str, file: str, seed: int) -> None:
+    """Write a record as a bench would: encoder counts, strain in um/m with noise, a delay."""
+    table = np.genfromtxt(FOLDER / f"{source}.csv", delimiter=",", names=True)[: 3 * RATE + 1]
+    time, torque, angle, strain = (table[name] for name in table.dtype.names[:4])
+    random = np.random.default_rng(seed)
+    turns = np.round((angle + 1e-4 * random.standard_normal(angle.size)) / COUNT) * COUNT
+    late = np.concatenate([strain[:1], strain[:-1]])  # the bridge amplifier: one sample
+    micro = 1e6 * late + 3.0 + 0.5 * random.standard_normal(late.size)  # and an offset
+    columns = np.column_stack([time, torque, np.rad2deg(turns), micro])
+    head = "t [s],motor [N m],encoder [deg],bridge [um/m]"
+    path = FOLDER.parents[1] / "examples" / "bench" / file
+    np.savetxt(
+        path, columns, fmt=("%.4f", "%.6g", "%.5f", "%.2f"), delimiter=",", header=head, comments=""
+    )
+
+
+#: Angle of one count of the encoder (rad), and records of the example: source, file, seed.
+COUNT = 2.0 * np.pi / 40_000
+EXAMPLES = (("bench_one_link", "multisine.csv", 1), ("bench_one_link_other", "check.csv", 2))
+
+
 if __name__ == "__main__":
-    for one in (ONE, TWO):
-        write(one.name, one, one.duration, one.seed)
-    for file, (like, seconds, number) in OTHERS.items():
-        write(file, like, seconds, number)
+    if "--example" not in sys.argv:
+        for one in (ONE, TWO):
+            write(one.name, one, one.duration, one.seed)
+        for file, (like, seconds, number) in OTHERS.items():
+            write(file, like, seconds, number)
+    for example in EXAMPLES:
+        write_example(*example)

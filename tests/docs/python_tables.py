@@ -33,6 +33,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("load_scenario", "run_scenario", "run_study"),
         *("write_result", "read_result", "citation"),
     ),
+    "identification": (
+        *("read_record", "MeasuredRecord", "Filter"),
+        *("identify", "FreeParameter", "Identification"),
+    ),
     "controllers": (
         *("Controller", "ControllerRequirements", "Measurement"),
         *("Hardware", "Instrument", "Motors"),
@@ -55,7 +59,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         "OptimizationError",
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
-        *("InconsistentEstimateWarning", "LargeDeflectionWarning"),
+        *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
     ),
 }
 _HEAD = ["| name | meaning |", "| --- | --- |"]

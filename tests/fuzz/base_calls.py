@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -57,6 +58,20 @@ def result() -> Any:
 
 
 @cache
+def measured() -> fa.MeasuredRecord:
+    turned = fa.simulate(arm(), 0.02, torque=lambda t: [0.3, 0.1], rate=500.0)
+    return fa.MeasuredRecord(turned, outputs=["joint_angle"])
+
+
+@cache
+def identified() -> fa.Identification:
+    free = ["links[0].flexural_rigidity"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return fa.identify(arm(), measured(), free, iterations=1, progress=False)
+
+
+@cache
 def separation() -> fa.Separation:
     return fa.linearize_along(arm(), motion(), rate=3.0)
 
@@ -70,6 +85,7 @@ def folder() -> Path:
     place = Path(_PLACE.name)
     fa.save_arm(arm(), place / "arm.yaml")
     fa.write_result(result(), place / "result.nc")
+    fa.write_result(result(), place / "result.csv")
     run = "flexarm: 1\narm: arm.yaml\nrun: {duration: 0.01, rate: 500}\n"
     (place / "scenario.yaml").write_text(run)
     study = (
@@ -104,6 +120,8 @@ LINK = {"length": 0.8, "flexural_rigidity": 30.0, "mass_per_length": 0.5, "eleme
 RECORDS: dict[str, dict[str, Any]] = {
     "Box": {"width": 0.04, "height": 0.02, "thickness": 0.002},
     "Circle": {"diameter": 0.02},
+    "Filter": {"kind": "low_pass", "cutoff": 20.0},
+    "FreeParameter": {"path": "payload.mass"},
     "Friction": {"coulomb": 0.1},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
@@ -216,6 +234,14 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
+    "identify": {
+        "arm": arm,
+        "records": measured,
+        "free": ["links[0].flexural_rigidity"],
+        "iterations": 1,
+    },
+    "MeasuredRecord": {"data": result, "outputs": ["joint_angle"]},
+    "read_record": {"path": lambda: folder() / "result.csv"},
     "read_result": {"path": lambda: folder() / "result.nc"},
     "report": {"result": result},
     "rigid_torque": _MOVE,
@@ -259,6 +285,14 @@ _UPDATE = {
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (arm, _ARM),
+    "Identification": (
+        identified,
+        {
+            "fit_rows": {"fits": lambda: identified().fit},
+            "rows": {},
+            "write": {"path": "identified.yaml"},
+        },
+    ),
     "ExtendedKalmanFilter": (
         kalman_filter,
         {
@@ -378,6 +412,7 @@ MADE_BY_FLEXARM = {
     "Equilibrium",
     "Controller",
     "FlexibleTorque",
+    "Identification",
     "LinearModel",
     "ModeTracks",
     "Modes",

@@ -15,10 +15,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import flexarm as fa
 from data.bench_records import ONE, TWO
 from identification.benches import FREE, believed, record, truth
-
-import flexarm as fa
 
 #: Part of each record that is fitted (s).
 ENDS = {ONE.name: 3.0, TWO.name: 3.0}

@@ -163,7 +163,7 @@ def test_all_problems_of_a_file_are_reported_together(tmp_path):
     ("times", "text"),
     [
         (np.r_[TIMES[:20], TIMES[18:]], "must increase from sample to sample, but sample 21"),
-        (TIMES[:5], "fewer than 8 samples"),
+        (TIMES[:3], "fewer than 4 samples"),
     ],
 )
 def test_wrong_times(times, text, tmp_path):

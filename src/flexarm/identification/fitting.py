@@ -68,9 +68,11 @@ class FitProblem:
         found = []
         for k, run in enumerate(self.runs):
             try:
-                (outputs,) = run.simulate([self.space.case(k, vector)])
+                case = self.space.case(k, vector)
             except InputError as error:
-                outputs = str(error)
+                self.failure = f"record {run.name}: {error}"
+                return None
+            (outputs,) = run.simulate([case])
             if isinstance(outputs, str) or not np.all(np.isfinite(outputs)):
                 self.failure = f"record {run.name}: {outputs}"
                 return None

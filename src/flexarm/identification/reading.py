@@ -22,10 +22,11 @@ from flexarm.identification.labels import (
     label_of,
     split_unit,
 )
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import FEWEST, MeasuredRecord
 from flexarm.identification.tables import Table, read_table
 from flexarm.model import Hardware
 from flexarm.model.identification.records import Column, RecordFile, RecordSettings
+from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
 FloatArray = NDArray[np.float64]
 #: Interval, in typical ones, from which samples are missing.
@@ -78,7 +79,12 @@ def read_record(
     file = check_path("path", path)
     given = {"time": time, "sample_time": sample_time, "rate": rate, "start": start, "end": end}
     own = {name: value for name, value in given.items() if value is not None}
-    fields: dict[str, Any] = {"file": file.name, "channels": channels or {}, **own, **settings}
+    fields: dict[str, Any] = {
+        "file": file.name,
+        "channels": {} if channels is None else channels,
+        **own,
+        **settings,
+    }
     asked = RecordFile(**fields)
     return record_of_file(asked, file, controller, reference, hardware)
 
@@ -178,11 +184,16 @@ def _uniform(
     last = np.inf if asked.end is None else asked.end
     inside = (times >= first - 1e-9) & (times <= last + 1e-9)
     times = times[inside]
-    if times.size < 8:
-        raise InputError(Problem("the record", "has fewer than 8 samples between start and end"))
+    if times.size < FEWEST:
+        rule = f"has fewer than {FEWEST} samples between start and end"
+        raise InputError(Problem("the record", rule))
     typical = float(np.median(np.diff(times)))
     rate = asked.rate or _rounded(1.0 / typical)
-    count = int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6)) + 1
+    samples = (times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6 + 1.0
+    if not FEWEST <= samples <= MOST_SAMPLES:
+        rule = f"have {FEWEST} to {MOST_SAMPLES:.0e} samples"
+        raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
+    count = int(samples)
     grid = times[0] + np.arange(count) / rate
     found = {}
     for label, column in columns.items():
@@ -195,6 +206,8 @@ def _uniform(
 
 def _rounded(rate: float) -> float:
     """Return a rate without the rounding of the times in a file."""
+    if not np.isfinite(rate):
+        return rate
     nearest_whole = round(rate)
     return float(nearest_whole) if abs(rate - nearest_whole) < 1e-3 * rate else rate
 
@@ -207,7 +220,8 @@ def _without_fast(values: FloatArray, times: FloatArray, rate: float) -> FloatAr
     uniform = np.linspace(times[0], times[-1], times.size)
     filled = np.interp(uniform, times[good], values[good])
     nyquist = 0.5 * (times.size - 1) / (times[-1] - times[0])
-    smooth = sosfiltfilt(butter(4, _ANTI_ALIAS * rate / nyquist, output="sos"), filled)
+    sections = butter(4, _ANTI_ALIAS * rate / nyquist, output="sos")
+    smooth = sosfiltfilt(sections, filled, padlen=min(15, filled.size - 1))
     return np.where(good, np.interp(times, uniform, smooth), np.nan)
 
 

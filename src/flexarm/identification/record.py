@@ -17,6 +17,8 @@ from flexarm.model import Hardware
 from flexarm.model.identification.records import RecordSettings
 
 FloatArray = NDArray[np.float64]
+#: Fewest samples of a record.
+FEWEST = 4
 #: Largest deviation of an interval from the mean one in a uniform record, as a fraction of it.
 _UNEVEN = 1e-3
 
@@ -154,8 +156,8 @@ _FOLLOWED = ("joint_angle", "joint_rate")
 
 
 def _time_problems(times: FloatArray) -> list[Problem]:
-    if times.ndim != 1 or times.size < 8 or not np.all(np.isfinite(times)):
-        return [Problem("time", "have at least 8 finite samples", shown(times.size))]
+    if times.ndim != 1 or times.size < FEWEST or not np.all(np.isfinite(times)):
+        return [Problem("time", f"have at least {FEWEST} finite samples", shown(times.size))]
     steps = np.diff(times)
     mean = (times[-1] - times[0]) / (times.size - 1)
     worst = int(np.argmax(np.abs(steps - mean)))

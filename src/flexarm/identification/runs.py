@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.batch.run import simulate_batch
-from flexarm.errors import FlexarmError, FlexarmWarning, InputError, Problem
+from flexarm.errors import FlexarmError, FlexarmWarning, InputError, Problem, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import PrescribedAngle
 from flexarm.histories.samples import sampled_torque
@@ -119,10 +119,14 @@ class RecordRun:
     def _controlled(self, case: Case) -> FloatArray | str:
         record = self.record
         try:
+            plant = Arm(case.spec)
+        except InputError as error:
+            return str(error)
+        try:
             result = simulate(
                 self._arm,
                 record.duration,
-                plant=Arm(case.spec),
+                plant=plant,
                 controller=record.controller,
                 reference=record.reference,
                 hardware=record.hardware,
@@ -130,7 +134,7 @@ class RecordRun:
                 progress=False,
                 **self._options,
             )
-        except FlexarmError as error:
+        except SimulationError as error:
             return str(error)
         return self._outputs({name: result[name].values for name in self.channels})
 
@@ -163,7 +167,7 @@ class RecordRun:
                 progress=False,
                 **self._options,
             )
-        except FlexarmError as error:
+        except SimulationError as error:
             for k in good:
                 found[k] = str(error)
             return found

@@ -51,7 +51,7 @@ def whiteness(residuals: FloatArray, lags: int = LAGS) -> float:
     from scipy.stats import chi2
 
     count = residuals.size
-    lags = min(lags, count // 4)
+    lags = min(lags, max(1, count // 4))
     covariance = correlation_of(residuals - residuals.mean(), lags)
     if covariance[0] == 0.0:
         return 1.0
@@ -71,6 +71,7 @@ def independence(residuals: FloatArray, signal: FloatArray, lags: int = LAGS) ->
     scale = float(np.mean(residuals**2))
     if scale == 0.0 or not np.any(signal):
         return 1.0
+    lags = min(lags, max(1, signal.size // 4))
     past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
     values, vectors = np.linalg.eigh(past @ past.T / signal.size)
     kept = values > 1e-6 * values[-1]  # neighbours of a smooth input are nearly equal
