@@ -20,8 +20,10 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 _COARSE, _FINE = 1e-3, 1e-6
 
-#: Called with the evaluation's number, the sum of squares and the outputs of all records.
-Watch = Callable[[int, float, Sequence[FloatArray]], None]
+#: Samples of the beginning of each record that is fitted first.
+_BEGINNING = 1000
+#: Called with the evaluation's number, the sum of squares, and runs and outputs of all records.
+Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
 
 
 class FitProblem:
@@ -53,6 +55,15 @@ class FitProblem:
                     self.noise[label.text] = max(guess, self.noise.get(label.text, 0.0))
         slots = space.slots
         self._priors = [k for k, slot in enumerate(slots) if np.isfinite(slot.prior_deviation)]
+
+    def beginning(self) -> FitProblem | None:
+        """Return the problem of the beginnings of all records; None if they are short."""
+        try:
+            runs = [run.beginning(_BEGINNING) for run in self.runs]
+        except InputError:  # a channel has no samples there
+            return None
+        found = [run for run in runs if run is not None]
+        return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
 
     def vector(self, scaled: FloatArray) -> FloatArray:
         """Return parameters from scaled changes, inside their bounds in spite of rounding."""
@@ -89,7 +100,7 @@ class FitProblem:
         values = self.weighted(vector, outputs)
         self.evaluations += 1
         if self._watch is not None:
-            self._watch(self.evaluations, float(values @ values), outputs)
+            self._watch(self.evaluations, float(values @ values), self.runs, outputs)
         return values
 
     def weighted(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> FloatArray:
@@ -208,6 +219,15 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     outputs = problem.outputs(problem.vector(scaled))
     if outputs is None:
         raise FitFailure(problem.failure)
+    # A beginning costs less, and vibrations that are only a little too fast or too slow are still
+    # in phase there, so that it has fewer wrong minima.
+    early = problem.beginning()
+    if early is not None:
+        first, _ = _minimum(early, scaled, loss, iterations, _COARSE)
+        found = problem.outputs(problem.vector(first))
+        if found is not None:
+            scaled, outputs = first, found
+            problem.noise = problem.noise_of(outputs, loss != "linear")
     free = problem.noise.keys() - problem.fixed
     converged = True
     for attempt in range(_ROUNDS):

@@ -129,7 +129,7 @@ def identify(
     space = Space(arm, motors, parameters, fitted)
     runs = [RecordRun(name, record, arm, options) for name, record in fitted.items()]
     others = [RecordRun(name, record, arm, options) for name, record in held_out.items()]
-    problem = FitProblem(space, runs, _watch(runs, progress))
+    problem = FitProblem(space, runs, _watch(progress))
     costs, best = _best(problem, count, random, loss, iterations)
     problem.noise = best.noise
     table, initial, indistinct = parameters_of(problem, best)
@@ -250,14 +250,19 @@ def _predicted(
     return outputs[0]
 
 
-def _watch(runs: Sequence[RecordRun], progress: bool | None) -> Watch | None:
+def _watch(progress: bool | None) -> Watch | None:
     """Return a function that prints the fit of each channel, or None."""
     if progress is not None:
         check_flag("progress", progress)
     if progress is False or (progress is None and not sys.stderr.isatty()):
         return None
 
-    def show(evaluation: int, squares: float, outputs: Sequence[FloatArray]) -> None:
+    def show(
+        evaluation: int,
+        squares: float,
+        runs: Sequence[RecordRun],
+        outputs: Sequence[FloatArray],
+    ) -> None:
         fits = fits_by_channel(runs, outputs)
         text = ", ".join(f"{name} {value:.1f} %" for name, value in fits.items())
         print(f"evaluation {evaluation}: {squares:.6g}; fit {text}", file=sys.stderr, flush=True)

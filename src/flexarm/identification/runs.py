@@ -108,6 +108,14 @@ class RecordRun:
             **self._options,
         }
 
+    def beginning(self, samples: int) -> RecordRun | None:
+        """Return the run of the first samples of the record; None if it has hardly more."""
+        record = self.record
+        if self.times.size < 2 * samples or record.controller is not None:
+            return None
+        data = record.data.isel(time=slice(0, samples))
+        return RecordRun(self.name, MeasuredRecord(data, record.settings), self._arm, self._options)
+
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         """Return the outputs (samples, channels) of each case, or the reason of its failure."""
         with warnings.catch_warnings():  # the final arm is what users are warned of
