@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,6 +17,7 @@ import flexarm as fa
 from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
+from fuzz.identification_calls import IDENTIFICATION, identified
 
 arm = cache(two_links)
 start, end = [0.1, 0.3], [0.5, 0.8]
@@ -55,20 +55,6 @@ def pressed() -> Any:
 @cache
 def result() -> Any:
     return fa.simulate(arm(), 0.01, rate=500.0)
-
-
-@cache
-def measured() -> fa.MeasuredRecord:
-    turned = fa.simulate(arm(), 0.02, torque=lambda t: [0.3, 0.1], rate=500.0)
-    return fa.MeasuredRecord(turned, outputs=["joint_angle"])
-
-
-@cache
-def identified() -> fa.Identification:
-    free = ["links[0].flexural_rigidity"]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return fa.identify(arm(), measured(), free, iterations=1, progress=False)
 
 
 @cache
@@ -234,13 +220,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
-    "identify": {
-        "arm": arm,
-        "records": measured,
-        "free": ["links[0].flexural_rigidity"],
-        "iterations": 1,
-    },
-    "MeasuredRecord": {"data": result, "outputs": ["joint_angle"]},
+    **IDENTIFICATION,
     "read_record": {"path": lambda: folder() / "result.csv"},
     "read_result": {"path": lambda: folder() / "result.nc"},
     "report": {"result": result},
