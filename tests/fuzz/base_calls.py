@@ -17,7 +17,7 @@ import flexarm as fa
 from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
-from fuzz.identification_calls import IDENTIFICATION, identified
+from fuzz.identification_calls import IDENTIFICATION, RESULT
 
 arm = cache(two_links)
 start, end = [0.1, 0.3], [0.5, 0.8]
@@ -265,14 +265,7 @@ _UPDATE = {
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (arm, _ARM),
-    "Identification": (
-        identified,
-        {
-            "fit_rows": {"fits": lambda: identified().fit},
-            "rows": {},
-            "write": {"path": "identified.yaml"},
-        },
-    ),
+    **RESULT,
     "ExtendedKalmanFilter": (
         kalman_filter,
         {

@@ -33,3 +33,14 @@ IDENTIFICATION: dict[str, dict[str, Any]] = {
     "identify": {"arm": two_links, "records": measured, "free": FREE, "iterations": 1},
     "MeasuredRecord": {"data": turned, "outputs": ["joint_angle"]},
 }
+#: Methods of a result.
+RESULT: dict[str, Any] = {
+    "Identification": (
+        identified,
+        {
+            "fit_rows": {"fits": lambda: identified().fit},
+            "rows": {},
+            "write": {"path": "identified.yaml"},
+        },
+    ),
+}
