@@ -36,6 +36,7 @@ from .engine.events import tip_event as tip_event
 from .errors import AccuracyWarning as AccuracyWarning
 from .errors import FlexarmError as FlexarmError
 from .errors import FlexarmWarning as FlexarmWarning
+from .errors import IdentifiabilityWarning as IdentifiabilityWarning
 from .errors import InconsistentEstimateWarning as InconsistentEstimateWarning
 from .errors import InputError as InputError
 from .errors import LargeDeflectionWarning as LargeDeflectionWarning
@@ -46,6 +47,10 @@ from .estimation.estimator_controller import EstimatorController as EstimatorCon
 from .estimation.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from .hardware.measurement import Measurement as Measurement
 from .histories.prescribed import PrescribedAngle as PrescribedAngle
+from .identification.identify import identify as identify
+from .identification.reading import read_record as read_record
+from .identification.record import MeasuredRecord as MeasuredRecord
+from .identification.result import Identification as Identification
 from .integrate import GeneralizedAlpha as GeneralizedAlpha
 from .inversion.flexible_torque import FlexibleTorque as FlexibleTorque
 from .inversion.flexible_torque import flexible_torque as flexible_torque
@@ -75,6 +80,8 @@ from .model import Box as Box
 from .model import Change as Change
 from .model import Circle as Circle
 from .model import Contact as Contact
+from .model import Filter as Filter
+from .model import FreeParameter as FreeParameter
 from .model import Friction as Friction
 from .model import Gauge as Gauge
 from .model import Hardware as Hardware

@@ -279,6 +279,10 @@ class InconsistentEstimateWarning(FlexarmWarning):
     """Measurements differ from a filter's predictions by more than its covariance allows."""
 
 
+class IdentifiabilityWarning(FlexarmWarning):
+    """Measured data do not determine some of the parameters that are estimated from them."""
+
+
 def warn_caller(text: str, category: type[Warning]) -> None:
     """Warn at the nearest calling line outside this package, at any depth of the call."""
     package = __name__.partition(".")[0]

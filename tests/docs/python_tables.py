@@ -34,6 +34,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Study", "read_study", "study_statistics", "sensitivity_indices"),
         *("write_result", "read_result", "citation"),
     ),
+    "identification": (
+        *("read_record", "MeasuredRecord", "Filter"),
+        *("identify", "FreeParameter", "Identification"),
+    ),
     "controllers": (
         *("Controller", "ControllerRequirements", "Measurement"),
         *("Hardware", "Instrument", "Motors"),
@@ -56,7 +60,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         "OptimizationError",
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
-        *("InconsistentEstimateWarning", "LargeDeflectionWarning"),
+        *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
     ),
 }
 _HEAD = ["| name | meaning |", "| --- | --- |"]

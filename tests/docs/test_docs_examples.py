@@ -34,6 +34,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
+from flexarm.model.file_format.identification_file import locate_identification
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
@@ -157,6 +158,8 @@ def read_yaml(block: Block) -> None:
         return
     if "drives" in content:
         locate_study(path)
+    elif "records" in content:
+        locate_identification(path)
     elif "run" in content:
         load_scenario(path)
     else:

@@ -17,6 +17,7 @@ import flexarm as fa
 from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
+from fuzz.identification_calls import IDENTIFICATION, RESULT
 
 arm = cache(two_links)
 start, end = [0.1, 0.3], [0.5, 0.8]
@@ -70,6 +71,7 @@ def folder() -> Path:
     place = Path(_PLACE.name)
     fa.save_arm(arm(), place / "arm.yaml")
     fa.write_result(result(), place / "result.nc")
+    fa.write_result(result(), place / "result.csv")
     run = "flexarm: 1\narm: arm.yaml\nrun: {duration: 0.01, rate: 500}\n"
     (place / "scenario.yaml").write_text(run)
     study = (
@@ -104,6 +106,8 @@ LINK = {"length": 0.8, "flexural_rigidity": 30.0, "mass_per_length": 0.5, "eleme
 RECORDS: dict[str, dict[str, Any]] = {
     "Box": {"width": 0.04, "height": 0.02, "thickness": 0.002},
     "Circle": {"diameter": 0.02},
+    "Filter": {"kind": "low_pass", "cutoff": 20.0},
+    "FreeParameter": {"path": "payload.mass"},
     "Friction": {"coulomb": 0.1},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
@@ -217,6 +221,8 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
     "quasi_static_reference": _MOVE,
+    **IDENTIFICATION,
+    "read_record": {"path": lambda: folder() / "result.csv"},
     "read_result": {"path": lambda: folder() / "result.nc"},
     "report": {"result": result},
     "rigid_torque": _MOVE,
@@ -260,6 +266,7 @@ _UPDATE = {
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (arm, _ARM),
+    **RESULT,
     "ExtendedKalmanFilter": (
         kalman_filter,
         {
@@ -379,6 +386,7 @@ MADE_BY_FLEXARM = {
     "Equilibrium",
     "Controller",
     "FlexibleTorque",
+    "Identification",
     "LinearModel",
     "ModeTracks",
     "Modes",

@@ -223,6 +223,26 @@ def sweep(
 
 @app.command()
 @report_failures
+def identify(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Arm, records and free parameters.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Save the arm with its estimates: .yaml."),
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="Do not print the fit after each evaluation.")
+    ] = False,
+) -> None:
+    """Estimate parameters of an arm from measured records."""
+    from flexarm.cli.commands.identify import identify_file
+
+    identify_file(study, out, quiet)
+
+
+@app.command()
+@report_failures
 def modes(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
     joints: Annotated[

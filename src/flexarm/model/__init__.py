@@ -44,6 +44,8 @@ from flexarm.model.file_format.schema import json_schema as json_schema
 from flexarm.model.hardware import Hardware as Hardware
 from flexarm.model.hardware import Instrument as Instrument
 from flexarm.model.hardware import Motors as Motors
+from flexarm.model.identification.filters import Filter as Filter
+from flexarm.model.identification.parameters import FreeParameter as FreeParameter
 from flexarm.model.scenarios.events import EventSpec as EventSpec
 from flexarm.model.scenarios.events import JointEvent as JointEvent
 from flexarm.model.scenarios.events import TipEvent as TipEvent

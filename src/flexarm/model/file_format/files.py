@@ -105,7 +105,8 @@ def _uncollected() -> Iterator[None]:
 @_uncollected()
 def _located(kind: type[R], path: AnyPath | Document) -> tuple[R, Callable[[Path], str]]:
     document = path if isinstance(path, Document) else load_document(path)
-    _refuse_other_kind(document, kind)
+    if kind in _OTHERS:
+        _refuse_other_kind(document, kind)
     problems: list[Problem] = []
     holder = _holder_of_arm(document, problems, (), kind)
     content = {key: document.value[key] for key in kind.model_fields if key in document.value}
@@ -138,9 +139,9 @@ def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
         if kind is Scenario:
             hint = f"Add `run: {{duration: 2}}` to simulate it. {hint}"
         raise ModelError(Problem("the file", rule, hint=hint, where=document.where(())))
-    keys = document.value.keys()
-    own = keys & (kind.model_fields.keys() - _OTHERS[kind].model_fields.keys())
-    others = keys & (_OTHERS[kind].model_fields.keys() - kind.model_fields.keys())
+    keys, other_fields = document.value.keys(), _OTHERS[kind].model_fields.keys()
+    own = keys & (kind.model_fields.keys() - other_fields)
+    others = keys & (other_fields - kind.model_fields.keys())
     if kind is StudySpec:
         others |= keys & {"run"}  # the only key of its own in a scenario of a free arm
     if own or not others:
@@ -231,9 +232,8 @@ def _whole(text: str, file: AnyPath) -> Document:
     """Return the content of a text that is kept in another file, and names none itself."""
     document = _parsed(FilePath(file), text)
     if isinstance(document.value.get("arm"), str):
-        rule = (
-            f"refers to another file, {shown(document.value['arm'])}; it must describe the arm here"
-        )
+        named = shown(document.value["arm"])
+        rule = f"refers to another file, {named}; it must describe the arm here"
         raise ModelError(Problem("arm", rule, where=str(file)))
     return document
 

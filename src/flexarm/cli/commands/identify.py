@@ -1,0 +1,50 @@
+"""``flexarm identify``: estimate parameters of an arm from measured records."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import xarray as xr
+
+from flexarm.cli.failures import warn
+from flexarm.cli.tables import console, numbers
+from flexarm.errors import IdentifiabilityWarning
+from flexarm.identification.result import FIT_HEADS, HEADS, Identification
+from flexarm.identification.study import PreparedIdentification
+from flexarm.writing.places import check_place
+
+SUFFIXES = (".yaml", ".yml")
+
+
+def identify_file(path: Path, out: Path | None, quiet: bool) -> None:
+    """Run the identification in a file, print its result, and save the arm.
+
+    The file, its records and the output path are validated before the first run.
+
+    Raises:
+        InputError: if the file or a record is not valid, or the output cannot be written.
+        SimulationError: if the arm cannot be simulated.
+    """
+    prepared = PreparedIdentification(path)
+    if out is not None:
+        check_place("--out", out, SUFFIXES)
+    with warnings.catch_warnings():  # printed below
+        warnings.simplefilter("ignore", IdentifiabilityWarning)
+        found = prepared.run(False if quiet else None)
+    screen = console()
+    screen.print(numbers("Estimates", HEADS, found.rows()), soft_wrap=True)
+    screen.print(_fits("Fit", found, found.fit), soft_wrap=True)
+    if found.validation.sizes["record"]:
+        screen.print(_fits("Validation", found, found.validation), soft_wrap=True)
+    for sentence in found.undetermined:
+        warn(sentence)
+    if not found.converged:
+        warn("the fit has not converged; raise fit.iterations")
+    if out is not None:
+        found.write(out)
+        screen.print(f"arm in {out}", soft_wrap=True)
+
+
+def _fits(title: str, found: Identification, fits: xr.Dataset) -> object:
+    return numbers(title, FIT_HEADS, found.fit_rows(fits))

@@ -1,0 +1,1 @@
+"""Identification: measured records, and parameters of an arm that fit them."""

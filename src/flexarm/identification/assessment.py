@@ -1,0 +1,151 @@
+"""Assessment of a fit: deviations, combinations without effect, fit and tests of each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from flexarm.identification.fitting import Fit, FitProblem
+from flexarm.identification.labels import MEASURED
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Slot, in_words
+from flexarm.identification.statistics import (
+    Column,
+    covariance_of,
+    fit_percent,
+    independence,
+    undetermined,
+    whiteness,
+)
+from flexarm.integrate.base import FloatArray
+
+#: Distance from a bound at which an estimate counts as being at it, as a fraction of its scale.
+_AT_BOUND = 1e-4
+_MEASURES = {
+    "fit": ("%", "fit, 100 is perfect"),
+    "rms": ("", "RMS of the residuals, SI units"),
+    "whiteness": ("1", "probability of such correlations among white residuals"),
+    "independence": ("1", "probability of such correlations with the inputs by chance"),
+}
+
+
+def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset, list[str]]:
+    """Return datasets of parameters and of initial states, and sentences about the former.
+
+    Each sentence names parameters that the data do not determine.
+    """
+    slots, scale = problem.space.slots, problem.space.scale
+    columns = _columns(problem, fit)
+    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    covariance = covariance_of(columns, priors)
+    physical = np.array([not slot.initial for slot in slots])
+    without = [
+        _sentence([slots[k] for k in places], deviation)
+        for places, deviation in undetermined(columns, priors, scale, physical)
+    ]
+    tables = [
+        _table(problem, fit, covariance, np.flatnonzero(chosen)) for chosen in (physical, ~physical)
+    ]
+    return tables[0], tables[1], without
+
+
+def _columns(problem: FitProblem, fit: Fit) -> list[Column]:
+    """Return weighted residuals and their derivatives of all channels of all records."""
+    columns = []
+    derivatives = problem.derivatives(fit.vector)
+    for k, (run, outputs, found) in enumerate(
+        zip(problem.runs, fit.outputs, derivatives, strict=True)
+    ):
+        for c, label in enumerate(run.labels):
+            good, noise = run.valid[:, c], fit.noise[label.text]
+            own = np.zeros((run.times.size, fit.vector.size))
+            own[:, problem.space.acting_on(k)] = -found[:, c] / noise
+            residuals = (run.measured - outputs)[:, c] / noise
+            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None]))
+    return columns
+
+
+def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
+    slots = [problem.space.slots[k] for k in places]
+    own = covariance[np.ix_(places, places)]
+    deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
+    safe = np.where(deviation > 0.0, deviation, 1.0)
+    values = fit.vector[places]
+    lower, upper = (bound[places] for bound in problem.space.bounds)
+    near = _AT_BOUND * problem.space.scale[places]
+    columns = {
+        "estimate": values,
+        "standard_deviation": deviation,
+        "start": np.array([slot.start for slot in slots]),
+        "lower": lower,
+        "upper": upper,
+        "at_bound": (values - lower < near) | (upper - values < near),
+    }
+    names = [slot.name for slot in slots]
+    correlation = xr.DataArray(own / np.outer(safe, safe), dims=("parameter", "other"))
+    found = xr.Dataset({name: ("parameter", column) for name, column in columns.items()})
+    return found.assign(correlation=correlation).assign_coords(parameter=names, other=names)
+
+
+def _sentence(slots: Sequence[Slot], deviation: float) -> str:
+    """Say which parameters the data do not determine."""
+    names = [in_words(slot.path) + slot.name.removeprefix(slot.path) for slot in slots]
+    share = f"{100.0 * deviation:.0f} %" if deviation < 10.0 else "more than 1000 %"
+    if len(names) == 1:
+        return f"The data do not determine the {names[0]}: its standard deviation is {share}."
+    listed = f"{', '.join(names[:-1])} and {names[-1]}"
+    return (
+        f"The data do not distinguish the {listed}: a joint change of them has a standard "
+        f"deviation of {share}. Fix one of them, or give it a prior."
+    )
+
+
+def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Dataset:
+    """Return fit, RMS and tests of the residuals (record, channel)."""
+    channels = list(dict.fromkeys(label.text for run in runs for label in run.labels))
+    shape = len(runs), len(channels)
+    values = {name: np.full(shape, np.nan) for name in _MEASURES}
+    for row, (run, found) in enumerate(zip(runs, outputs, strict=True)):
+        for c, label in enumerate(run.labels):
+            good, place = run.valid[:, c], (row, channels.index(label.text))
+            residuals = np.where(good, run.measured[:, c] - found[:, c], 0.0)
+            values["fit"][place] = fit_percent(run.measured[good, c], found[good, c])
+            values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
+            values["whiteness"][place] = whiteness(residuals)
+            driven = [independence(residuals, signal) for signal in run.record.inputs.values()]
+            # The smallest of several probabilities (Bonferroni).
+            values["independence"][place] = min(1.0, len(driven) * min(driven)) if driven else 1.0
+    labels = {name: {"units": unit, "long_name": text} for name, (unit, text) in _MEASURES.items()}
+    variables = {name: (("record", "channel"), values[name], labels[name]) for name in _MEASURES}
+    return xr.Dataset(variables, {"record": [run.name for run in runs], "channel": channels})
+
+
+def fits_by_channel(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> dict[str, float]:
+    """Return the smallest fit (percent) of each channel in all records."""
+    fits: dict[str, float] = {}
+    for run, found in zip(runs, outputs, strict=True):
+        for c, label in enumerate(run.labels):
+            good = run.valid[:, c]
+            own = fit_percent(run.measured[good, c], found[good, c])
+            fits[label.text] = min(own, fits.get(label.text, np.inf))
+    return fits
+
+
+def histories_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> dict[str, xr.Dataset]:
+    """Return measured and simulated channels of each record over time."""
+    found = {}
+    for run, simulated in zip(runs, outputs, strict=True):
+        dims = ("time", "channel")
+        measured = np.where(run.valid, run.measured, np.nan)
+        units = [MEASURED[label.channel].unit for label in run.labels]
+        found[run.name] = xr.Dataset(
+            {"measured": (dims, measured), "simulated": (dims, simulated)},
+            {
+                "time": ("time", run.times, {"units": "s", "long_name": "time"}),
+                "channel": [label.text for label in run.labels],
+                "unit": ("channel", units),
+            },
+        )
+    return found

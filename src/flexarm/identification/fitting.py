@@ -1,0 +1,300 @@
+"""Weighted least squares over several records: residuals, derivatives, weights, starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.errors import InputError
+from flexarm.identification.derivatives import output_derivatives
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Space
+from flexarm.integrate.base import FloatArray
+
+#: Rounds in which the noise of channels is estimated anew, and the change that ends them.
+_ROUNDS, _SETTLED = 6, 0.03
+#: First guess of the noise of a channel, and its lowest value, as fractions of its signal.
+_GUESS, _LEAST = 0.1, 1e-7
+#: Relative changes of the sum of squares or of the parameters that end the fit.
+_COARSE, _FINE = 1e-3, 1e-6
+
+#: Samples of the beginning of each record that is fitted first.
+_BEGINNING = 1000
+#: Called with the evaluation's number, the sum of squares, and runs and outputs of all records.
+Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
+
+
+class FitProblem:
+    """Residuals of all records and of priors, as functions of scaled changes of the parameters.
+
+    Attributes:
+        noise: standard deviation of each channel by its label, SI units.
+        fixed: channels whose noise is given.
+        failure: reason of the last failed run, or empty.
+    """
+
+    def __init__(self, space: Space, runs: Sequence[RecordRun], watch: Watch | None) -> None:
+        self.space, self.runs, self._watch = space, runs, watch
+        self.noise: dict[str, float] = {}
+        self.fixed: set[str] = set()
+        self.failure = ""
+        self.evaluations = 0
+        self._last: tuple[FloatArray, list[FloatArray]] | None = None
+        for run in runs:
+            given = run.record.settings.noise
+            for k, label in enumerate(run.labels):
+                good = run.measured[run.valid[:, k], k]
+                spread = float(np.std(good)) or 1.0
+                if label.channel in given:
+                    self.noise[label.text] = given[label.channel]
+                    self.fixed.add(label.text)
+                else:
+                    guess = _GUESS * spread
+                    self.noise[label.text] = max(guess, self.noise.get(label.text, 0.0))
+        slots = space.slots
+        self._priors = [k for k, slot in enumerate(slots) if np.isfinite(slot.prior_deviation)]
+
+    def beginning(self) -> FitProblem | None:
+        """Return the problem of the beginnings of all records; None if they are short."""
+        try:
+            runs = [run.beginning(_BEGINNING) for run in self.runs]
+        except InputError:  # a channel has no samples there
+            return None
+        found = [run for run in runs if run is not None]
+        return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
+
+    def vector(self, scaled: FloatArray) -> FloatArray:
+        """Return parameters from scaled changes, inside their bounds in spite of rounding."""
+        lower, upper = self.space.bounds
+        return np.clip(self.space.start + self.space.scale * scaled, lower, upper)
+
+    def scaled(self, vector: FloatArray) -> FloatArray:
+        """Return the scaled changes of parameters."""
+        return (vector - self.space.start) / self.space.scale
+
+    def outputs(self, vector: FloatArray) -> list[FloatArray] | None:
+        """Return the outputs of all records, or None if a run fails."""
+        found = []
+        for k, run in enumerate(self.runs):
+            try:
+                case = self.space.case(k, vector)
+            except InputError as error:
+                self.failure = f"record {run.name}: {error}"
+                return None
+            (outputs,) = run.simulate([case])
+            if isinstance(outputs, str) or not np.all(np.isfinite(outputs)):
+                self.failure = f"record {run.name}: {outputs}"
+                return None
+            found.append(outputs)
+        return found
+
+    def residuals(self, scaled: FloatArray) -> FloatArray:
+        """Return the weighted residuals; infinite if a run fails, so that the step is rejected."""
+        vector = self.vector(scaled)
+        outputs = self.outputs(vector)
+        if outputs is None:
+            size = sum(int(run.valid.sum()) for run in self.runs) + len(self._priors)
+            return np.full(size, np.inf)
+        values = self.weighted(vector, outputs)
+        self.evaluations += 1
+        if self._watch is not None:
+            self._watch(self.evaluations, float(values @ values), self.runs, outputs)
+        return values
+
+    def weighted(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> FloatArray:
+        """Return the residuals of samples and priors, divided by their standard deviations."""
+        parts = [
+            ((run.measured - found) / self._weights(run))[run.valid]
+            for run, found in zip(self.runs, outputs, strict=True)
+        ]
+        slots = [self.space.slots[k] for k in self._priors]
+        priors = [
+            (s.prior - vector[k]) / s.prior_deviation
+            for k, s in zip(self._priors, slots, strict=True)
+        ]
+        return np.concatenate([*parts, np.array(priors)])
+
+    def jacobian(self, scaled: FloatArray) -> FloatArray:
+        """Return the derivatives of ``residuals``, (residuals, parameters)."""
+        return self.rows(scaled) * self.space.scale
+
+    def rows(self, scaled: FloatArray) -> FloatArray:
+        """Return the derivatives of the residuals per unit of each parameter."""
+        vector = self.vector(scaled)
+        derivatives = self.derivatives(vector)
+        blocks = []
+        for k, (run, found) in enumerate(zip(self.runs, derivatives, strict=True)):
+            block = np.zeros((int(run.valid.sum()), vector.size))
+            weighted = -found / self._weights(run)[:, None]
+            block[:, self.space.acting_on(k)] = weighted[run.valid]
+            blocks.append(block)
+        priors = np.zeros((len(self._priors), vector.size))
+        for row, k in enumerate(self._priors):
+            priors[row, k] = -1.0 / self.space.slots[k].prior_deviation
+        return np.concatenate([*blocks, priors])
+
+    def derivatives(self, vector: FloatArray) -> list[FloatArray]:
+        """Return the derivatives (samples, channels, acting parameters) of each record.
+
+        They are kept for the last vector, because new weights do not change them.
+
+        Raises:
+            FitFailure: if the runs near ``vector`` fail.
+        """
+        if self._last is not None and np.array_equal(self._last[0], vector):
+            return self._last[1]
+        every = []
+        for k, run in enumerate(self.runs):
+            places = self.space.acting_on(k)
+            found = output_derivatives(run, self.space, k, vector, places)
+            if isinstance(found, str):
+                raise FitFailure(f"record {run.name}: {found}")
+            every.append(found)
+        self._last = vector, every
+        return every
+
+    def _weights(self, run: RecordRun) -> FloatArray:
+        return np.array([self.noise[label.text] for label in run.labels])
+
+    def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
+        """Return the noise of each channel: the RMS of its residuals in all records.
+
+        ``robust``: 1.4826 times the median of their magnitudes.
+        """
+        residuals: dict[str, list[FloatArray]] = {}
+        signals: dict[str, float] = {}
+        for run, found in zip(self.runs, outputs, strict=True):
+            for k, label in enumerate(run.labels):
+                good = run.valid[:, k]
+                own = (run.measured - found)[good, k]
+                residuals.setdefault(label.text, []).append(own)
+                size = float(np.max(np.abs(run.measured[good, k])))
+                signals[label.text] = max(size, signals.get(label.text, 0.0))
+        noise = {}
+        for text, parts in residuals.items():
+            if text in self.fixed:
+                noise[text] = self.noise[text]
+                continue
+            every = np.concatenate(parts)
+            spread = 1.4826 * np.median(np.abs(every)) if robust else np.sqrt(np.mean(every**2))
+            noise[text] = max(float(spread), _LEAST * signals[text], 1e-300)
+        return noise
+
+
+class FitFailure(Exception):
+    """The runs of a fit fail at its start, or at all neighbours of a vector."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Result of one start.
+
+    Attributes:
+        vector: (parameters,) estimates.
+        cost: minus the logarithm of the likelihood without constants: comparable between starts.
+        outputs: of each record.
+        noise: standard deviation by channel.
+        evaluations: number of runs of all records, without those for derivatives.
+        converged: whether the fit ended before the limit of iterations.
+    """
+
+    vector: FloatArray
+    cost: float
+    outputs: list[FloatArray]
+    noise: dict[str, float]
+    evaluations: int
+    converged: bool
+
+
+def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
+    """Fit from a vector of parameters, with the noise of the channels estimated in between.
+
+    Raises:
+        FitFailure: if the arm of the start cannot be simulated.
+    """
+    scaled = problem.scaled(start)
+    problem.evaluations = 0
+    outputs = problem.outputs(problem.vector(scaled))
+    if outputs is None:
+        raise FitFailure(problem.failure)
+    # A beginning costs less, and vibrations that are only a little too fast or too slow are still
+    # in phase there, so that it has fewer wrong minima.
+    early = problem.beginning()
+    if early is not None:
+        first, _ = _minimum(early, scaled, loss, iterations, _COARSE)
+        found = problem.outputs(problem.vector(first))
+        if found is not None:
+            scaled, outputs = first, found
+            problem.noise = problem.noise_of(outputs, loss != "linear")
+    free = problem.noise.keys() - problem.fixed
+    converged = True
+    for attempt in range(_ROUNDS):
+        precision = _COARSE if free and attempt == 0 else _FINE
+        scaled, converged = _minimum(problem, scaled, loss, iterations, precision)
+        outputs = problem.outputs(problem.vector(scaled)) or outputs
+        old = problem.noise
+        problem.noise = problem.noise_of(outputs, loss != "linear")
+        if all(abs(problem.noise[text] / old[text] - 1.0) < _SETTLED for text in free):
+            break
+    vector = problem.vector(scaled)
+    values = problem.weighted(vector, outputs)
+    cost = 0.5 * float(values @ values)
+    for run in problem.runs:
+        for k, label in enumerate(run.labels):
+            cost += float(run.valid[:, k].sum() * np.log(problem.noise[label.text]))
+    return Fit(vector, cost, outputs, dict(problem.noise), problem.evaluations, converged)
+
+
+def _minimum(
+    problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
+) -> tuple[FloatArray, bool]:
+    """Return the scaled changes with the smallest residuals, and whether the search converged.
+
+    The reflective trust-region method of SciPy shortens a step whose residuals are infinite.
+    """
+    from scipy.optimize import least_squares
+
+    lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
+    found = least_squares(
+        problem.residuals,
+        _inside(scaled, lower, upper),
+        jac=problem.jacobian,
+        bounds=(lower, upper),
+        method="trf",
+        x_scale="jac",
+        loss=loss,
+        ftol=precision,
+        xtol=precision,
+        gtol=1e-12,
+        max_nfev=iterations,
+    )
+    return found.x, found.status > 0
+
+
+def _inside(scaled: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return a start strictly between the bounds, as the method requires."""
+    room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
+    margin = 1e-6 * np.minimum(room, 1.0)
+    return np.clip(scaled, lower + margin, upper - margin)
+
+
+def random_start(space: Space, random: np.random.Generator) -> FloatArray:
+    """Draw a start: between finite bounds, else by a factor of e^0.4 about a positive value."""
+    vector = space.start
+    lower, upper = space.bounds
+    for k, slot in enumerate(space.slots):
+        if slot.initial:
+            continue
+        if np.isfinite(lower[k]) and np.isfinite(upper[k]):
+            if lower[k] > 0.0:
+                vector[k] = np.exp(random.uniform(np.log(lower[k]), np.log(upper[k])))
+            else:
+                vector[k] = random.uniform(lower[k], upper[k])
+        elif vector[k] > 0.0:
+            vector[k] *= np.exp(0.4 * random.standard_normal())
+        else:
+            vector[k] += 0.4 * slot.scale * random.standard_normal()
+        vector[k] = min(max(vector[k], lower[k]), upper[k])
+    return vector

@@ -1,0 +1,270 @@
+"""Estimation of parameters of an arm from measured records: ``flexarm.identify``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flexarm.arguments import check_choice, check_count, check_flag, check_kind, check_mapping
+from flexarm.arm import Arm
+from flexarm.errors import (
+    IdentifiabilityWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    public_call,
+    warn_caller,
+)
+from flexarm.identification.assessment import (
+    fits_by_channel,
+    fits_of,
+    histories_of,
+    parameters_of,
+)
+from flexarm.identification.fitting import (
+    Fit,
+    FitFailure,
+    FitProblem,
+    Watch,
+    fit_from,
+    random_start,
+)
+from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.result import Identification
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Space, check_free
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.model import Motors
+from flexarm.model.identification.parameters import FreeParameter
+
+#: Losses of residuals, from SciPy.
+LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+Records = (
+    MeasuredRecord
+    | xr.Dataset
+    | Sequence[MeasuredRecord | xr.Dataset]
+    | Mapping[str, MeasuredRecord | xr.Dataset]
+)
+
+
+@public_call
+def identify(
+    arm: Arm,
+    records: Records,
+    free: Sequence[str | FreeParameter],
+    *,
+    validation: Records = (),
+    motors: Motors | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    loss: str = "linear",
+    iterations: int = 50,
+    integrator: str | Integrator = "auto",
+    step: float | None = None,
+    rtol: float = 1e-7,
+    atol: float = 1e-9,
+    progress: bool | None = None,
+) -> Identification:
+    """Estimate parameters of an arm from measured records by weighted least squares.
+
+    The arm is simulated with the inputs of each record, and the parameters are changed until the
+    simulated channels, after the delays and filters of the record, fit the measured ones. Each
+    channel is divided by the standard deviation of its noise, which is estimated with the
+    parameters if the record does not give it (maximum likelihood for white noise). A vector whose
+    run fails is a rejected step.
+
+    Args:
+        arm: with the values from which the estimation starts.
+        records: a record, a list, or a dictionary by name: ``MeasuredRecord`` objects, or datasets
+            such as results of ``simulate``, with torques as inputs.
+        free: paths of numbers of the arm, such as ``"links[0].flexural_rigidity"``,
+            ``"joints[1].damping"`` or ``"motors.torque_constant"``, or ``FreeParameter`` objects
+            with bounds and priors.
+        validation: records that are predicted with the estimates. Their initial states, and values
+            of parameters with ``per_record``, are estimated from themselves.
+        motors: for records with currents as inputs: ``torque_constant`` is used.
+        starts: number of starts, the first at the arm, the others at random within the bounds, or
+            around the values of the arm. The result is that with the largest likelihood.
+        seed: of the random starts.
+        loss: "linear", or a loss that is robust to outliers: "soft_l1", "huber" or "cauchy".
+        iterations: most evaluations of a fit from one start.
+        integrator, step, rtol, atol: of all runs, as in ``simulate``.
+        progress: True prints the fit of each channel after each evaluation; None does so on a
+            terminal.
+
+    Returns:
+        Estimates with standard deviations and correlations, combinations that the data do not
+        determine, fit and tests of residuals, and the arm with the estimates. The standard
+        deviations include the correlation of residuals over time. They do not include errors of
+        the inputs.
+
+    Raises:
+        InputError: if a record does not fit the arm, or a path is not one of a number; all
+            problems are listed.
+        SimulationError: if the arm cannot be simulated at any start.
+
+    Warns:
+        IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
+    """
+    check_kind("arm", arm, Arm)
+    if motors is not None:
+        check_kind("motors", motors, Motors)
+    check_choice("loss", loss, LOSSES)
+    count, iterations = check_count("starts", starts), check_count("iterations", iterations)
+    random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
+    fitted = _records("records", records)
+    if not fitted:
+        raise InputError(Problem("records", "must not be empty"))
+    held_out = _records("validation", validation)
+    _check_names(fitted, held_out)
+    _check_currents({**fitted, **held_out}, motors)
+    parameters = check_free(free)
+    options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
+    options |= {} if step is None else {"step": step}
+    space = Space(arm, motors, parameters, fitted)
+    runs = [RecordRun(name, record, arm, options) for name, record in fitted.items()]
+    others = [RecordRun(name, record, arm, options) for name, record in held_out.items()]
+    problem = FitProblem(space, runs, _watch(progress))
+    costs, best = _best(problem, count, random, loss, iterations)
+    problem.noise = best.noise
+    table, initial, indistinct = parameters_of(problem, best)
+    shared = space.case(None, best.vector)
+    found = Arm(shared.spec)
+    predicted = [
+        _predicted(run, found, shared.motors, parameters, best, iterations) for run in others
+    ]
+    if indistinct:
+        warn_caller(" ".join(indistinct), IdentifiabilityWarning)
+    return Identification(
+        arm=found,
+        arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
+        motors=shared.motors,
+        parameters=table,
+        initial=initial,
+        undetermined=tuple(indistinct),
+        fit=fits_of(runs, best.outputs),
+        validation=fits_of(others, predicted),
+        histories={**histories_of(runs, best.outputs), **histories_of(others, predicted)},
+        noise=best.noise,
+        starts=tuple(costs),
+        converged=best.converged,
+    )
+
+
+def _records(name: str, given: Any) -> dict[str, MeasuredRecord]:
+    """Return records by name.
+
+    Raises:
+        InputError: if the value is not a record, or a list or dictionary of them.
+    """
+    if isinstance(given, MeasuredRecord | xr.Dataset):
+        given = [given]
+    if isinstance(given, list | tuple):
+        word = "record" if name == "records" else name
+        given = {f"{word} {k}": item for k, item in enumerate(given, start=1)}
+    check_mapping(name, given, "records by name, a list of them, or a record")
+    records = {}
+    for key, item in given.items():
+        if isinstance(item, xr.Dataset):
+            item = MeasuredRecord(item)
+        what = "a MeasuredRecord, or a dataset over time"
+        records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
+    return records
+
+
+def _check_names(fitted: Mapping[str, Any], held_out: Mapping[str, Any]) -> None:
+    for name in held_out:
+        if name in fitted:
+            raise InputError(Problem("validation", f"repeats the name of the record {name!r}"))
+
+
+def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None) -> None:
+    for name, record in records.items():
+        if record.input != "current":
+            continue
+        if motors is None or motors.torque_constant is None:
+            rule = f"with a torque_constant are required for the currents of {name!r}"
+            raise InputError(Problem("motors", rule))
+
+
+def _best(
+    problem: FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
+) -> tuple[list[float], Fit]:
+    """Return the costs of all starts, NaN for those that failed, and the best fit.
+
+    Raises:
+        SimulationError: if all starts fail.
+    """
+    costs: list[float] = []
+    best: Fit | None = None
+    guessed = dict(problem.noise)
+    for k in range(count):
+        start = problem.space.start if k == 0 else random_start(problem.space, random)
+        problem.noise = dict(guessed)
+        try:
+            fit = fit_from(problem, start, loss, iterations)
+        except FitFailure as error:
+            problem.failure = str(error)
+            costs.append(np.nan)
+            continue
+        costs.append(fit.cost)
+        if best is None or fit.cost < best.cost:
+            best = fit
+    if best is None:
+        raise SimulationError(0.0, f"no start of the fit can be simulated. {problem.failure}")
+    return costs, best
+
+
+def _predicted(
+    run: RecordRun,
+    arm: Arm,
+    motors: Motors | None,
+    free: Sequence[FreeParameter],
+    best: Fit,
+    iterations: int,
+) -> FloatArray:
+    """Return the outputs of a record that was not fitted.
+
+    Raises:
+        SimulationError: if it cannot be simulated.
+    """
+    own = [parameter for parameter in free if parameter.per_record]
+    space = Space(arm, motors, own, {run.name: run.record})
+    problem = FitProblem(space, [run], None)
+    given = {label.text for label in run.labels} & set(best.noise)
+    problem.noise |= {text: best.noise[text] for text in given}
+    problem.fixed |= given
+    try:
+        if space.slots:
+            return fit_from(problem, space.start, "linear", iterations).outputs[0]
+        outputs = problem.outputs(space.start)
+    except FitFailure as error:
+        raise SimulationError(0.0, str(error)) from None
+    if outputs is None:
+        raise SimulationError(0.0, problem.failure)
+    return outputs[0]
+
+
+def _watch(progress: bool | None) -> Watch | None:
+    """Return a function that prints the fit of each channel, or None."""
+    if progress is not None:
+        check_flag("progress", progress)
+    if progress is False or (progress is None and not sys.stderr.isatty()):
+        return None
+
+    def show(
+        evaluation: int,
+        squares: float,
+        runs: Sequence[RecordRun],
+        outputs: Sequence[FloatArray],
+    ) -> None:
+        fits = fits_by_channel(runs, outputs)
+        text = ", ".join(f"{name} {value:.1f} %" for name, value in fits.items())
+        print(f"evaluation {evaluation}: {squares:.6g}; fit {text}", file=sys.stderr, flush=True)
+
+    return show

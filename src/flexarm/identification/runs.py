@@ -1,0 +1,288 @@
+"""Simulation of records: inputs, initial state, and the outputs as the record contains them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.batch.run import simulate_batch
+from flexarm.errors import FlexarmError, FlexarmWarning, InputError, Problem, SimulationError
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.prescribed import PrescribedAngle
+from flexarm.histories.samples import sampled_torque
+from flexarm.identification.filtering import Path
+from flexarm.identification.labels import Label, columns_of, place_of
+from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.space import Case
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.simulation.run import simulate
+
+
+class RecordRun:
+    """Simulations of an arm that reproduce one record.
+
+    Args:
+        name: of the record.
+        arm: the arm before estimation; a controller uses it as its model.
+        options: arguments of ``simulate`` for every run, such as ``integrator``.
+
+    Attributes:
+        labels: the compared channels.
+        measured: (samples, channels) values of the record, filtered; where samples are missing
+            they have no meaning.
+        valid: (samples, channels) whether the record has the sample.
+        channels: names of the compared channels.
+
+    Raises:
+        InputError: if the record does not fit the arm; all problems are listed.
+    """
+
+    def __init__(
+        self, name: str, record: MeasuredRecord, arm: Arm, options: Mapping[str, Any]
+    ) -> None:
+        self.name, self.record, self._arm, self._options = name, record, arm, dict(options)
+        outputs = record.outputs
+        self.labels = list(outputs)
+        self._check(arm)
+        times = record.times - record.times[0]
+        self.times = times
+        columns = np.stack(list(outputs.values()), axis=1)
+        self.valid = np.isfinite(columns)
+        settings = record.settings
+        self._paths = [
+            Path(
+                times,
+                self.valid[:, k],
+                settings.delays.get(label.channel, 0.0),
+                settings.filters.get(label.channel, ()),
+            )
+            for k, label in enumerate(self.labels)
+        ]
+        filled = np.where(self.valid, columns, 0.0)
+        self.measured = np.stack(
+            [path.measured(filled[:, k]) for k, path in enumerate(self._paths)], axis=1
+        )
+        self._places = [place_of(arm, label) for label in self.labels]
+        self.channels = list(dict.fromkeys(label.channel for label in self.labels))
+        self._drive = self._drive_of_joints()
+        self._prescribed = self._prescribed_joints()
+        self._angles = self._start_angles()
+
+    def _check(self, arm: Arm) -> None:
+        problems: list[Problem] = []
+        for label in [*self.labels, *self.record.inputs]:
+            try:
+                place_of(arm, label)
+            except InputError as error:
+                problems += error.problems
+        angle = self.record.settings.initial_angle
+        if angle is not None and len(angle) != arm.joints:
+            rule = f"have one angle for each of the {arm.joints} joints"
+            problems.append(Problem("initial_angle", rule, str(len(angle))))
+        if problems:
+            raise InputError(*(replace(p, where=f"record {self.name}") for p in problems))
+
+    @property
+    def differentiable(self) -> bool:
+        """Whether ``sensitivities`` supports the run, its start and its outputs."""
+        settled = self.record.settings.initial == "equilibrium"
+        return self.record.controller is None and not settled and "torque" not in self.channels
+
+    def arguments(self, case: Case) -> dict[str, Any]:
+        """Return the arguments of ``simulate``, besides the arm, for runs without a controller."""
+        q, qd = self._state(Arm(case.spec), case)
+        return {
+            "duration": self.record.duration,
+            "torque": self._torque(case),
+            "initial": q,
+            "initial_rate": qd,
+            "channels": self.channels,
+            "rate": self.record.rate,
+            "prescribed": self._prescribed or None,
+            **self._options,
+        }
+
+    def beginning(self, samples: int) -> RecordRun | None:
+        """Return the run of the first samples of the record; None if it has hardly more."""
+        record = self.record
+        if self.times.size < 2 * samples or record.controller is not None:
+            return None
+        data = record.data.isel(time=slice(0, samples))
+        return RecordRun(self.name, MeasuredRecord(data, record.settings), self._arm, self._options)
+
+    def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
+        """Return the outputs (samples, channels) of each case, or the reason of its failure."""
+        with warnings.catch_warnings():  # the final arm is what users are warned of
+            warnings.simplefilter("ignore", FlexarmWarning)
+            if self.record.controller is not None:
+                return [self._controlled(case) for case in cases]
+            return self._open_loop(cases)
+
+    def _controlled(self, case: Case) -> FloatArray | str:
+        record = self.record
+        try:
+            plant = Arm(case.spec)
+        except InputError as error:
+            return str(error)
+        try:
+            result = simulate(
+                self._arm,
+                record.duration,
+                plant=plant,
+                controller=record.controller,
+                reference=record.reference,
+                hardware=record.hardware,
+                rate=record.rate,
+                progress=False,
+                **self._options,
+            )
+        except SimulationError as error:
+            return str(error)
+        return self._outputs({name: result[name].values for name in self.channels})
+
+    def _open_loop(self, cases: Sequence[Case]) -> list[FloatArray | str]:
+        arms: list[Arm] = []
+        states: list[tuple[FloatArray, FloatArray]] = []
+        found: list[FloatArray | str] = [""] * len(cases)
+        good: list[int] = []
+        for k, case in enumerate(cases):
+            try:
+                arm = Arm(case.spec)
+                states.append(self._state(arm, case))
+            except FlexarmError as error:
+                found[k] = str(error)
+                continue
+            arms.append(arm)
+            good.append(k)
+        if not good:
+            return found
+        try:
+            batch = simulate_batch(
+                arms,
+                self.record.duration,
+                torque=[self._torque(cases[k]) for k in good],
+                initial=np.array([q for q, _ in states]),
+                initial_rate=np.array([qd for _, qd in states]),
+                channels=self.channels,
+                rate=self.record.rate,
+                prescribed=self._prescribed or None,
+                progress=False,
+                **self._options,
+            )
+        except SimulationError as error:
+            for k in good:
+                found[k] = str(error)
+            return found
+        values = {name: batch[name].values for name in self.channels}
+        for row, k in enumerate(good):
+            failure = str(batch["failure"].values[row])
+            rows = {name: value[row] for name, value in values.items()}
+            found[k] = failure or self._outputs(rows)
+        return found
+
+    def _outputs(self, channels: Mapping[str, FloatArray]) -> FloatArray:
+        """Return simulated channels as the record contains them, (samples, channels)."""
+        return self.changes({name: values[..., None] for name, values in channels.items()})[..., 0]
+
+    def changes(self, channels: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the outputs (samples, channels, n) for channels (samples, ..., n).
+
+        The way from a channel to an output is linear: n derivatives of the channels give those of
+        the outputs.
+        """
+        columns = []
+        for label, place, path in zip(self.labels, self._places, self._paths, strict=True):
+            values = channels[label.channel]
+            values = values.reshape(len(self.times), -1, values.shape[-1])[:, place]
+            columns.append(path.simulated(values))
+        return np.stack(columns, axis=1)
+
+    def gauge_number(self, link: int, gauge: int) -> int:
+        """Return the number, from 1, of a gauge that is given by indices in the arm."""
+        before = [len(one.gauges) for one in self._arm.spec.links[:link]]
+        return sum(before) + gauge + 1
+
+    def _state(self, arm: Arm, case: Case) -> tuple[FloatArray, FloatArray]:
+        """Return the initial coordinates and rates (dof,)."""
+        angles = self._angles + case.q[arm.joint_index]
+        if self.record.settings.initial == "equilibrium":
+            return equilibrium(arm, angles).q, case.qd
+        bent = case.q.copy()
+        bent[arm.joint_index] = angles
+        return bent, case.qd
+
+    def _torque(self, case: Case) -> PiecewiseCubic:
+        if self.record.input != "current":
+            return self._drive
+        assert case.motors is not None
+        constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
+        return replace(self._drive, coefficients=self._drive.coefficients * constant)
+
+    def _drive_of_joints(self) -> PiecewiseCubic:
+        """Return the input over time (joints,), with its delay."""
+        joints, record = self._arm.joints, self.record
+        samples = np.zeros((self.times.size, joints))
+        for label, column in record.inputs.items():
+            samples[:, place_of(self._arm, label)] = column
+        settings = record.settings
+        history = sampled_torque(
+            samples, record.rate, record.duration, joints, settings.interpolation
+        )
+        delay = settings.delays.get(record.input, 0.0)
+        return delayed(history, delay) if delay else history
+
+    def _prescribed_joints(self) -> dict[int, PrescribedAngle]:
+        record, settings = self.record, self.record.settings
+        if not settings.prescribed:
+            return {}
+        measured = columns_of(record.data, ["joint_angle"])
+        delay = settings.delays.get("joint_angle", 0.0)
+        found = {}
+        for joint in settings.prescribed:
+            angles = measured[Label("joint_angle", joint)]
+            if settings.prescribed_cutoff is not None:
+                angles = _smooth(angles, settings.prescribed_cutoff, record.rate)
+            angles = np.interp(self.times + delay, self.times, angles)
+            found[joint] = PrescribedAngle.table(self.times, angles, "free")
+        return found
+
+    def _start_angles(self) -> FloatArray:
+        """Return the joint angles (joints,) at the start, before estimated changes."""
+        settings, arm = self.record.settings, self._arm
+        if settings.initial_angle is not None:
+            return np.array(settings.initial_angle)
+        angles = np.zeros(arm.joints)
+        if "joint_angle" in self.record.data:
+            for label, column in columns_of(self.record.data, ["joint_angle"]).items():
+                angles[place_of(arm, label)] = column[np.isfinite(column)][0]
+        return angles
+
+
+def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
+    """Return a history that is later by ``delay`` (s), with its first value before that."""
+    first = np.zeros_like(history.coefficients[:1])
+    first[:, 0] = history.at(history.breaks[:1])
+    start = history.breaks[0]
+    stops = np.concatenate([[start + delay], history.stops + delay])
+    return replace(
+        history,
+        breaks=np.concatenate([[start], history.breaks + delay]),
+        coefficients=np.concatenate([first, history.coefficients]),
+        stops=stops[stops > 0.0],
+    )
+
+
+def _smooth(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
+    """Return values after a low-pass filter of fourth order without phase shift."""
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff >= 0.5 * rate:
+        rule = f"be less than half the rate ({0.5 * rate:g} Hz)"
+        raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
+    return np.asarray(sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), values))

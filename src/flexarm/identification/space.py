@@ -1,0 +1,293 @@
+"""Free parameters as a vector: shared, per record, and the initial states of records."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem, problems_of, shown
+from flexarm.identification.labels import Label, columns_of
+from flexarm.identification.record import MeasuredRecord
+from flexarm.integrate.base import FloatArray
+from flexarm.model import ArmSpec, Motors
+from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.paths import number_at, parts_of, with_number
+
+#: Modes of each link whose initial values are estimated.
+_MODES = 2
+#: Typical tip deflection of a link at the start, as a fraction of its length, and typical joint
+#: angle and rate (rad, rad/s): the scale of the steps, and for modes the deviation of the prior.
+_BENT, _ANGLE, _RATE = 0.1, 0.1, 0.3
+_MOTORS = "motors."
+_INITIAL = re.compile(r"initial\.(qd?)\[(\d+)\]$")
+
+
+class Case(NamedTuple):
+    """What a vector of parameters means for a record.
+
+    Attributes:
+        spec: the arm.
+        motors: of records with a current as input, or None.
+        q, qd: (dof,) added to the initial state.
+    """
+
+    spec: ArmSpec
+    motors: Motors | None
+    q: FloatArray
+    qd: FloatArray
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One number of the vector.
+
+    Attributes:
+        path: of a number of the arm, ``motors.torque_constant``, or ``initial.q[0]``.
+        record: index of the record whose value it is; None: shared by all.
+        name: unique name in results.
+        start, lower, upper: in the unit of the number.
+        scale: magnitude of a large change, positive.
+        prior, prior_deviation: expected value; an infinite deviation for none.
+    """
+
+    path: str
+    record: int | None
+    name: str
+    start: float
+    lower: float
+    upper: float
+    scale: float
+    prior: float
+    prior_deviation: float
+
+    @property
+    def initial(self) -> bool:
+        """Whether it belongs to the initial state of a record."""
+        return _INITIAL.match(self.path) is not None
+
+
+class Space:
+    """Vectors of parameters and their meaning.
+
+    Args:
+        arm, motors: with the values from which the estimation starts.
+        free: the parameters.
+        records: by name.
+
+    Raises:
+        InputError: if a path is not one of a number, repeats, or its start is outside its bounds.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        motors: Motors | None,
+        free: Sequence[FreeParameter],
+        records: dict[str, MeasuredRecord],
+    ) -> None:
+        self._arm, self._motors = arm, motors
+        self._names = list(records)
+        problems: list[Problem] = []
+        slots: list[Slot] = []
+        seen: set[str] = set()
+        for k, parameter in enumerate(free):
+            name = f"free[{k}]"
+            if parameter.path in seen:
+                problems.append(Problem(name, f"repeats {parameter.path}"))
+                continue
+            seen.add(parameter.path)
+            found = problems_of(self._number, name, parameter.path)
+            problems += found or self._start_problems(name, parameter)
+            if not problems:
+                slots += self._slots_of(parameter)
+        if problems:
+            raise InputError(*problems)
+        for k, record in enumerate(records.values()):
+            slots += _initial_slots(arm, k, self._names[k], record)
+        self.slots = slots
+
+    def _number(self, name: str, path: str) -> float:
+        if not path.startswith(_MOTORS):
+            return number_at(name, self._arm.spec, path)
+        if self._motors is None:
+            raise InputError(Problem(name, f"is {path}, which requires motors"))
+        return number_at(name, self._motors, path.removeprefix(_MOTORS))
+
+    def _start_problems(self, name: str, parameter: FreeParameter) -> list[Problem]:
+        start = self._number(name, parameter.path)
+        low = -np.inf if parameter.lower is None else parameter.lower
+        high = np.inf if parameter.upper is None else parameter.upper
+        if low <= start <= high:
+            return []
+        rule = f"has bounds {low:g} to {high:g} that exclude {start:g}, the value of the arm"
+        return [Problem(f"{name}: {parameter.path}", rule)]
+
+    def _slots_of(self, parameter: FreeParameter) -> list[Slot]:
+        path = parameter.path
+        start = self._number("free", path)
+        lower = parameter.lower
+        if lower is None:
+            refused = problems_of(self._changed, path, -1e-6 * (abs(start) or 1.0))
+            lower = 0.0 if refused and start >= 0.0 else -np.inf
+        upper = np.inf if parameter.upper is None else parameter.upper
+        deviation = parameter.prior_deviation
+        prior = start if parameter.prior is None else parameter.prior
+        scale = abs(start) or deviation or (upper - lower if np.isfinite(upper - lower) else 1.0)
+        last = prior, np.inf if deviation is None else deviation
+        if not parameter.per_record:
+            return [Slot(path, None, path, start, lower, upper, scale, *last)]
+        return [
+            Slot(path, k, f"{path} ({name})", start, lower, upper, scale, *last)
+            for k, name in enumerate(self._names)
+        ]
+
+    def _changed(self, path: str, value: float) -> None:
+        if path.startswith(_MOTORS):
+            assert self._motors is not None
+            with_number(self._motors, path.removeprefix(_MOTORS), value)
+        else:
+            with_number(self._arm.spec, path, value)
+
+    @property
+    def start(self) -> FloatArray:
+        """The vector (parameters,) from which the estimation starts."""
+        return np.array([slot.start for slot in self.slots])
+
+    @property
+    def scale(self) -> FloatArray:
+        """Scale (parameters,) of each number."""
+        return np.array([slot.scale for slot in self.slots])
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds (parameters,)."""
+        slots = self.slots
+        return np.array([s.lower for s in slots]), np.array([s.upper for s in slots])
+
+    def acting_on(self, record: int) -> NDArray[np.intp]:
+        """Return the places in the vector that have an effect on a record."""
+        found = [k for k, slot in enumerate(self.slots) if slot.record in (None, record)]
+        return np.array(found, dtype=np.intp)
+
+    def case(self, record: int | None, vector: FloatArray) -> Case:
+        """Return the meaning of a vector for a record; None: without values of single records.
+
+        Raises:
+            ModelError: if the arm is not possible.
+        """
+        spec, motors = self._arm.spec, self._motors
+        state = {"q": np.zeros(self._arm.dof), "qd": np.zeros(self._arm.dof)}
+        for slot, value in zip(self.slots, vector.tolist(), strict=True):
+            if slot.record is not None and slot.record != record:
+                continue
+            match = _INITIAL.match(slot.path)
+            if match:
+                state[match[1]][int(match[2])] = value
+            elif slot.path.startswith(_MOTORS):
+                assert motors is not None
+                motors = with_number(motors, slot.path.removeprefix(_MOTORS), value)
+            else:
+                spec = with_number(spec, slot.path, value)
+        return Case(spec, motors, state["q"], state["qd"])
+
+
+def initial_argument(path: str) -> str:
+    """Return the path of a number of an initial state as ``sensitivities`` has it; else empty."""
+    match = _INITIAL.match(path)
+    if match is None:
+        return ""
+    return f"{'initial' if match[1] == 'q' else 'initial_rate'}[{match[2]}]"
+
+
+def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> list[Slot]:
+    """Return the estimated numbers of the initial state of a record, as changes of its start."""
+    settings = record.settings
+    if record.controller is not None:
+        return []
+    slots: list[Slot] = []
+
+    def add(kind: str, place: int, scale: float, deviation: float = np.inf) -> None:
+        path = f"initial.{kind}[{place}]"
+        values = 0.0, -np.inf, np.inf, scale, 0.0, deviation
+        slots.append(Slot(path, index, f"{path} ({name})", *values))
+
+    in_motion = settings.initial == "estimate"
+    measured = columns_of(record.data, ["joint_angle"]) if "joint_angle" in record.data else {}
+    for joint, place in zip(arm.joint_numbers.tolist(), arm.joint_index.tolist(), strict=True):
+        if joint in settings.prescribed:
+            continue
+        if in_motion or (
+            settings.initial_angle is None and Label("joint_angle", joint) in measured
+        ):
+            add("q", place, _ANGLE)
+        if in_motion:
+            add("qd", place, _RATE)
+    if in_motion:
+        for place, amplitude, frequency in _modes(arm):
+            add("q", place, amplitude, amplitude)
+            add("qd", place, amplitude * frequency, amplitude * frequency)
+    return slots
+
+
+def _modes(arm: Arm) -> list[tuple[int, float, float]]:
+    """Return place in q, typical amplitude and frequency (rad/s) of the lowest modes.
+
+    All modes of a link have the same typical energy.
+    """
+    found = []
+    for piece in arm.assembly.pieces:
+        shapes = piece.shapes
+        if not shapes.w2.size:
+            continue
+        frequencies = np.sqrt(shapes.w2[:_MODES])
+        first = _BENT * shapes.length / abs(shapes.P[0])
+        for k, frequency in enumerate(frequencies.tolist()):
+            amplitude = float(first * frequencies[0] / frequency)
+            found.append((piece.first + k, amplitude, frequency))
+    return found
+
+
+def in_words(path: str) -> str:
+    """Return a path as words: ``links[0].flexural_rigidity`` is "flexural rigidity of link 1"."""
+    words: list[str] = []
+    parts = parts_of(path)
+    for part, inside in zip(parts, [*parts[1:], None], strict=True):
+        if isinstance(part, int):
+            continue
+        word = part.replace("_", " ")
+        if isinstance(inside, int):
+            word = f"{word.removesuffix('s')} {inside + 1}"
+        elif inside is not None:
+            word = f"the {word}"
+        if words and words[-1] == "the friction":
+            words[-1] = f"{word} friction"
+        else:
+            words.append(word)
+    if words and words[0] == "the motors":
+        *_, last = parts
+        words = (
+            [words[-1].removesuffix(f" {last + 1}"), f"motor {last + 1}"]
+            if isinstance(last, int)
+            else [words[-1], "the motors"]
+        )
+        return " of ".join(words)
+    return " of ".join(reversed(words))
+
+
+def check_free(value: object) -> list[FreeParameter]:
+    """Return free parameters, from a list of paths and ``FreeParameter`` objects.
+
+    Raises:
+        InputError: if the value is not such a list, or empty.
+    """
+    items = list(value) if isinstance(value, list | tuple) else []
+    if not items or not all(isinstance(item, str | FreeParameter) for item in items):
+        rule = "be a list of paths and FreeParameter objects"
+        raise InputError(Problem("free", rule, shown(value)))
+    return [FreeParameter(item) if isinstance(item, str) else item for item in items]

@@ -1,0 +1,55 @@
+"""Identifications that are described by files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexarm.arm import Arm
+from flexarm.identification.identify import identify
+from flexarm.identification.reading import record_of_file
+from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.result import Identification
+from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.scenarios.file_errors import problems_at
+
+
+class PreparedIdentification:
+    """Identification of a file, with its records read.
+
+    Args:
+        path: of the file; the paths of its records are relative to it.
+
+    Raises:
+        InputError: if the file or a record is invalid; the problems are listed with their lines.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.study, self._where = locate_identification(path)
+        self.arm = Arm(self.study.arm)
+        self._folder = path.parent
+        self._records = self._read("records")
+        self._validation = self._read("validation")
+
+    def _read(self, key: str) -> dict[str, MeasuredRecord]:
+        found = {}
+        for name, asked in getattr(self.study, key).items():
+            with problems_at(self._where, f"{key}.{name}", {"path": "file"}):
+                found[name] = record_of_file(asked, self._folder / asked.file)
+        return found
+
+    def run(self, progress: bool | None = None) -> Identification:
+        """Estimate the parameters.
+
+        Raises:
+            InputError, SimulationError: as ``identify``.
+        """
+        study, fit = self.study, self.study.fit
+        return identify(
+            self.arm,
+            self._records,
+            list(study.free),
+            validation=self._validation,
+            motors=study.motors,
+            progress=progress,
+            **dict(fit),
+        )

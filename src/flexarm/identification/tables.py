@@ -1,0 +1,171 @@
+"""Columns of files of measurements: CSV, MAT, NetCDF and Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arguments import library_missing
+from flexarm.errors import InputError, Problem
+
+#: Columns (samples,) by name.
+Table = dict[str, NDArray[np.float64]]
+#: Lines of a CSV file that may precede its header, as comments.
+_HEAD_LINES = 200
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def read_table(path: Path) -> Table:
+    """Return the columns of a file of measurements.
+
+    An array of several columns becomes ``name[0]``, ``name[1]``, ...; the fields of structures are
+    joined by dots.
+
+    Raises:
+        InputError: if the format is unknown, or the file cannot be read.
+    """
+    read = READERS.get(path.suffix.lower())
+    if read is None:
+        rule = f"have one of the suffixes {', '.join(READERS)}"
+        raise InputError(Problem("path", rule, repr(path.name)))
+    if not path.is_file():
+        raise InputError(Problem("path", "does not exist" if not path.exists() else "is no file"))
+    try:
+        return read(path)
+    except InputError:
+        raise
+    except Exception as error:  # damaged files raise anything, depending on the damage
+        rule = f"cannot be read: {type(error).__name__}: {error}"
+        raise InputError(Problem("path", " ".join(rule.split())[:300])) from None
+
+
+def _csv(path: Path) -> Table:
+    import pandas as pd
+
+    with path.open(encoding="utf-8-sig") as file:
+        lines = [line for line in islice(file, _HEAD_LINES) if line.strip() and line[0] != "#"]
+    head = lines[0] if lines else ""
+    delimiter = next((mark for mark in ";\t," if mark in head), " ")
+    frame = pd.read_csv(
+        path,
+        sep=r"\s+" if delimiter == " " else delimiter,
+        comment="#",
+        skipinitialspace=True,
+        decimal="," if delimiter != "," and "," in "".join(lines[1:]) else ".",
+        encoding="utf-8-sig",
+    )
+    return _of_frame(frame)
+
+
+def _parquet(path: Path) -> Table:
+    import pandas as pd
+
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise library_missing("pyarrow", "identify") from None
+    return _of_frame(pd.read_parquet(path))
+
+
+def _of_frame(frame: Any) -> Table:
+    """Return the columns of numbers of a table; text in them is missing."""
+    import pandas as pd
+
+    table = {str(name).strip(): pd.to_numeric(frame[name], errors="coerce") for name in frame}
+    return {name: np.asarray(column, dtype=np.float64) for name, column in table.items()}
+
+
+def _netcdf(path: Path) -> Table:
+    import xarray as xr
+
+    with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
+        arrays = {str(name): dataset[name] for name in dataset.variables}
+        columns: Table = {}
+        for name, array in arrays.items():
+            if array.dtype.kind not in "iuf" or array.ndim == 0:
+                continue
+            unit = str(array.attrs.get("units", ""))
+            rows = np.asarray(array.values, dtype=np.float64).reshape(array.shape[0], -1)
+            labels = _labels(array)
+            for label, column in zip(labels, rows.T, strict=True):
+                columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
+    return columns
+
+
+def _labels(array: Any) -> list[str]:
+    """Return the suffixes of the columns of a variable, as in a CSV file of a result."""
+    labels = [""]
+    for dimension in array.dims[1:]:
+        index = array[dimension].values if dimension in array.coords else []
+        numbered = len(index) == 0 or dimension == "gauge"
+        own = range(1, array.sizes[dimension] + 1) if numbered else index
+        labels = [f"{label}_{item}" for label in labels for item in own]
+    return labels
+
+
+def _engine(path: Path) -> str:
+    with path.open("rb") as file:
+        return "h5netcdf" if file.read(8) == _HDF5 else "scipy"
+
+
+def _mat(path: Path) -> Table:
+    with path.open("rb") as file:
+        head = file.read(520)
+    # MATLAB writes 512 bytes of its own before the HDF5 content of version 7.3.
+    if _HDF5 in (head[:8], head[512:520]):
+        return _mat_73(path)
+    from scipy.io import loadmat
+
+    content = loadmat(path, simplify_cells=True)
+    return _flat((name, value) for name, value in content.items() if not name.startswith("__"))
+
+
+def _mat_73(path: Path) -> Table:
+    import h5py
+
+    def items(group: Any, before: str) -> Iterator[tuple[str, Any]]:
+        for name, item in group.items():
+            if name.startswith("#"):
+                continue
+            if isinstance(item, h5py.Group):
+                yield from items(item, f"{before}{name}.")
+            elif item.dtype.kind in "iuf" and "MATLAB_empty" not in item.attrs:
+                yield f"{before}{name}", np.asarray(item).T  # MATLAB orders by columns
+
+    with h5py.File(path, "r") as file:
+        return _flat(items(file, ""))
+
+
+def _flat(items: Iterator[tuple[str, Any]]) -> Table:
+    """Return the columns of arrays and nested structures."""
+    table: Table = {}
+    for name, value in items:
+        if isinstance(value, Mapping):
+            table |= _flat((f"{name}.{key}", inner) for key, inner in value.items())
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" or array.ndim == 0 or array.size < 2:
+            continue
+        array = array.astype(np.float64)
+        if array.ndim == 2 and 1 in array.shape:
+            array = array.ravel()
+        if array.ndim == 1:
+            table[name] = array
+        elif array.ndim == 2:
+            table |= {f"{name}[{k}]": column for k, column in enumerate(array.T)}
+    return table
+
+
+#: Readers by suffix.
+READERS: dict[str, Callable[[Path], Table]] = {
+    ".csv": _csv,
+    ".txt": _csv,
+    ".mat": _mat,
+    ".nc": _netcdf,
+    ".parquet": _parquet,
+}

@@ -1,0 +1,1 @@
+"""Measured records, free parameters and studies of an identification."""

@@ -1,0 +1,44 @@
+"""Free parameters of an identification."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.quantities import Flag, Number, Positive, Word
+from flexarm.model.wording import Fault
+
+
+class FreeParameter(Record, kw_only=False):
+    """A number of an arm or of its motors that is estimated from measured records.
+
+    ``prior`` and ``prior_deviation`` describe what is known before the measurement, as a normal
+    distribution; they count as one more measurement.
+    """
+
+    path: Word = Field(
+        description="Path of the number, such as links[0].flexural_rigidity or payload.mass."
+    )
+    lower: Number | None = Field(
+        default=None, description="Lower bound; by default 0 if the number cannot be negative."
+    )
+    upper: Number | None = Field(default=None, description="Upper bound; none by default.")
+    prior: Number | None = Field(
+        default=None, description="Expected value; by default that of the arm."
+    )
+    prior_deviation: Positive | None = Field(
+        default=None, description="Standard deviation of the expected value; no prior by default."
+    )
+    per_record: Flag = Field(
+        default=False, description="Whether each record has its own value; shared by default."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("lower", "upper") and given.upper <= given.lower:
+            yield Fault(("upper",), f"be greater than lower ({given.lower:g})", shown(given.upper))
+        if not given.absent("prior") and given.absent("prior_deviation"):
+            yield Fault(("prior_deviation",), "is required with prior")

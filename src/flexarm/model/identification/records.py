@@ -1,0 +1,162 @@
+"""Description of measured records: columns of files, and the treatment of their channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from flexarm.errors import shown
+from flexarm.model.checks import Given, Record
+from flexarm.model.identification.filters import Filter
+from flexarm.model.quantities import (
+    Count,
+    Listed,
+    Mapped,
+    NonNegative,
+    Number,
+    Positive,
+    Word,
+)
+from flexarm.model.wording import Fault
+
+#: Factors to SI units, by the SI unit of the channel.
+UNITS: dict[str, dict[str, float]] = {
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "rev": 6.283185307179586},
+    "rad/s": {
+        "rad/s": 1.0,
+        "deg/s": 0.017453292519943295,
+        "rpm": 0.10471975511965977,
+        "rev/s": 6.283185307179586,
+    },
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3},
+    "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "1": {"1": 1.0, "m/m": 1.0, "mm/m": 1e-3, "%": 1e-2, "um/m": 1e-6, "ustrain": 1e-6},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+}
+
+
+def _column(value: Any) -> Any:
+    """Convert the name of a column to the mapping that it stands for."""
+    return {"column": value} if isinstance(value, str) else value
+
+
+class Column(Record, kw_only=False):
+    """A column of a file of measurements; its values become ``gain * value + offset``."""
+
+    column: Word = Field(description="Name of the column.")
+    unit: Word | None = Field(
+        default=None,
+        description="Unit of the values; by default that in brackets after the name, or SI.",
+    )
+    gain: Number = Field(default=1.0, description="Factor, applied before the unit.")
+    offset: Number = Field(default=0.0, description="Constant added after the factor.")
+
+
+def _filters(value: Any) -> Any:
+    """Convert a single filter to a list of filters."""
+    return [value] if isinstance(value, dict | Filter) else value
+
+
+Filters = Annotated[Listed[Filter], BeforeValidator(_filters)]
+
+
+class RecordSettings(Record):
+    """Treatment of a measured record: its inputs, outputs, delays, filters and initial state."""
+
+    input: Literal["torque", "current", "none"] | None = Field(
+        default=None,
+        description=(
+            "Channel that drives the joints; by default torque or current, whichever the record "
+            "contains."
+        ),
+    )
+    interpolation: Literal["cubic", "linear", "hold"] = Field(
+        default="cubic", description="Interpolation of the input between its samples."
+    )
+    prescribed: Listed[Count] = Field(
+        default=(),
+        description=(
+            "Joints, counted from 1, that follow their measured angles exactly, whatever torque "
+            "that requires."
+        ),
+    )
+    prescribed_cutoff: Positive | None = Field(
+        default=None,
+        description=(
+            "Cutoff frequency of a low-pass filter without phase shift for the prescribed angles "
+            "(Hz); none by default."
+        ),
+    )
+    outputs: Listed[Word] | None = Field(
+        default=None,
+        description="Channels that are compared; by default all that are not inputs.",
+    )
+    noise: Mapped[Positive] = Field(
+        default={},
+        validate_default=True,
+        description=(
+            "Standard deviation of the noise by channel, in SI units; by default it is estimated."
+        ),
+    )
+    delays: Mapped[NonNegative] = Field(
+        default={},
+        validate_default=True,
+        description=(
+            "Delay by channel (s): from a command to its torque, or from a motion to its reading."
+        ),
+    )
+    filters: Mapped[Filters] = Field(
+        default={}, validate_default=True, description="Filters by channel, in their order."
+    )
+    initial: Literal["rest", "equilibrium", "estimate"] = Field(
+        default="rest",
+        description=(
+            "Initial state: straight links at rest, the equilibrium with locked joints, or "
+            "estimated from the record."
+        ),
+    )
+    initial_angle: Listed[Number] | None = Field(
+        default=None,
+        description="Joint angles at the start (rad); by default those of the first sample, or 0.",
+    )
+
+
+class RecordFile(RecordSettings):
+    """A file of measurements, the channels in its columns, and their treatment."""
+
+    file: Word = Field(
+        description="Path of the .csv, .mat, .nc or .parquet file, relative to this file."
+    )
+    channels: Mapped[Annotated[Column, BeforeValidator(_column)]] = Field(
+        default={},
+        validate_default=True,
+        description=(
+            "Columns by channel, such as joint_angle_1 or tip_x; by default the columns whose "
+            "names are channels."
+        ),
+    )
+    time: Word | None = Field(default=None, description="Column of the time; by default time or t.")
+    sample_time: Positive | None = Field(
+        default=None, description="Sample time (s), instead of a column of the time."
+    )
+    rate: Positive | None = Field(
+        default=None, description="Samples per second to resample to (Hz); none by default."
+    )
+    start: Number | None = Field(
+        default=None, description="Time of the file at which the record starts (s)."
+    )
+    end: Number | None = Field(
+        default=None, description="Time of the file at which the record ends (s)."
+    )
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.absent("time") and not given.absent("sample_time"):
+            yield Fault(("sample_time",), "cannot be combined with time")
+        if given.has("start", "end") and given.end <= given.start:
+            rule = f"be greater than start ({given.start:g})"
+            yield Fault(("end",), rule, shown(given.end))

@@ -1,0 +1,66 @@
+"""Description of an identification: an arm, measured records and free parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.checks import Given, Record
+from flexarm.model.hardware import Motors, Seed
+from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification.records import RecordFile
+from flexarm.model.quantities import Count, Listed, Mapped, Named, Positive, Word
+from flexarm.model.wording import Fault
+
+
+class FitSettings(Record):
+    """Settings of the least-squares fit and of its runs."""
+
+    starts: Count = Field(
+        default=1, description="Number of starts; all but the first are drawn at random."
+    )
+    seed: Seed = Field(default=0, description="Seed of the random starts.")
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = Field(
+        default="linear", description="Loss of a residual; all but linear are robust to outliers."
+    )
+    iterations: Count = Field(default=50, description="Most evaluations of a fit from one start.")
+    integrator: Word = Field(default="auto", description="Name of the integrator.")
+    step: Positive | None = Field(default=None, description="Fixed step of the integrator (s).")
+    rtol: Positive = Field(default=1e-7, description="Relative tolerance of a step.")
+    atol: Positive = Field(default=1e-9, description="Absolute tolerance of a step at the tip (m).")
+
+
+def _parameter(value: Any) -> Any:
+    """Convert the path of a parameter to the mapping that it stands for."""
+    return {"path": value} if isinstance(value, str) else value
+
+
+class IdentificationStudy(Record):
+    """Estimation of parameters of an arm from measured records."""
+
+    arm: ArmSpec = Field(description="The arm with the values from which the estimation starts.")
+    motors: Motors | None = Field(
+        default=None, description="Motors, for records with currents as inputs."
+    )
+    records: Named[RecordFile] = Field(description="Records that are fitted, by name.")
+    validation: Mapped[RecordFile] = Field(
+        default={},
+        validate_default=True,
+        description="Records that are predicted with the estimates and not fitted, by name.",
+    )
+    free: Listed[Annotated[FreeParameter, BeforeValidator(_parameter)]] = Field(
+        description="Parameters to estimate: their paths, or mappings with a path."
+    )
+    fit: FitSettings = Field(default=FitSettings(), description="Settings of the fit.")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("free") and not given.free:
+            yield Fault(("free",), "has no entry")
+        if given.has("records", "validation"):
+            for name in given.validation:
+                if name in given.records:
+                    yield Fault(("validation", name), "repeats the name of a fitted record")

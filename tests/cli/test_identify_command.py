@@ -1,0 +1,78 @@
+"""``flexarm identify``: the example, wrong files, and what it prints."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+
+BENCH = Path(__file__).parents[2] / "examples" / "bench"
+
+
+def write(folder, **changes):
+    """Write a study of one parameter next to a short copy of the example's record."""
+    lines = (BENCH / "multisine.csv").read_text().splitlines()
+    (folder / "short.csv").write_text("\n".join(lines[:120]))
+    (folder / "arm.yaml").write_text((BENCH / "arm.yaml").read_text())
+    text = (BENCH / "identify.yaml").read_text().replace("multisine.csv", "short.csv")
+    text = text.partition("validation:")[0] + 'free: ["joints[0].hub_inertia"]\n'
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    path = folder / "study.yaml"
+    path.write_text(text)
+    return path
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
+
+
+@pytest.mark.compiled
+def test_estimates_are_printed_and_saved(tmp_path):
+    out = tmp_path / "found.yaml"
+    done = invoke("identify", write(tmp_path), "--out", out)
+    assert done.exit_code == 0, done.output
+    for text in ("joints[0].hub_inertia", "whiteness", "strain_1", f"arm in {out}"):
+        assert text in done.output
+    found = fa.load_arm(out).spec.joints[0].hub_inertia
+    assert 0.02 < found < 0.025  # from 0.025 towards 0.02, with dampings that remain wrong
+    assert f"{found:.5g}" in done.output
+
+
+def test_the_example_is_valid():
+    from flexarm.identification.study import PreparedIdentification
+
+    prepared = PreparedIdentification(BENCH / "identify.yaml")
+    assert len(prepared.study.free) == 5
+    assert list(prepared.study.validation) == ["check"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "text"),
+    [
+        (
+            "bridge",
+            "brigde",
+            9,
+            "names the column 'brigde', which is missing. Did you mean 'bridge'?",
+        ),
+        ("short.csv", "shrot.csv", 5, "does not exist"),
+        ("torque_1", "torqeu_1", 6, "must be the name of a measured channel"),
+        ("hold", "held", 10, "must be one of 'cubic', 'linear', 'hold'"),
+        ("remove_mean", "low_pass", 12, "cutoff is required for low_pass"),
+        ("records:", "recods:", 3, "is not a known key"),
+    ],
+)
+def test_problems_have_their_lines(old, new, line, text, tmp_path):
+    done = invoke("identify", write(tmp_path, **{old: new}))
+    assert done.exit_code == 2
+    assert text in done.output
+    assert f"study.yaml:{line}" in done.output or old in ("torque_1", "records:"), done.output
+
+
+def test_wrong_parameters_name_the_key(tmp_path):
+    done = invoke("identify", write(tmp_path, hub_inertia="hub_inerta"))
+    assert done.exit_code == 2
+    assert "did you mean hub_inertia?" in done.output

@@ -1,0 +1,53 @@
+"""Coverage of the stated intervals: ``python tests/identification/measure_coverage.py [SEEDS]``.
+
+For every bench and every seed of the noise, the arm starts with parameters that are wrong by up to
+20 %. The script prints the share of 95 % intervals that contain the true value, for each parameter
+and for all of them, and the time of a fit.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import flexarm as fa
+from data.bench_records import ONE, TWO
+from identification.benches import FREE, believed, record, truth
+
+#: Part of each record that is fitted (s).
+ENDS = {ONE.name: 3.0, TWO.name: 3.0}
+
+
+def main(seeds: int, names: list[str]) -> None:
+    """Print the coverage for each bench."""
+    for bench in (ONE, TWO):
+        if names and bench.name not in names:
+            continue
+        free, scores, seconds, determined = FREE[bench.name], [], [], 0
+        for seed in range(seeds):
+            arm = believed(bench, seed)
+            measured = record(bench.name, seed, end=ENDS[bench.name])
+            started = time.perf_counter()
+            found = fa.identify(arm, measured, free, progress=False)
+            seconds.append(time.perf_counter() - started)
+            determined += not found.undetermined
+            deviations = found.parameters["standard_deviation"].values
+            estimates = np.array([found[path] for path in free])
+            scores.append((estimates - [truth(bench, path) for path in free]) / deviations)
+        table = np.abs(np.array(scores))
+        covered = table < 1.96
+        print(f"{bench.name}: {100 * covered.mean():.1f} % of {covered.size} intervals,", end=" ")
+        print(f"largest error {table.max():.2f} deviations, all determined in {determined} seeds,")
+        print(f"median time of a fit {np.median(seconds):.2f} s")
+        for k, path in enumerate(free):
+            mean = np.mean(np.array(scores)[:, k])
+            print(f"  {path}: {100 * covered[:, k].mean():.0f} %, mean {mean:+.2f} deviations")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50, sys.argv[2:])

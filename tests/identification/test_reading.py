@@ -1,0 +1,217 @@
+"""Records of measurements from files: every format, units, gaps, resampling, errors."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from scipy.io import savemat
+
+import flexarm as fa
+from flexarm.identification.labels import MEASURED, label_of
+
+TIMES = np.arange(50) / 100.0
+ANGLE = 10.0 * np.sin(8.0 * TIMES)  # degrees
+FORCE = np.cos(5.0 * TIMES)
+MAP = {"joint_angle_1": {"column": "log.angle", "unit": "deg"}, "torque_1": "log.torque"}
+
+
+def write_csv(path: Path) -> None:
+    frame = pd.DataFrame({"log.time": TIMES, "log.angle": ANGLE, "log.torque": FORCE})
+    path.write_text("# a bench\n" + frame.to_csv(index=False))
+
+
+def write_semicolons(path: Path) -> None:
+    rows = [f"{t:.17g};{a:.17g};{f:.17g}" for t, a, f in zip(TIMES, ANGLE, FORCE, strict=True)]
+    path.write_text("\n".join(["log.time;log.angle;log.torque", *rows]).replace(".", ","))
+    path.write_text(path.read_text().replace("log,", "log."))
+
+
+def write_mat(path: Path) -> None:
+    rows = {"time": TIMES, "angle": ANGLE, "torque": FORCE}
+    savemat(path, {"log": {name: values[:, None] for name, values in rows.items()}})
+
+
+def write_mat_73(path: Path) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group = file.create_group("log")
+        for name, values in (("time", TIMES), ("angle", ANGLE), ("torque", FORCE)):
+            group[name] = values[None, :]  # a column of MATLAB
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(128))
+
+
+def write_netcdf(path: Path) -> None:
+    names = {"log.time": TIMES, "log.angle": ANGLE, "log.torque": FORCE}
+    xr.Dataset({n: ("row", v) for n, v in names.items()}).to_netcdf(path, engine="h5netcdf")
+
+
+def write_netcdf_3(path: Path) -> None:
+    names = {"log.time": TIMES, "log.angle": ANGLE, "log.torque": FORCE}
+    xr.Dataset({n: ("row", v) for n, v in names.items()}).to_netcdf(path, engine="scipy")
+
+
+def write_parquet(path: Path) -> None:
+    names = {"log.time": TIMES, "log.angle": ANGLE, "log.torque": FORCE}
+    pd.DataFrame(names).to_parquet(path)
+
+
+@pytest.mark.parametrize(
+    ("write", "name"),
+    [
+        (write_csv, "bench.csv"),
+        (write_semicolons, "bench.csv"),
+        (write_mat, "bench.mat"),
+        (write_mat_73, "bench.mat"),
+        (write_netcdf, "bench.nc"),
+        (write_netcdf_3, "bench.nc"),
+        (write_parquet, "bench.parquet"),
+    ],
+)
+def test_every_format_gives_the_same_record(write, name, tmp_path):
+    write(tmp_path / name)
+    record = fa.read_record(tmp_path / name, MAP, time="log.time")
+    assert record.rate == pytest.approx(100.0)
+    # 17 digits of text, and one product with the unit.
+    np.testing.assert_allclose(record.data["joint_angle"][:, 0], np.deg2rad(ANGLE), rtol=1e-14)
+    np.testing.assert_allclose(record.data["torque"][:, 0], FORCE, rtol=1e-14)
+    assert record.input == "torque"
+    assert [label.text for label in record.outputs] == ["joint_angle_1"]
+
+
+def test_results_of_runs_are_records(tmp_path):
+    link = fa.Link(
+        length=1.0,
+        flexural_rigidity=20.0,
+        mass_per_length=0.5,
+        gauges=[fa.Gauge(station=0.1, distance=1e-3)],
+    )
+    result = fa.simulate(fa.Arm(links=[link]), 0.1, torque=lambda t: [1.0], rate=200.0)
+    for name in ("run.csv", "run.nc"):
+        fa.write_result(result, tmp_path / name)
+        record = fa.read_record(tmp_path / name)
+        for channel in ("joint_angle", "strain", "tip", "torque"):
+            found, known = record.data[channel].values, result[channel].values
+            np.testing.assert_allclose(found, known, rtol=1e-12, err_msg=channel)
+
+
+def test_units_in_headers_gains_and_offsets(tmp_path):
+    path = tmp_path / "bench.csv"
+    columns = {"t (ms)": 1e3 * TIMES, "x [mm]": ANGLE, "amp": FORCE}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    strain = {"column": "amp", "unit": "um/m", "gain": 250.0, "offset": -30.0}
+    record = fa.read_record(path, {"tip_x": "x", "strain_2": strain}, time="t", start=0.1, end=0.3)
+    assert record.times[0] == 0.0
+    assert record.times[-1] == pytest.approx(0.2)
+    inside = slice(10, 31)
+    np.testing.assert_allclose(record.data["tip"][:, 0], 1e-3 * ANGLE[inside], rtol=1e-12)
+    wanted = 1e-6 * (250.0 * FORCE[inside] - 30.0)
+    np.testing.assert_allclose(record.data["strain"].sel(gauge=2), wanted, rtol=1e-12)
+
+
+def test_gaps_are_missing_samples_and_jitter_is_interpolated(tmp_path):
+    path = tmp_path / "bench.csv"
+    random = np.random.default_rng(3)
+    times = np.arange(200) / 100.0 + 1e-4 * random.uniform(-1, 1, 200)
+    kept = np.delete(np.arange(200), np.arange(60, 75))
+    values = 3.0 * times - 1.0
+    values[120] = np.nan
+    columns = {"t": times[kept], "tip_x": values[kept], "tip_y": values[kept] ** 0}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    record = fa.read_record(path, rate=100.0)
+    found = record.data["tip"].values[:, 0]
+    missing = np.flatnonzero(np.isnan(found))
+    assert set(range(61, 74)) <= set(missing) <= {*range(59, 76), 119, 120, 121}
+    good = np.isfinite(found)
+    grid = times[0] + record.times
+    np.testing.assert_allclose(found[good], 3.0 * grid[good] - 1.0, atol=1e-12)
+
+
+def test_a_lower_rate_removes_what_it_cannot_represent(tmp_path):
+    path = tmp_path / "bench.csv"
+    times = np.arange(2000) / 1000.0
+    slow, fast = np.sin(2 * np.pi * 3.0 * times), np.sin(2 * np.pi * 97.0 * times)
+    pd.DataFrame({"t": times, "tip_x": slow + fast, "tip_y": slow}).to_csv(path, index=False)
+    record = fa.read_record(path, rate=100.0)
+    inner = slice(20, -20)  # the filter has no samples beyond the ends
+    error = record.data["tip"].values[:, 0] - np.sin(2 * np.pi * 3.0 * record.times)
+    # Without the filter 97 Hz would appear as 3 Hz with amplitude 1; a filter of fourth order at
+    # 40 Hz, forward and backward, leaves (40 / 97)^8 of it.
+    assert np.abs(error[inner]).max() < 2e-3
+
+
+def test_all_problems_of_a_file_are_reported_together(tmp_path):
+    path = tmp_path / "bench.csv"
+    write_csv(path)
+    channels = {
+        "joint_angle_1": {"column": "log.angle", "unit": "mm"},
+        "joint_angel_1": "log.angle",
+        "tip": "log.torque",
+        "strain_1": "log.strain",
+    }
+    with pytest.raises(fa.InputError) as error:
+        fa.read_record(path, channels, time="log.time")
+    text = str(error.value)
+    assert len(error.value.problems) == 4, text
+    for part in ("must be a unit of its channel (rad, mrad, deg, rev)", "tip_x", "'log.strain'"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("times", "text"),
+    [
+        (np.r_[TIMES[:20], TIMES[18:]], "must increase from sample to sample, but sample 21"),
+        (TIMES[:3], "fewer than 4 samples"),
+    ],
+)
+def test_wrong_times(times, text, tmp_path):
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"t": times, "tip_x": times, "tip_y": times}).to_csv(path, index=False)
+    with pytest.raises(fa.InputError, match=text):
+        fa.read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        ("bench.xlsx", b"", "suffixes"),
+        ("bench.csv", b"", "cannot be read"),
+        ("bench.mat", b"MATLAB", "cannot be read"),
+        ("bench.nc", b"\x89HDF\r\n\x1a\nxx", "cannot be read"),
+        ("bench.parquet", b"PAR1", "cannot be read"),
+    ],
+)
+def test_unreadable_files(name, content, text, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(fa.InputError, match=text):
+        fa.read_record(tmp_path / name)
+    with pytest.raises(fa.InputError, match=r"does not exist|suffixes"):
+        fa.read_record(tmp_path / f"no-{name}")
+
+
+def test_gaps_in_an_input_are_refused():
+    data = xr.Dataset(
+        {
+            "torque": (("time", "joint"), np.where(TIMES > 0.3, np.nan, 1.0)[:, None]),
+            "joint_angle": (("time", "joint"), ANGLE[:, None]),
+        },
+        {"time": TIMES, "joint": [1]},
+    )
+    with pytest.raises(fa.InputError, match=r"torque_1 is an input and has 19 missing samples"):
+        fa.MeasuredRecord(data)
+    assert fa.MeasuredRecord(data, input="none").input == "none"
+    with pytest.raises(fa.InputError) as error:
+        fa.MeasuredRecord(data, input="none", delays={"strain": 0.1}, prescribed=[2])
+    assert len(error.value.problems) == 2
+
+
+@pytest.mark.parametrize("name", sorted(MEASURED))
+def test_every_measured_channel_has_labels(name):
+    dims = MEASURED[name].dims
+    text = name if not dims else f"{name}_x" if dims == ("axis",) else f"{name}_3"
+    label = label_of(text)
+    assert label is not None
+    assert label.text == text
+    assert (label_of(name) is None) == bool(dims)
