@@ -105,7 +105,7 @@ class Lanes:
             if place == 0 or self._options.integrator == "auto":
                 method = self._method(run, float(fastest[place]))
             if method is not None:
-                key = (method.name, *(() if self._arm else _structure(run.arm)))
+                key: tuple[Any, ...] = (method.name, *(() if self._arm else _structure(run.arm)))
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
             stepper = self._stepper(key[1:], ready[places[0]].arm)

@@ -36,7 +36,7 @@ LANES = 8
 COMPILED = not getattr(config, "DISABLE_JIT", False)
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 #: The fast-math options of all kernels.
-FAST = ("contract", "nsz")
+FAST = ("nsz",)
 _NUMBERS = types.Float, types.Integer
 
 
