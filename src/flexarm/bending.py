@@ -86,7 +86,7 @@ class BendingErrors:
 
     def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
         """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
-        if self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0)):
+        if np.all(self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0))):
             return None
         largest, found = 0.0, None
         tip = 0.0
@@ -99,17 +99,18 @@ class BendingErrors:
                 largest, found = float(relative[at, link]), (int(link), k + int(at))
         return None if found is None else (tip, *found)
 
-    def surely_small(self, eta: FloatArray) -> bool:
+    def surely_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return whether a bound, much faster than the estimate, excludes large errors.
 
         Args:
-            eta: modal coordinates of all bodies (n, m), or the largest value of each.
+            eta: modal coordinates of all bodies (..., n, m), or the largest value of each.
 
         The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
         is at most the sum of eta^2 times the row sums of abs(G).
         """
         # Runs that fail contain states of any size: unlike other products, einsum does not warn.
-        return bool(np.einsum("ij,ij,ij", eta, eta, self._rows) < self._clearly_small)
+        bound = np.einsum("...ij,...ij,ij->...", eta, eta, self._rows)
+        return np.asarray(bound < self._clearly_small)
 
     def all_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return ``surely_small`` (k,) for many states (k, n, m)."""

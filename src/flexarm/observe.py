@@ -5,7 +5,8 @@ Complex states give complex values, from which linear models derive their exact 
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -95,8 +96,8 @@ def _observed(
     Without ``energies``, they are zero.
     """
     count, constants = len(states), arm.assembly.constants
-    poses = np.zeros((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
-    tips = np.zeros((count, 6), dtype=states.dtype)
+    poses = np.empty((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
+    tips = np.empty((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
     sizes = run_time_sizes(constants)
     if energies:
@@ -127,34 +128,33 @@ def named_channels(
     """
     assembly = arm.assembly
     poses, tips, energy, strains = observed
-    link = poses[:, assembly.link_body]
-    bent = _link_tips(arm, poses, tips)
-    q, qd = arm.unpadded(states[:, 0]), arm.unpadded(states[:, 1])
-    channels = {
-        "joint_angle": q[:, assembly.joint_index],
-        "joint_rate": qd[:, assembly.joint_index],
-        "joint_twist": _twists(arm, q),
-        "link_angle": link[:, :, 2],
-        "link_rate": link[:, :, 5],
-        "link_tip_deflection": bent[:, :, 0],
-        "link_tip_slope": bent[:, :, 1],
-        "link_tip_deflection_rate": bent[:, :, 2],
-        "link_tip_slope_rate": bent[:, :, 3],
-        "tip": tips[:, :2],
-        "tip_velocity": tips[:, 3:5],
-        "tip_angle": tips[:, 2],
-        "tip_angle_rate": tips[:, 5],
-        "kinetic_energy": energy[:, 0],
-        "strain_energy": energy[:, 1],
-        "gravity_energy": energy[:, 2],
-        "q": q,
-        "qd": qd,
+    joints, links = assembly.joint_body, assembly.link_body
+    bent = cache(lambda: _link_tips(arm, poses, tips))
+    channels: dict[str, Callable[[], FloatArray]] = {
+        "joint_angle": lambda: states[:, 0, joints, 0],
+        "joint_rate": lambda: states[:, 1, joints, 0],
+        "joint_twist": lambda: _twists(arm, arm.unpadded(states[:, 0])),
+        "link_angle": lambda: poses[:, links, 2],
+        "link_rate": lambda: poses[:, links, 5],
+        "link_tip_deflection": lambda: bent()[:, :, 0],
+        "link_tip_slope": lambda: bent()[:, :, 1],
+        "link_tip_deflection_rate": lambda: bent()[:, :, 2],
+        "link_tip_slope_rate": lambda: bent()[:, :, 3],
+        "tip": lambda: tips[:, :2],
+        "tip_velocity": lambda: tips[:, 3:5],
+        "tip_angle": lambda: tips[:, 2],
+        "tip_angle_rate": lambda: tips[:, 5],
+        "kinetic_energy": lambda: energy[:, 0],
+        "strain_energy": lambda: energy[:, 1],
+        "gravity_energy": lambda: energy[:, 2],
+        "q": lambda: arm.unpadded(states[:, 0]),
+        "qd": lambda: arm.unpadded(states[:, 1]),
     }
     if strains is not None:
-        channels["strain"] = strains
+        channels["strain"] = lambda: strains
     # Return copies, because a view of one column would keep the pose array of a chunk alive.
     wanted = channels if names is None else channels.keys() & set(names)
-    return {name: np.array(values) for name, values in channels.items() if name in wanted}
+    return {name: np.array(value()) for name, value in channels.items() if name in wanted}
 
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from flexarm.batch import lanes
+from flexarm.model.file_format.paths import with_number
 from random_arms import random_spec
 
 pytestmark = pytest.mark.compiled
@@ -20,14 +21,14 @@ METHODS = (*EXPLICIT, {"integrator": "kennedy_carpenter_5", "rtol": 1e-4, "atol"
 def executed(monkeypatch):
     """Count the runs that were executed in lanes."""
     count = []
-    outcomes = lanes.Lanes._outcomes
+    outcome = lanes.Lanes._outcome
 
     def counted(self, *arguments):
-        for item in outcomes(self, *arguments):
-            count.append(item[0])
-            yield item
+        found = outcome(self, *arguments)
+        count.extend(found.runs)
+        return found
 
-    monkeypatch.setattr(lanes.Lanes, "_outcomes", counted)
+    monkeypatch.setattr(lanes.Lanes, "_outcome", counted)
     return count
 
 
@@ -69,6 +70,21 @@ def test_joint_laws_and_jumps_of_the_torque(how, executed):
     assert sorted(executed) == list(range(17))
 
 
+@pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
+def test_hundreds_of_steps(how, executed):
+    """A different rounding of small terms of second order appears after about a hundred steps."""
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 16, "modes": 3}
+    links = [fa.Link(length=1.4142, **rod), fa.Link(length=1.0, **rod)]
+    arm = fa.Arm(links=links, theory="second_order")
+    starts = [arm.rest([0.78 + 0.01 * k, -1.57 + 0.02 * k]) for k in range(8)]
+
+    def torque(t):
+        return [4.0 * np.sin(2.0 * np.pi * t), 1.5 * np.sin(2.0 * np.pi * t)]
+
+    compare(arm, starts, (0, 3, 7), duration=0.9, rate=100.0, torque=torque, **how)
+    assert sorted(executed) == list(range(8))
+
+
 def test_runs_of_different_length_in_steps(executed):
     """Lanes whose runs end early continue with others."""
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)])
@@ -81,6 +97,48 @@ def test_runs_of_different_length_in_steps(executed):
         single = fa.simulate(arm, 0.2, torque=torque[k], rate=100.0)
         np.testing.assert_array_equal(batch["q"][k], single["q"])
     assert len(executed) == 21
+
+
+@pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
+def test_each_lane_has_the_constants_of_its_arm(how, executed):
+    rubbing = fa.Friction(coulomb=0.2, static=0.3, viscous=0.01)
+    joints = [fa.Joint(friction=rubbing, damping=0.1, stiffness=20.0)] * 2
+    links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
+    gravity = (0.0, -9.81)
+    arm = fa.Arm(links=links, joints=joints, gravity=gravity, theory="second_order")
+    rng = np.random.default_rng(5)
+    values = {
+        "links[0].flexural_rigidity": rng.uniform(50.0, 200.0, 11),
+        "links[1].length": rng.uniform(0.8, 1.2, 11),
+        "joints[1].damping": rng.uniform(0.0, 0.5, 11),
+        "joints[0].friction.coulomb": rng.uniform(0.1, 0.3, 11),
+        "payload.mass": rng.uniform(0.0, 0.5, 11),
+    }
+    how = {"initial": arm.rest([0.3, 0.2]), "duration": 0.05, "rate": 150.0, **how}
+    channels = ["q", "tip", "strain_energy"]
+    batch = fa.simulate_batch(arm, parameters=values, channels=channels, **how)
+    assert sorted(executed) == list(range(11))
+    for k in (0, 8, 10):
+        spec = arm.spec
+        for path, row in values.items():
+            spec = with_number(spec, path, float(row[k]))
+        single = fa.simulate(fa.Arm(spec), **how)
+        for name in channels:
+            np.testing.assert_array_equal(batch[name][k], single[name], err_msg=name)
+        assert batch["steps"][k] == single.attrs["steps"]
+
+
+def test_arms_with_other_arrays_are_in_other_packs(executed):
+    rubbing = [fa.Joint(friction=fa.Friction(coulomb=0.1)), fa.Joint()]
+    links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
+    arms = [fa.Arm(links=links), fa.Arm(links=links, joints=rubbing), fa.Arm(links=links[::-1])]
+    torque = np.random.default_rng(3).normal(size=(30, 2))
+    how = {"torque": torque, "rate": 500.0}
+    batch = fa.simulate_batch(arms, 0.05, threads=1, **how)
+    assert executed == [0, 2, 1]
+    for k, arm in enumerate(arms):
+        single = fa.simulate(arm, 0.05, **how)
+        np.testing.assert_array_equal(batch["tip"][k], single["tip"])
 
 
 @pytest.mark.parametrize("how", EXPLICIT, ids=lambda how: how["integrator"])
@@ -106,11 +164,10 @@ def test_a_run_that_fails_is_repeated_alone(executed):
         {"loads": [fa.Load(1, force=(0.0, 1.0))]},
         {"integrator": "gauss_6", "step": 1e-3},
         {"integrator": "auto", "step": 0.01},  # at which rk4 is unstable
-        {"parameters": {"payload.mass": [0.1, 0.2]}},
         {"channels": ["joint_force"]},
         {"specialized": False, "stations": 2, "channels": ["bending_moment"]},
     ],
-    ids=["loads", "method", "step", "parameters", "forces", "sections"],
+    ids=["loads", "method", "step", "forces", "sections"],
 )
 def test_other_runs_are_executed_one_at_a_time(other, executed):
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)])

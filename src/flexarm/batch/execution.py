@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from threading import Lock
@@ -37,30 +37,32 @@ if TYPE_CHECKING:
 
 
 class Outcome(NamedTuple):
-    """Result of one run.
+    """Results of one run, or of several that ended in the same way.
 
     Attributes:
+        runs: their numbers.
         times: (samples,) s, of the samples computed.
-        channels: the required channels (samples, ...) by name.
-        end_time: s, reached by the run.
-        ended_by, failure, warning, integrator: as the attributes of a result of ``simulate``.
-        steps, evaluations: likewise.
+        channels: the required channels (runs, samples, ...) by name.
+        end_time: s, reached by the runs.
+        ended_by, failure, integrator: as the attributes of a result of ``simulate``.
+        warnings, steps, evaluations: likewise, of each run.
     """
 
+    runs: Sequence[int]
     times: FloatArray
     channels: Mapping[str, FloatArray]
     end_time: float
     ended_by: str = FAILURE
     failure: str = ""
-    warning: str = ""
     integrator: str = ""
-    steps: int = 0
-    evaluations: int = 0
+    warnings: Sequence[str] = ("",)
+    steps: Sequence[int] = (0,)
+    evaluations: Sequence[int] = (0,)
 
 
-def failed(error: SimulationError | InputError) -> Outcome:
-    """Return the outcome of a run without samples."""
-    return Outcome(np.zeros(0), {}, getattr(error, "time", 0.0), failure=str(error))
+def failed(k: int, error: SimulationError | InputError) -> Outcome:
+    """Return the outcome of run k without samples."""
+    return Outcome([k], np.zeros(0), {}, getattr(error, "time", 0.0), failure=str(error))
 
 
 def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
@@ -68,7 +70,7 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
     try:
         return execute(k)
     except InputError as error:
-        return failed(error)
+        return failed(k, error)
 
 
 def usable_cores() -> int:
@@ -130,25 +132,29 @@ class OpenLoop:
             run_through_impacts(run, partial(self.history, k, run.arm, state))
         except SimulationError as error:
             if run.history is None:  # a function of time failed before the run began
-                return failed(error)
+                return failed(k, error)
             failure = str(error)
-        return self._outcome(run, failure)
+        return self._outcome(k, run, failure)
 
-    def _outcome(self, run: Run, failure: str) -> Outcome:
+    def _outcome(self, k: int, run: Run, failure: str) -> Outcome:
         assert run.history is not None
         progress = run.progress
         times, samples = run.sample_times[: progress.sample], run.samples[: progress.sample]
         log = run.watch.log if run.watch is not None else None
+        found: dict[str, FloatArray] = {}
+        if self._channels:
+            found = channels_of_run(run, run.history.at(times), self._channels)
         return Outcome(
+            [k],
             times,
-            channels_of_run(run, run.history.at(times), self._channels) if self._channels else {},
+            {name: values[None] for name, values in found.items()},
             progress.time,
             FAILURE if failure else (log and log.ended_by) or DURATION,
             failure,
-            " ".join(filter(None, [theory_error(run.arm, samples), run.doubt])),
             run.integrator.name,
-            progress.steps,
-            progress.evaluations + run.discarded,
+            [" ".join(filter(None, [theory_error(run.arm, samples), run.doubt]))],
+            [progress.steps],
+            [progress.evaluations + run.discarded],
         )
 
     def _new_run(self, k: int) -> tuple[Run, FloatArray]:
@@ -246,22 +252,23 @@ class ClosedLoop:
                 )
         except SimulationError as error:
             if error.result is None:
-                return failed(error)
-            return self._outcome(error.result, error.time)
-        return self._outcome(result, None)
+                return failed(k, error)
+            return self._outcome(k, error.result, error.time)
+        return self._outcome(k, result, None)
 
-    def _outcome(self, result: xr.Dataset, stopped: float | None) -> Outcome:
+    def _outcome(self, k: int, result: xr.Dataset, stopped: float | None) -> Outcome:
         attributes, times = result.attrs, result["time"].values
         ended_by = attributes["ended_by"]
         end = float(times[-1]) if ended_by != DURATION else float(self._options["duration"])
         return Outcome(
+            [k],
             times,
-            {name: result[name].values for name in self._channels},
+            {name: result[name].values[None] for name in self._channels},
             end if stopped is None else stopped,
             ended_by,
             attributes["failure"],
-            " ".join(warnings_of(result)),
             attributes["integrator"],
-            attributes["steps"],
-            attributes["evaluations"],
+            [" ".join(warnings_of(result))],
+            [attributes["steps"]],
+            [attributes["evaluations"]],
         )

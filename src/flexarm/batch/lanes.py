@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.batch.execution import OpenLoop, Outcome, attempt
+from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
@@ -18,10 +19,11 @@ from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
+from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
 from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
 from flexarm.observe import channels_of
 from flexarm.simulation.channels import BY_FORCES
@@ -46,9 +48,9 @@ def fits_lanes(
         acting: as for ``OpenLoop``.
     """
     plain = all(map(_is_absent, acting.values()))
-    if not (plain and variations.same_arm) or options.specialized or options.stations:
+    if not plain or options.specialized or options.stations:
         return False
-    return arm_fits_lanes(variations.arms[0]) and not BY_FORCES.intersection(channels)
+    return all(map(arm_fits_lanes, variations.arms)) and not BY_FORCES.intersection(channels)
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
@@ -64,12 +66,13 @@ class _Ready(NamedTuple):
     """A run before its start."""
 
     number: int
+    arm: Arm
     state: FloatArray  # (2, n, 1 + m)
     history: PiecewiseCubic
 
 
 class Lanes:
-    """Runs of one arm under given torques, eight at a time in each thread.
+    """Runs under given torques, eight at a time in each thread.
 
     Runs that fail, that need another method, or whose functions of time fail are executed by
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
@@ -82,59 +85,88 @@ class Lanes:
         channels: Collection[str],
         alone: OpenLoop,
     ) -> None:
-        self._arm = variations.arms[0]
+        self._variations = variations
         self._options, self._channels, self._alone = options, channels, alone
         self._times = options.times
-        self._bending = BendingErrors(self._arm)
-        self._tolerance = Tolerance(options.atol, options.rtol, tip_units(self._arm), 1.0)
-        self._stepper = LaneStepper(self._arm.assembly.constants, self._tolerance)
+        self._steppers: dict[tuple[int, ...], LaneStepper] = {}
+        arm = variations.arms[0]
+        self._arm = arm if variations.same_arm else None
+        self._bending = BendingErrors(arm)
+        self._tolerance = Tolerance(options.atol, options.rtol, tip_units(arm), 1.0)
 
-    def __call__(self, runs: range) -> Iterator[tuple[int, Outcome]]:
-        """Execute the runs of a block; yield the number and the outcome of each."""
-        ready, done = self._ready(runs), set()
-        states = np.array([run.state for run in ready])
-        fastest = fastest_frequencies(self._arm, states) if ready else np.zeros(0)
-        groups: dict[str, tuple[LaneIntegrator, list[int]]] = {}
+    def __call__(self, runs: range) -> Iterator[Outcome]:
+        """Execute the runs of a block; yield their outcomes."""
+        ready = self._ready(runs)
+        done: set[int] = set()
+        fastest = self._fastest(ready)
+        groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
+        method = None
         for place, run in enumerate(ready):
-            method = self._method(run.history, float(fastest[place]))
+            if place == 0 or self._options.integrator == "auto":
+                method = self._method(run, float(fastest[place]))
             if method is not None:
-                groups.setdefault(method.name, (method, []))[1].append(place)
-        for method, places in groups.values():
+                key: tuple[Any, ...] = (method.name, *(() if self._arm else _structure(run.arm)))
+                groups.setdefault(key, (method, []))[1].append(place)
+        for key, (method, places) in groups.items():
+            stepper = self._stepper(key[1:], ready[places[0]].arm)
             group = [ready[place] for place in places]
-            for k, outcome in self._advance(method, group, states[places], fastest[places]):
-                done.add(k)
-                yield k, outcome
+            for outcome in self._advance(method, stepper, group, fastest[places]):
+                done.update(outcome.runs)
+                yield outcome
         for k in runs:
             if k not in done:
-                yield k, attempt(self._alone, k)
+                yield attempt(self._alone, k)
 
     def _ready(self, runs: range) -> list[_Ready]:
         """Return the runs whose start and torque are valid; ``alone`` reports the others."""
-        found = []
-        for k in runs:
+        states, found = self._starts(runs), []
+        for row, k in enumerate(runs):
             with suppress(SimulationError, InputError):
-                state = self._alone.start(k, self._arm)
-                history = self._alone.history(k, self._arm, state, self._options.rtol)
-                found.append(_Ready(k, state, history))
+                arm = self._arm or self._variations.arm(k)
+                state = self._alone.start(k, arm) if states is None else states[row]
+                history = self._alone.history(k, arm, state, self._options.rtol)
+                found.append(_Ready(k, arm, state, history))
         return found
 
-    def _method(self, history: PiecewiseCubic, fastest: float) -> LaneIntegrator | None:
+    def _starts(self, runs: range) -> FloatArray | None:
+        """Return the initial states (runs, 2, n, 1 + m) together; None if they depend on a run."""
+        own = self._variations
+        if own.initial is None:
+            return None
+        arm, rows = own.arms[0], slice(runs.start, runs.stop)
+        both = np.zeros((len(runs), 2, arm.dof))
+        for level, given in enumerate((own.initial, own.initial_rate)):
+            if given is not None:
+                both[:, level] = given if given.ndim == 1 else given[rows]
+        return arm.padded(both)
+
+    def _fastest(self, ready: Sequence[_Ready]) -> FloatArray:
+        """Return the highest frequencies (k,) of runs, rad/s."""
+        if self._arm is not None and ready:
+            return fastest_frequencies(self._arm, np.array([run.state for run in ready]))
+        return np.array([fastest_frequencies(run.arm, run.state[None])[0] for run in ready])
+
+    def _method(self, run: _Ready, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
         options, tolerance = self._options, self._tolerance._replace(fastest=fastest)
-        choice = choose_integrator(options.integrator, options.step, self._arm, tolerance)
-        choice = choose_by_drive(choice, self._arm, tolerance, history.stops, options.duration)
+        choice = choose_integrator(options.integrator, options.step, run.arm, tolerance)
+        stops = run.history.stops
+        choice = choose_by_drive(choice, run.arm, tolerance, stops, options.duration)
         return None if choice.doubt else lane_method(choice.integrator)
 
     def _advance(
         self,
         method: LaneIntegrator,
+        stepper: LaneStepper,
         ready: Sequence[_Ready],
-        states: FloatArray,
         fastest: FloatArray,
-    ) -> Iterator[tuple[int, Outcome]]:
-        """Yield the outcomes of the runs that reach their end, with their numbers."""
-        count = len(ready)
+    ) -> Iterator[Outcome]:
+        """Yield the outcomes of the runs that reach their end."""
+        states, count = np.array([run.state for run in ready]), len(ready)
+        constants, unit = arms_of_runs([run.arm for run in (ready[:1] if self._arm else ready)])
         runs = LaneRuns(
+            constants=constants,
+            unit=unit,
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -145,65 +177,56 @@ class Lanes:
             until=np.full(count, self._options.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        drive = _drive(self._arm, [run.history for run in ready])
-        self._stepper.advance(method, drive, runs, _MOST_STEPS)
+        drive = drive_of_runs(ready[0].arm, [run.history for run in ready])
+        stepper.advance(method, drive, runs, _MOST_STEPS)
         done = np.flatnonzero(runs.status == Status.DONE)
-        together = max(1, _CHUNK // max(1, self._times.size))
+        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
-            yield from self._outcomes(method, ready, runs, done[first : first + together])
+            yield self._outcome(method, ready, runs, done[first : first + together])
 
-    def _outcomes(
+    def _outcome(
         self,
         method: LaneIntegrator,
         ready: Sequence[_Ready],
         runs: LaneRuns,
         places: NDArray[np.intp],
-    ) -> Iterator[tuple[int, Outcome]]:
-        """Yield the outcomes of some runs, whose channels are computed together."""
-        samples = runs.samples[places]
+    ) -> Outcome:
+        """Return the outcome of some runs of one arm, whose channels are computed together."""
+        samples, own = runs.samples[places], [ready[place] for place in places]
+        arm, shape = own[0].arm, samples.shape[:2]
         channels: dict[str, FloatArray] = {}
         if self._channels:
-            flat = samples.reshape(-1, *samples.shape[2:])
-            found = channels_of(self._arm, flat, self._channels)
-            shape = samples.shape[:2]
+            found = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._channels)
             channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in found.items()}
+        if "torque" in self._channels:
+            channels["torque"] = np.array([run.history.at(self._times) for run in own])
+        warnings = [""] * len(own)
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
-        for row, place in enumerate(places):
-            run = ready[place]
-            own = {name: values[row] for name, values in channels.items()}
-            if "torque" in self._channels:
-                own["torque"] = run.history.at(self._times)
-            small = self._bending.surely_small(largest[row])
-            yield (
-                run.number,
-                Outcome(
-                    self._times,
-                    own,
-                    self._options.duration,
-                    DURATION,
-                    "",
-                    "" if small else theory_error(self._arm, samples[row]),
-                    method.name,
-                    int(runs.counts[place, STEPS]),
-                    int(runs.counts[place, EVALUATIONS]),
-                ),
-            )
+        small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
+        for row in np.flatnonzero(~small):
+            warnings[row] = theory_error(arm, samples[row])
+        return Outcome(
+            [run.number for run in own],
+            self._times,
+            channels,
+            self._options.duration,
+            DURATION,
+            "",
+            method.name,
+            warnings,
+            runs.counts[places, STEPS].tolist(),
+            runs.counts[places, EVALUATIONS].tolist(),
+        )
+
+    def _stepper(self, key: tuple[int, ...], arm: Arm) -> LaneStepper:
+        """Return the stepper of runs whose arms have arrays of the same sizes."""
+        if key not in self._steppers:  # by two threads at the same time: one is not kept
+            constants, several = arm.assembly.constants, self._arm is None
+            tolerance = self._tolerance._replace(unit=tip_units(arm))
+            self._steppers[key] = LaneStepper(constants, tolerance, several)
+        return self._steppers[key]
 
 
-def _drive(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
-    """Join the torques of the runs; equal objects are stored once."""
-    different = list({id(history): history for history in histories}.values())
-    places, starts = {}, np.zeros(3, dtype=np.int64)
-    for history in different:
-        sizes = [history.breaks.size, len(history.coefficients), history.stops.size]
-        ends = starts + sizes
-        places[id(history)] = np.stack([starts, ends], axis=1).ravel()
-        starts = ends
-    return LaneDrive(
-        breaks=np.concatenate([history.breaks for history in different]),
-        coefficients=np.concatenate(
-            [arm.padded_torque(history.coefficients) for history in different]
-        ),
-        stops=np.concatenate([history.stops for history in different]),
-        places=np.array([places[id(history)] for history in histories]),
-    )
+def _structure(arm: Arm) -> tuple[int, ...]:
+    """Return the sizes of the arrays of an arm; runs in lanes of one pack have the same."""
+    return tuple(map(len, run_time_sizes(arm.assembly.constants)))

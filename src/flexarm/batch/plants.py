@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
+from flexarm.batch.lane_arrays import arms_of_runs
 from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
@@ -71,6 +72,7 @@ class LanePlants:
         self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
         self._tolerance = Tolerance(ATOL, RTOL, tip_units(arm), 1.0)
         self._stepper = LaneStepper(arm.assembly.constants, self._tolerance)
+        self._constants = arms_of_runs([arm])
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
 
@@ -137,6 +139,7 @@ class LanePlants:
         places, count = block.places, len(block.places)
         now = self.tick[places]
         runs = LaneRuns(
+            *self._constants,
             state=self.state[places],
             fastest=self._fastest[places],
             clock=self._clock[places],

@@ -106,33 +106,35 @@ class Recorder:
         if problems:
             raise InputError(*problems)
 
-    def record(self, k: int, outcome: Outcome) -> None:
-        """Record the outcome of run k."""
-        times, channels = outcome.times, outcome.channels
+    def record(self, outcome: Outcome) -> None:
+        """Record the outcome of one or several runs."""
+        times, runs = outcome.times, outcome.runs
         count = min(times.size, self._times.size)
         if count and times[count - 1] != self._times[count - 1]:
             count -= 1  # an event that ends the run is its last sample, between two others
         for name, stored in self._channels.items():
-            if name in channels:
-                kept = channels[name][: count : self._stride]
-                stored[k, : len(kept)] = kept
-        failure = outcome.failure
-        if outcome.ended_by != FAILURE:
-            failure = self._reduce(k, outcome)
-        self.texts["ended_by"][k] = FAILURE if failure else outcome.ended_by
-        self.texts["failure"][k] = failure
-        self.texts["warning"][k] = outcome.warning
-        self.texts["integrator"][k] = outcome.integrator
-        self._numbers["steps"][k] = outcome.steps
-        self._numbers["evaluations"][k] = outcome.evaluations
-        self._end[k] = outcome.end_time
+            if name in outcome.channels:
+                kept = outcome.channels[name][:, : count : self._stride]
+                stored[runs, : kept.shape[1]] = kept
+        for row, k in enumerate(runs):
+            failure = outcome.failure
+            if outcome.ended_by != FAILURE and self._reductions:
+                failure = self._reduce(k, outcome, row)
+            self.texts["ended_by"][k] = FAILURE if failure else outcome.ended_by
+            self.texts["failure"][k] = failure
+            self.texts["warning"][k] = outcome.warnings[row]
+            self.texts["integrator"][k] = outcome.integrator
+        self._numbers["steps"][runs] = outcome.steps
+        self._numbers["evaluations"][runs] = outcome.evaluations
+        self._end[runs] = outcome.end_time
 
-    def _reduce(self, k: int, outcome: Outcome) -> str:
+    def _reduce(self, k: int, outcome: Outcome, row: int) -> str:
         """Compute the reductions of run k; return why one failed, or an empty text."""
         failure = ""
+        channels = {name: values[row] for name, values in outcome.channels.items()}
         for name, item in self._reductions.items():
             try:
-                self._reduced[name][k] = reduced(item, outcome.times, outcome.channels)
+                self._reduced[name][k] = reduced(item, outcome.times, channels)
             except Exception as error:  # of a function of the user
                 words = " ".join(str(error).split())
                 text = f"The reduction {name!r} failed with {type(error).__name__}: {words}"

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: A function that executes a block of runs, and the blocks.
-Work = tuple[Callable[[range], Iterable[tuple[int, Outcome]]], list[range]]
+Work = tuple[Callable[[range], Iterable[Outcome]], list[range]]
 #: Options of ``simulate`` that are the same for all runs, with their defaults.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
@@ -217,8 +217,8 @@ def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: i
     Raises:
         InputError: if an argument does not fit the first run.
     """
-    recorder.record(0, execute(0))
-    return lambda runs: ((k, attempt(execute, k)) for k in runs), _blocks(1, count, _BLOCK)
+    recorder.record(execute(0))
+    return lambda runs: (attempt(execute, k) for k in runs), _blocks(1, count, _BLOCK)
 
 
 def _blocks(first: int, count: int, size: int) -> list[range]:
@@ -238,8 +238,8 @@ def _execute(
     execute, blocks = work
 
     def block(runs: range) -> int:
-        for k, outcome in execute(runs):
-            recorder.record(k, outcome)
+        for outcome in execute(runs):
+            recorder.record(outcome)
         return len(runs)
 
     with Meter("simulating", progress) as meter:

@@ -16,7 +16,7 @@ from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.memory import SAMPLES, STEPS, TIME, Memory
 from flexarm.kernels.columns import W2
 from flexarm.kernels.compilation.cache import apart, inner, merged
-from flexarm.kernels.layout import ArmConstants, Array, Sizes
+from flexarm.kernels.layout import Array, Sizes
 
 #: Steps shorter than this fraction of a radian of the fastest mode are truncated steps, in which
 #: the motion is negligible.
@@ -124,16 +124,18 @@ def rate_between(
 
 @apart
 def between_ends(
-    sizes: Sizes, constants: ArmConstants, tolerance: Tolerance, state: Array, new: Array,
-    ends: Array, x: float, h: float, sample: Array,
+    sizes: Sizes, mode: Array, fastest: float, state: Array, new: Array, ends: Array, x: float,
+    h: float, sample: Array,
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``ends``.
+
+    ``mode``: of the constants of the arm; ``fastest``: of its tolerance.
 
     For a mode that the step does not resolve, the interpolation is cubic, because its accelerations
     are meaningless inside the step.
     """
     s = ends.shape[0] - 1
-    fine = h * tolerance.fastest > SHORT
+    fine = h * fastest > SHORT
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             q0 = state[0, i, j]
@@ -144,7 +146,7 @@ def between_ends(
             a1 = ends[s, 1, i, j]
             stiff = False
             if j > 0:
-                stiff = h * h * constants.mode[i, j - 1, W2] > RESOLVED * RESOLVED
+                stiff = h * h * mode[i, j - 1, W2] > RESOLVED * RESOLVED
             if stiff:
                 sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
                 sample[1, i, j] = v0 + x * (v1 - v0)
@@ -162,7 +164,7 @@ def samples_between(
     k = sample_before(memory, t_new)
     while k >= 0:
         between_ends(
-            system.sizes, system.constants, tolerance, memory.state, memory.new, ends,
+            system.sizes, system.constants.mode, tolerance.fastest, memory.state, memory.new, ends,
             (memory.sample_times[k] - t) / h, h, memory.samples[k],
         )  # fmt: skip
         k = sample_before(memory, t_new)

@@ -14,6 +14,7 @@ from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.additive import shift_forces, soften_for
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
+    arm_of,
     begin_lanes,
     begin_steps,
     copy_packs,
@@ -29,9 +30,9 @@ from flexarm.integrate.samples import between_ends
 from flexarm.integrate.steps import combine
 from flexarm.kernels.columns import FLEX_BIAS
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
-from flexarm.kernels.compilation.packs import LANES, PackArray
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.kernels.kinematics import link_terms
-from flexarm.kernels.layout import ArmConstants, Array
+from flexarm.kernels.layout import Array, Sizes
 from flexarm.kernels.recursion.inward import inward
 from flexarm.kernels.recursion.outward import outward
 
@@ -43,13 +44,6 @@ class AdditiveLanes(NamedTuple):
     explicit: Array  # (s + 1, s)
     implicit: Array  # (s + 1, s)
     c: Array  # (s + 1,)
-
-
-class AdditiveScratch(NamedTuple):
-    """Scratch of one thread for the implicit stages."""
-
-    known: PackArray  # (2, n, 1 + m) implicit state of a stage without its own acceleration
-    softened: ArmConstants  # with packs of the bodies and modes
 
 
 @apart
@@ -66,11 +60,9 @@ def _slopes(system: System, memory: LaneMemory, stage: int) -> None:
 
 
 @merged
-def _implicit_stage(
-    system: System, scratch: AdditiveScratch, memory: LaneMemory, gamma: float, stage: int
-) -> None:
+def _implicit_stage(system: System, memory: LaneMemory, gamma: float, stage: int) -> None:
     """Write the derivatives of the implicit state of a stage into ``stages[stage]``."""
-    sizes, work, softened, known = system.sizes, system.work, scratch.softened, scratch.known
+    sizes, work, softened, known = system.sizes, system.work, memory.softened, memory.known
     reach = memory.step[0] * gamma
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
@@ -90,21 +82,19 @@ def _implicit_stage(
 
 
 @apart
-def _samples_inside(
-    system: System, tolerance: Tolerance, runs: LaneRuns, memory: LaneMemory
-) -> None:
+def _samples_inside(sizes: Sizes, runs: LaneRuns, memory: LaneMemory) -> None:
     """Fill the samples inside the accepted steps by ``between_ends``."""
     for lane in range(LANES):
         if memory.accepted.array[0, lane] == 0.0:
             continue
         k = memory.run[lane]
-        own = Tolerance(tolerance.absolute, tolerance.relative, tolerance.unit, runs.fastest[k])
+        mode = runs.constants.mode[arm_of(runs, k)]
         h = memory.step.array[0, lane]
         due = runs.counts[k, SAMPLES]
         while due < runs.sample_times.shape[0] and runs.sample_times[due] < memory.end[lane]:
             x = (runs.sample_times[due] - runs.clock[k, TIME]) / h
             between_ends(
-                system.sizes, system.constants, own, memory.state.array[:, :, :, lane],
+                sizes, mode, runs.fastest[k], memory.state.array[:, :, :, lane],
                 memory.new.array[:, :, :, lane], memory.stages.array[:, :, :, :, lane], x, h,
                 runs.samples[k, due],
             )  # fmt: skip
@@ -117,7 +107,6 @@ def advance_additive_lanes(
     system: System,
     tolerance: Tolerance,
     method: AdditiveLanes,
-    scratch: AdditiveScratch,
     drive: LaneDrive,
     runs: LaneRuns,
     memory: LaneMemory,
@@ -148,18 +137,18 @@ def advance_additive_lanes(
             _slopes(system, memory, s)
             keep_first_stage(sizes, memory, s)
         reach = h * gamma
-        soften_for(system, scratch.softened, reach, reach * h * gamma)
+        soften_for(system, memory.softened, reach, reach * h * gamma)
         for k in range(1, s):
             combine(sizes, state, stages, method.explicit, k, k, h, memory.point)
-            combine(sizes, state, stages, method.implicit, k, k, h, scratch.known)
+            combine(sizes, state, stages, method.implicit, k, k, h, memory.known)
             c = method.c[k]
             torques_of_lanes(sizes, drive, runs, memory, c, not at_end, c == 1.0)
-            _implicit_stage(system, scratch, memory, gamma, k)
+            _implicit_stage(system, memory, gamma, k)
         combine(sizes, state, stages, method.explicit, s, s, h, memory.point)
         copy_packs(sizes, memory.point, memory.new)
         torques_of_lanes(sizes, drive, runs, memory, 1.0, at_end, from_left)
         _slopes(system, memory, s)
         measure_steps(sizes, tolerance, method.control, memory)
-        judge_steps(sizes, system.constants, method.control, runs, memory)
-        _samples_inside(system, tolerance, runs, memory)
+        judge_steps(sizes, method.control, runs, memory)
+        _samples_inside(sizes, runs, memory)
         end_steps(sizes, method.control, runs, memory, max_steps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexarm.kernels.compilation.packs import PackArray
-from flexarm.kernels.layout import Array, Loads
+from flexarm.kernels.layout import ArmConstants, Array, Loads
 
 
 class StepControl(NamedTuple):
@@ -20,6 +20,8 @@ class StepControl(NamedTuple):
 class LaneRuns(NamedTuple):
     """Arrays of the runs, by their number in a block."""
 
+    constants: ArmConstants  # with a first axis: one row for all runs, or one for each
+    unit: Array  # (1 or runs, 2, n, 1 + m) ``Tolerance.unit`` of the arms
     state: Array  # (runs, 2, n, 1 + m) at the start of each run, then at its end
     fastest: Array  # (runs,) rad/s
     clock: Array  # (runs, CLOCK_PLACES), with the first step
@@ -40,15 +42,23 @@ class LaneDrive(NamedTuple):
 
 
 class LaneMemory(NamedTuple):
-    """Scratch of one thread."""
+    """Scratch of one thread.
 
+    If the runs have arms of their own, the first three have packs instead of numbers, and the
+    constants of a run are copied into its lane.
+    """
+
+    constants: ArmConstants
+    softened: ArmConstants  # of an implicit step, always with packs of the bodies and modes
+    unit: PackArray  # (2, n, 1 + m)
+    known: PackArray  # (2, n, 1 + m) implicit state of a stage without its own acceleration
     state: PackArray  # (2, n, 1 + m) at the time of each lane
     new: PackArray  # (2, n, 1 + m) at the end of the present step
     point: PackArray  # (2, n, 1 + m) at which the dynamics is evaluated
     torque: PackArray  # (n,)
     stages: PackArray  # (r, 2, n, 1 + m) derivatives
     step: PackArray  # (1,) s
-    norm: PackArray  # (3,) numbers of ``error_sizes`` or ``motion_sizes``
+    norm: PackArray  # (4,) numbers of ``error_sizes`` or ``motion_sizes``; lowest joint inertia
     accepted: PackArray  # (1,) 1.0 in lanes whose step is accepted, otherwise 0.0
     work: PackArray  # ``Workspace`` of packs
     loads: Loads  # none

@@ -139,7 +139,7 @@ def advance_explicit_lanes(
                 keep_first_stage(sizes, memory, s)
             if stage == s:
                 measure_steps(sizes, tolerance, method.control, memory)
-                if judge_steps(sizes, constants, method.control, runs, memory):
+                if judge_steps(sizes, method.control, runs, memory):
                     limit = rows
             stage += 1
         _samples_inside(sizes, method, runs, memory)

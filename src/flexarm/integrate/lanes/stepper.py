@@ -1,4 +1,4 @@
-"""Advance of many runs of one arm in lanes, by the stepper of their method."""
+"""Advance of many runs in lanes, by the stepper of their method."""
 
 from __future__ import annotations
 
@@ -10,11 +10,7 @@ import numpy as np
 from flexarm.integrate.base import Integrator, System, Tolerance
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.implicit.additive_tableau import Additive
-from flexarm.integrate.lanes.additive import (
-    AdditiveLanes,
-    AdditiveScratch,
-    advance_additive_lanes,
-)
+from flexarm.integrate.lanes.additive import AdditiveLanes, advance_additive_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.explicit import ExplicitLanes, advance_explicit_lanes
 from flexarm.integrate.steps import LONGEST
@@ -53,10 +49,13 @@ class LaneStepper:
     Args:
         constants: of the arm.
         tolerance: allowed errors; each run has its own highest frequency.
+        several: whether runs have arms of their own, with arrays of the same sizes.
     """
 
-    def __init__(self, constants: ArmConstants, tolerance: Tolerance) -> None:
-        self._constants, self._tolerance = constants, tolerance
+    def __init__(
+        self, constants: ArmConstants, tolerance: Tolerance, several: bool = False
+    ) -> None:
+        self._constants, self._tolerance, self._several = constants, tolerance, several
         self._sizes = run_time_sizes(constants)
         self._thread = local()
 
@@ -71,11 +70,12 @@ class LaneStepper:
         """Return the stepper of a method with the scratch of the present thread."""
         calls: dict[str, _Call] = self._thread.__dict__.setdefault("calls", {})
         if method.name not in calls:
-            sizes, constants, tolerance = self._sizes, self._constants, self._tolerance
-            memory, scratch = _new_memory(constants, len(method.tableau.c))
+            sizes, rows = self._sizes, len(method.tableau.c)
+            memory = _new_memory(self._constants, self._tolerance, rows, self._several)
+            constants, tolerance = memory.constants, self._tolerance._replace(unit=memory.unit)
             if isinstance(method, Additive):
                 system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
-                additive = system, tolerance, _additive(method), scratch
+                additive = system, tolerance, _additive(method)
                 calls[method.name] = _Call(Entry(advance_additive_lanes), additive, memory)
             else:
                 explicit = sizes, constants, tolerance, _explicit(method)
@@ -99,21 +99,31 @@ def _additive(method: Additive) -> AdditiveLanes:
     return AdditiveLanes(_control(method, np.inf), tableau.explicit, tableau.implicit, tableau.c)
 
 
-def _new_memory(constants: ArmConstants, rows: int) -> tuple[LaneMemory, AdditiveScratch]:
+def _new_memory(
+    constants: ArmConstants, tolerance: Tolerance, rows: int, several: bool
+) -> LaneMemory:
     """Allocate the scratch of a thread for a method with ``rows`` stages."""
     n, m = constants.S.shape
     work: Any = {
         name: Packs.zeros(*array.shape)
         for name, array in new_workspace(constants)._asdict().items()
     }
-    memory = LaneMemory(
+    # Arms of their own need all constants in packs, an implicit step only those that it changes.
+    softened = _packs_of(constants)
+    if not several:
+        softened = {name: softened[name] for name in ("body", "mode")}
+    return LaneMemory(
+        constants=constants._replace(**_packs_of(constants)) if several else constants,
+        softened=constants._replace(**softened),
+        unit=Packs.of(tolerance.unit) if several else tolerance.unit,
+        known=Packs.zeros(2, n, 1 + m),
         state=Packs.zeros(2, n, 1 + m),
         new=Packs.zeros(2, n, 1 + m),
         point=Packs.zeros(2, n, 1 + m),
         torque=Packs.zeros(n),
         stages=Packs.zeros(rows, 2, n, 1 + m),
         step=Packs.zeros(1),
-        norm=Packs.zeros(3),
+        norm=Packs.zeros(4),
         accepted=Packs.zeros(1),
         work=Workspace(**work),
         loads=no_loads(constants),
@@ -124,8 +134,7 @@ def _new_memory(constants: ArmConstants, rows: int) -> tuple[LaneMemory, Additiv
         piece=np.zeros(LANES, dtype=np.int64),
         end=np.zeros(LANES),
     )
-    softened: Any = {
-        name: Packs(np.repeat(getattr(constants, name)[..., None], LANES, axis=-1))
-        for name in ("body", "mode")
-    }
-    return memory, AdditiveScratch(Packs.zeros(2, n, 1 + m), constants._replace(**softened))
+
+
+def _packs_of(constants: ArmConstants) -> dict[str, Any]:
+    return {name: Packs.of(array) for name, array in constants._asdict().items()}

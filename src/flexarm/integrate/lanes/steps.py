@@ -25,7 +25,7 @@ from flexarm.integrate.steps import (
 from flexarm.integrate.torque import piece_of
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.compilation.cache import apart, inner, merged
-from flexarm.kernels.compilation.packs import LANES, PackArray, chosen
+from flexarm.kernels.compilation.packs import LANES, PackArray, chosen, fill_lane
 from flexarm.kernels.layout import ArmConstants, Sizes
 
 
@@ -45,6 +45,23 @@ def _fill_samples(
         runs.counts[k, SAMPLES] += 1
 
 
+@inner
+def arm_of(runs: LaneRuns, k: int) -> int:
+    """Return the row of the arm of run k."""
+    row: int = min(k, runs.unit.shape[0] - 1)
+    return row
+
+
+@inner
+def _fill_constants(constants: ArmConstants, rows: ArmConstants, lane: int, row: int) -> None:
+    """Copy the constants of an arm into a lane, as far as the lanes have constants of their own."""
+    fill_lane(constants.arm, lane, rows.arm, row)
+    fill_lane(constants.body, lane, rows.body, row)
+    fill_lane(constants.mode, lane, rows.mode, row)
+    fill_lane(constants.centrifugal, lane, rows.centrifugal, row)
+    fill_lane(constants.shortening, lane, rows.shortening, row)
+
+
 @apart
 def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: int) -> None:
     """Put run k into a lane."""
@@ -54,6 +71,10 @@ def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: i
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 memory.state.array[level, i, j, lane] = runs.state[k, level, i, j]
+    arm = arm_of(runs, k)
+    _fill_constants(memory.constants, runs.constants, lane, arm)
+    _fill_constants(memory.softened, runs.constants, lane, arm)
+    fill_lane(memory.unit, lane, runs.unit, arm)
     _fill_samples(sizes, runs, k, memory.state, lane, runs.clock[k, TIME])
 
 
@@ -178,8 +199,18 @@ def keep_first_stage(sizes: Sizes, memory: LaneMemory, stage: int) -> None:
 def measure_steps(
     sizes: Sizes, tolerance: Tolerance, control: StepControl, memory: LaneMemory
 ) -> None:
-    """Compute the errors of a controlled step, or the plausibility of a fixed one."""
+    """Compute the errors of a controlled step, or the plausibility of a fixed one.
+
+    Also compute the lowest articulated inertia of the free joints at the end of the step.
+    """
     h = memory.step[0]
+    constants = memory.constants
+    deepest = -memory.work.body[0, JOINT_UW]
+    deepest = chosen(constants.body[0, FREE], deepest, -1.0)
+    for i in range(1, len(sizes.bodies)):
+        depth = chosen(constants.body[i, FREE], -memory.work.body[i, JOINT_UW], -1.0)
+        deepest = max(deepest, depth)
+    memory.norm[3] = -deepest
     if control.adaptive:
         worst, low, check = error_sizes(
             sizes, tolerance, memory.state, memory.new, memory.stages, control.error, h
@@ -194,19 +225,8 @@ def measure_steps(
         memory.norm[2] = check
 
 
-@merged
-def _inertia_left(sizes: Sizes, constants: ArmConstants, memory: LaneMemory, lane: int) -> bool:
-    lowest = 1.0
-    for i in range(len(sizes.bodies)):
-        if constants.body[i, FREE] != 0.0:
-            lowest = min(lowest, memory.work.body.array[i, JOINT_UW, lane])
-    return lowest > 0.0
-
-
 @apart
-def judge_steps(
-    sizes: Sizes, constants: ArmConstants, control: StepControl, runs: LaneRuns, memory: LaneMemory,
-) -> bool:  # fmt: skip
+def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: LaneMemory) -> bool:
     """Accept or reject the step of each lane; return whether a sample lies inside one."""
     between = False
     for lane in range(LANES):
@@ -228,7 +248,7 @@ def judge_steps(
                 )  # fmt: skip
         elif not norm <= 1.0:
             status = DIVERGED
-        if status == DONE and not _inertia_left(sizes, constants, memory, lane):
+        if status == DONE and not memory.norm.array[3, lane] > 0.0:
             status = INERTIA_LOST
         if status == DONE:
             memory.accepted.array[0, lane] = 1.0

@@ -15,9 +15,9 @@ from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Fast-math options that change the last digits but never hide a NaN or an infinity. Without
-#: "arcp": the compiler would replace other divisions by products in packs than in single numbers.
-_FAST = {"contract", "nsz"}
+#: The fast-math option that changes the sign of zeros alone. Options that change digits, such as
+#: "arcp" and "contract", do so at other places in packs than in single numbers; see ``fused``.
+_FAST = {"nsz"}
 
 
 #: Folder of the compiled code; None if no folder is private to this user.

@@ -24,6 +24,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.types.functions import BaseFunction
 
+from flexarm.kernels.compilation.fused import fuse
+
 #: Modules of the operators and functions whose signatures depend on the types alone.
 _BUILT_IN = {"_operator", "builtins", "math"}
 #: Signatures that kernels have used, by function and types of the arguments.
@@ -67,13 +69,14 @@ _replaced: tuple[Any, bool, tuple[Any, Any]] | None = None
 
 
 def _accelerate() -> None:
-    """Set the compiler up for kernels: no vectorization, no search for cyclic garbage."""
+    """Set the compiler up for kernels: fused sums, no vectorization, no search for garbage."""
     global _replaced
     vectorize = _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE
     _replaced = _functions.get_call_type, gc.isenabled(), vectorize
     _functions.get_call_type = _remembered
     _config.LOOP_VECTORIZE = _config.SLP_VECTORIZE = 0
     gc.disable()
+    fuse(True)
 
 
 def _restore() -> None:
@@ -88,6 +91,7 @@ def _restore() -> None:
     _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE = vectorize
     if collecting:
         gc.enable()
+    fuse(False)
     _replaced = None
 
 

@@ -61,15 +61,15 @@ def parts_of(context: Any, builder: Any, kind: Any, number: Any) -> tuple[Any, A
     """Return value and derivatives; None for the derivatives of an ordinary number."""
     if kind != DUAL:
         return context.cast(builder, number, kind, types.float64), None
-    dual = cgutils.create_struct_proxy(DUAL)(context, builder, value=number)
-    return dual.value, dual.slopes
+    return builder.extract_value(number, 0), builder.extract_value(number, 1)
 
 
 def joined(context: Any, builder: Any, value: Any, slopes: Any) -> Any:
-    dual = cgutils.create_struct_proxy(DUAL)(context, builder)
-    dual.value = value
-    dual.slopes = ir.Constant(VECTOR, [0.0] * DIRECTIONS) if slopes is None else slopes
-    return dual._getvalue()
+    # Not in memory, so that ``fused`` finds a product in the value.
+    none = ir.Constant(context.get_value_type(DUAL), ir.Undefined)
+    first = builder.insert_value(none, value, 0)
+    second = ir.Constant(VECTOR, [0.0] * DIRECTIONS) if slopes is None else slopes
+    return builder.insert_value(first, second, 1)
 
 
 @lower_cast(types.Float, DualType)

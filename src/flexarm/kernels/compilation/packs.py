@@ -36,7 +36,7 @@ LANES = 8
 COMPILED = not getattr(config, "DISABLE_JIT", False)
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 #: The fast-math options of all kernels.
-FAST = ("contract", "nsz")
+FAST = ("nsz",)
 _NUMBERS = types.Float, types.Integer
 
 
@@ -195,6 +195,11 @@ class Packs:
         """Return packs of zeros."""
         return cls(np.zeros((*shape, LANES)))
 
+    @classmethod
+    def of(cls, array: NDArray[np.float64]) -> Packs:
+        """Return packs whose lanes all have the numbers of an array."""
+        return cls(np.repeat(array[..., None], LANES, axis=-1))
+
 
 class PacksType(types.Type):
     """Type of ``Packs`` with some axes besides the lanes."""
@@ -280,3 +285,33 @@ def _set_pack(packs, index, value):
     if isinstance(packs, PacksType):
         return lambda packs, index, value: _store(packs, index, value)
     return None
+
+
+def _fill_lane(typing: Any, packs: Any, lane: Any, rows: Any, row: Any) -> Any:
+    """Copy ``rows[row]`` into a lane of ``packs``; an array of numbers is left as it is."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if isinstance(sig.args[0], PacksType):
+            _copy_into_lane(context, builder, sig, args)
+        return context.get_dummy_value()
+
+    return types.void(packs, lane, rows, row), code
+
+
+def _copy_into_lane(context: Any, builder: Any, sig: Any, args: Any) -> None:
+    """Write the loop of ``fill_lane``; both arrays are contiguous."""
+    kind, _, rows_kind, _ = sig.args
+    packs = cgutils.create_struct_proxy(kind)(context, builder, value=args[0])
+    target = context.make_array(kind.array)(context, builder, packs.array)
+    source = context.make_array(rows_kind)(context, builder, args[2])
+    lane, row = (context.cast(builder, args[k], sig.args[k], types.intp) for k in (1, 3))
+    size = ir.Constant(ir.IntType(64), LANES)
+    count = builder.sdiv(target.nitems, size)
+    with cgutils.for_range(builder, count) as loop:
+        place = builder.add(builder.mul(row, count), loop.index)
+        value = builder.load(builder.gep(source.data, [place]))
+        place = builder.add(builder.mul(loop.index, size), lane)
+        builder.store(value, builder.gep(target.data, [place]))
+
+
+fill_lane: Any = intrinsic(_fill_lane)
