@@ -266,7 +266,7 @@ def test_plants_equal_a_single_plant_to_the_last_bit():
         ({"autoreset_mode": "later"}, "autoreset_mode must be one of 'NextStep', 'SameStep'"),
         ({"duration": 0.0}, "duration must be at least sample_time"),
     ],
-    ids=str,
+    ids=lambda value: ", ".join(value) if isinstance(value, dict) else None,
 )
 def test_wrong_arguments_are_rejected(arguments, message):
     with pytest.raises(fa.InputError, match=message):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.model import Scenario, Study, load_scenario, save_scenario
+from flexarm.model import Scenario, StudySpec, load_scenario, save_scenario
 from flexarm.scenarios import references
 from flexarm.scenarios.scenario import prepare
 from flexarm.scenarios.study import PreparedStudy
@@ -179,7 +179,7 @@ def test_a_study_computes_each_reference_once(monkeypatch):
     monkeypatch.setattr(
         references, "quasi_static_reference", lambda *a: (calls.append(a), own(*a))[1]
     )
-    study = Study(
+    study = StudySpec(
         arm=spec(),
         motions={"line": LINE},
         drives={"soft": PD, "stiff": {**PD, "proportional": 80.0}, "lqg": {"kind": "lqg"}},
