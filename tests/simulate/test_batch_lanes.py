@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from flexarm.batch import lanes
-from flexarm.model.file_format.paths import with_number
+from flexarm.model.paths import with_number
 from random_arms import random_spec
 
 pytestmark = pytest.mark.compiled
