@@ -209,6 +209,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
     "export_c": {"arm": arm, "folder": lambda: folder() / "c", "controller": controller},
+    "export_fmu": {"arm": arm, "path": lambda: folder() / "arm.fmu", "controller": controller},
     "export_mjcf": {"arm": arm, "path": lambda: folder() / "arm.xml"},
     "export_urdf": {"arm": arm, "path": lambda: folder() / "arm.urdf"},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},

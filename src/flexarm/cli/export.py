@@ -11,14 +11,15 @@ from flexarm.cli.failures import report_failures
 
 export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
 
+_Exported = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Arm, or a scenario, whose controller is exported.")
+]
+
 
 @export.command("c")
 @report_failures
 def export_c(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="Arm, or a scenario, whose controller is exported."),
-    ],
+    file: _Exported,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder; by default beside the file: FILE_c."),
@@ -39,6 +40,33 @@ def export_c(
     from flexarm.cli.commands.export import export_c_file
 
     export_c_file(file, out, name, parameters or [])
+
+
+@export.command("fmu")
+@report_failures
+def export_fmu(
+    file: _Exported,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The file; by default beside the given one: FILE.fmu."),
+    ] = None,
+    fmi: Annotated[str, typer.Option(metavar="2.0|3.0", help="Version of the standard.")] = "2.0",
+    name: Annotated[
+        str, typer.Option(metavar="NAME", help="Identifier of the model and of its C functions.")
+    ] = "arm",
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter",
+            metavar="PATH",
+            help="A number that can be set before a run, such as payload.mass; repeatable.",
+        ),
+    ] = None,
+) -> None:
+    """Write an FMU for model exchange and co-simulation, with source and Linux binary."""
+    from flexarm.cli.commands.export import export_fmu_file
+
+    export_fmu_file(file, out, fmi, name, parameters or [])
 
 
 _ArmFile = Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")]

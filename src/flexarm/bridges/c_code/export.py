@@ -63,12 +63,10 @@ def export_c(
     """
     model = casadi_model(arm, parameters)
     place = check_path("folder", folder)
-    if not isinstance(name, str) or not _NAME.fullmatch(name) or name.startswith("casadi"):
-        rule = "be at most 32 lower-case letters, digits and underscores, the first a letter"
-        raise InputError(Problem("name", rule, shown(name)))
+    check_prefix("name", name)
     if controller is not None:
         check_controller("controller", controller)
-    export = _exported(model, name, controller)
+    export = exported(model, name, controller)
     names = f"{name}.h", f"{name}.c", f"{name}_recording.h", f"{name}_test.c", "Makefile"
     files = [place / file for file in names]
     _refuse_to_replace(files)
@@ -76,6 +74,18 @@ def export_c(
     for text, file in zip(_texts(export), files, strict=True):
         write_text(text, file)
     return files
+
+
+def check_prefix(argument: str, name: object) -> str:
+    """Return a prefix of C functions.
+
+    Raises:
+        InputError: if it is not one.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name) or name.startswith("casadi"):
+        rule = "be at most 32 lower-case letters, digits and underscores, the first a letter"
+        raise InputError(Problem(argument, rule, shown(name)))
+    return name
 
 
 def _refuse_to_replace(files: Sequence[Path]) -> None:
@@ -93,7 +103,7 @@ def _refuse_to_replace(files: Sequence[Path]) -> None:
         raise InputError(*problems)
 
 
-def _exported(model: CasadiModel, name: str, controller: Controller | None) -> Exported:
+def exported(model: CasadiModel, name: str, controller: Controller | None) -> Exported:
     """Return the functions of the arm and of the controller."""
     from flexarm.bridges.c_code.exported import Exported
     from flexarm.bridges.c_code.model_functions import model_functions

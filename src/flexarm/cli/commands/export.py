@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from flexarm.arm import Arm, load_arm
+from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.export import export_c
+from flexarm.bridges.fmu.export import export_fmu
 from flexarm.bridges.rigid_chain.export import export_mjcf, export_urdf
 from flexarm.cli.tables import console
 from flexarm.control.base import Controller
 from flexarm.model import load_arm_spec, locate_scenario
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.scenario import prepare
+from flexarm.simulation.preparation import start_of
 
 
 def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]) -> None:
@@ -20,7 +25,7 @@ def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]
     Raises:
         InputError: if the file is not valid, or under the conditions of ``export_c``.
     """
-    arm, controller = _arm_and_controller(path)
+    arm, controller, _ = _arm_and_controller(path)
     folder = out if out is not None else path.with_name(f"{path.stem}_c")
     files = export_c(arm, folder, name=name, parameters=parameters, controller=controller)
     screen = console()
@@ -29,6 +34,32 @@ def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]
     if controller is not None:
         screen.print(f"with the controller {type(controller).__name__}", soft_wrap=True)
     screen.print(f"next: make -C {folder} test", soft_wrap=True)
+
+
+def export_fmu_file(
+    path: Path, out: Path | None, fmi: str, name: str, parameters: list[str]
+) -> None:
+    """Write an FMU of an arm file, or of the arm and the controller of a scenario file.
+
+    Raises:
+        InputError: if the file is not valid, or under the conditions of ``export_fmu``.
+    """
+    arm, controller, (q, qd) = _arm_and_controller(path)
+    place = out if out is not None else path.with_suffix(".fmu")
+    written = export_fmu(
+        arm,
+        place,
+        fmi=fmi,
+        name=name,
+        parameters=parameters,
+        controller=controller,
+        initial=q,
+        initial_rate=qd,
+    )
+    screen = console()
+    screen.print(str(written), soft_wrap=True)
+    if controller is not None:
+        screen.print(f"with the controller {type(controller).__name__}", soft_wrap=True)
 
 
 def export_chain_file(path: Path, out: Path | None, virtual_joints: int, suffix: str) -> None:
@@ -43,10 +74,14 @@ def export_chain_file(path: Path, out: Path | None, virtual_joints: int, suffix:
     console().print(str(written), soft_wrap=True)
 
 
-def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None]:
-    """Return the arm of a file, and its controller if it is a scenario with one."""
+def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]:
+    """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
     document = load_document(path)
     if describes_arm_only(document):
-        return Arm(load_arm_spec(document)), None
+        arm = Arm(load_arm_spec(document))
+        return arm, None, np.zeros((2, arm.dof))
     prepared = prepare(*locate_scenario(document))
-    return prepared.arm, prepared.options.get("controller")
+    arm, options = prepared.arm, prepared.options
+    names = ("initial", "initial_rate", "reference", "torque")
+    state = start_of(arm, *(options.get(name) for name in names))
+    return arm, options.get("controller"), state.reshape(2, -1)[:, arm.assembly.coordinates]

@@ -1,0 +1,1 @@
+"""Functional mock-up units: the exported C code behind the functions of FMI."""
