@@ -187,11 +187,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Motors": {"torque_limit": 2.0},
     "ControllerRequirements": {},
     "Plant": {"arm": arm, "sample_time": 0.005},
-    "PrescribedAngle": {
-        "angle": lambda: lambda t: 0.0,
-        "rate": lambda: lambda t: 0.0,
-        "acceleration": lambda: lambda t: 0.0,
-    },
+    "PrescribedAngle": dict.fromkeys(("angle", "rate", "acceleration"), lambda: lambda t: 0.0),
     "Reduction": {"kind": "peak", "channel": "tip"},
     "RoundWall": {"center": [0.0, 0.0], "radius": 3.0},
     "Sensor": {"kind": "acceleration", "link": 1},
