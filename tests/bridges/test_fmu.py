@@ -20,7 +20,6 @@ from flexarm.cli.main import app
 fmpy = pytest.importorskip(
     "fmpy", reason="FMPy is not installed: the FMUs were neither validated nor simulated"
 )
-from fmpy.build import build_platform_binary  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 
 VERSIONS = ("2.0", "3.0")
@@ -269,6 +268,9 @@ def closed_loop(name, version, kind, tmp_path):
 @pytest.mark.parametrize("version", VERSIONS)
 def test_closed_loop(version, kind, tmp_path):
     """The controller acts at its samples, in co-simulation and as time events."""
+    old = tuple(map(int, fmpy.__version__.split(".")[:3])) < (0, 3, 26)
+    if kind == "ModelExchange" and old:
+        pytest.skip("this FMPy is older than 0.3.26, and its time events are not accurate")
     run, found = closed_loop("computed_torque", version, kind, tmp_path)
     assert len(found) == run.time.size
     limit = 1e-8 if kind == "CoSimulation" else 1e-5
@@ -318,8 +320,11 @@ def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatc
     monkeypatch.undo()
     assert not [name for name in zipfile.ZipFile(path).namelist() if name.startswith("binaries")]
     folder = fmpy.extract(str(path), unzipdir=str(tmp_path / "whole"))
+    build = pytest.importorskip(
+        "fmpy.build", reason="this FMPy is too old to build: the source FMU was not compiled"
+    )
     (tmp_path / "build").mkdir()
-    build_platform_binary(folder, tmp_path / "build")
+    build.build_platform_binary(folder, tmp_path / "build")
     found = fmpy.simulate_fmu(folder, stop_time=0.01, fmi_type="CoSimulation")
     assert found["time"][-1] == 0.01
 
