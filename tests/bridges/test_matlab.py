@@ -100,6 +100,23 @@ def test_default_arguments_and_wrong_sizes(tmp_path):
     assert found["message"] == f"The rows must be {rows}."
 
 
+@pytest.mark.parametrize(
+    ("stem", "function"),
+    [
+        ("2 links", "arm_2_links_dynamics"),
+        ("_ü", "arm____dynamics"),
+        ("a" * 70, "a" * 54 + "_dynamics"),
+    ],
+)
+def test_names_of_the_function(stem, function, tmp_path):
+    """Names of MATLAB begin with a letter of ASCII and have at most 63 characters."""
+    arm = light().rigid()
+    linear = fa.linearize(arm, arm.rest([0.1]))
+    table, script = fa.export_mat(arm, tmp_path / f"{stem}.mat", linear=linear)
+    assert (table.name, script.name) == (f"{stem}.mat", f"{function}.m")
+    assert script.read_text().startswith(f"function qdd = {function}(")
+
+
 def test_every_expression(tmp_path):
     """Each operation of CasADi has the value that CasADi computes."""
     x, y = casadi.SX.sym("x"), casadi.SX.sym("y")
@@ -170,8 +187,10 @@ def test_run_in_octave_is_that_of_simulate(tmp_path):
     [t, x] = ode45(rates, result.time, [result.q(1, :), result.qd(1, :)]', options);
     last = x(end, 1:n); q = result.q; unit = result.units.q; tip = size(result.tip);
     version = result.attributes.flexarm_version;
+    thirds = [result.joint / 3, result.attributes.steps / 3];  % integers would be rounded
     """
-    found = octave(tmp_path, script, {}, ("last", "q", "unit", "tip", "version"))
+    found = octave(tmp_path, script, {}, ("last", "q", "unit", "tip", "version", "thirds"))
+    assert np.array_equal(found["thirds"], [1 / 3, result.attrs["steps"] / 3])
     assert np.array_equal(found["q"], result.q.values)
     assert found["unit"] == result.q.attrs["units"]
     assert found["tip"].tolist() == [51, 2]
@@ -202,6 +221,10 @@ def test_command(tmp_path):
         assert np.array_equal(np.squeeze(found["linear"][name]), np.squeeze(value)), name
     assert "payload.mass" in (tmp_path / "swing_dynamics.m").read_text()
     assert "result" not in found
+    fa.export_mat(arm, tmp_path / "swing.mat")
+    default = loadmat(tmp_path / "swing.mat", simplify_cells=True)["linear"]
+    assert default["outputs"].tolist() == ["joint_angle[1]", "tip[x]", "tip[y]"]
+    assert np.array_equal(default["torque"], fa.equilibrium(arm, [0.0]).torque[0])
 
     result = fa.simulate(arm, 0.1)
     fa.write_result(result, tmp_path / "swing.nc")

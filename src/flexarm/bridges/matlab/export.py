@@ -56,6 +56,9 @@ def export_mat(
         InputError: if CasADi is not installed, a parameter is not possible, an argument has a wrong
             type, or a file cannot be written.
         EquilibriumError: if ``linear`` is None and the arm has no equilibrium at zero.
+
+    Warns:
+        LargeDeflectionWarning: as in ``linearize``, if ``linear`` is None.
     """
     from flexarm.bridges.matlab.dynamics_file import dynamics_file
     from flexarm.bridges.matlab.result_structure import result_structure

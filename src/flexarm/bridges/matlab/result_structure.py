@@ -19,7 +19,9 @@ def result_structure(result: xr.Dataset) -> dict[str, Any]:
     arrays = {str(name): array for name, array in result.variables.items()}
     found: dict[str, Any] = {name: _numbers(array.values) for name, array in arrays.items()}
     found["units"] = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}
-    found["attributes"] = {str(name): value for name, value in result.attrs.items()}
+    found["attributes"] = {
+        str(name): _numbers(np.asarray(value)) for name, value in result.attrs.items()
+    }
     return found
 
 
