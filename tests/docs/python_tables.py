@@ -55,7 +55,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("linearize_along", "Separation", "simulate_separated"),
         *("step_jacobian", "StepJacobian"),
     ),
-    "symbolic": ("to_casadi", "to_jax", "export_c", "export_fmu", "export_mjcf", "export_urdf"),
+    "symbolic": (
+        *("to_casadi", "to_jax", "export_c", "export_fmu", "export_mat"),
+        *("export_mjcf", "export_urdf"),
+    ),
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         "OptimizationError",

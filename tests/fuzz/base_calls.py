@@ -204,10 +204,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     },
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
-    "export_c": {"arm": arm, "folder": lambda: folder() / "c", "controller": controller},
-    "export_fmu": {"arm": arm, "path": lambda: folder() / "arm.fmu", "controller": controller},
-    "export_mjcf": {"arm": arm, "path": lambda: folder() / "arm.xml"},
-    "export_urdf": {"arm": arm, "path": lambda: folder() / "arm.urdf"},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
     "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
     "linearize": {"arm": arm},
@@ -241,7 +237,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
-    **{key: {"arm": arm, "parameters": ["payload.mass"]} for key in ("to_casadi", "to_jax")},
     "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
     "tip_inversion": {
         "arm": arm,

@@ -10,6 +10,7 @@ import flexarm as fa
 import flexarm.plot
 from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
+from fuzz.export_calls import EXPORTS
 from fuzz.figure_calls import FIGURES
 from fuzz.motion_calls import MOTIONS
 from fuzz.study_calls import STUDIES, STUDY_METHODS
@@ -24,7 +25,8 @@ def calls() -> dict[str, Callable[[], Call]]:
     """Return every call by name: a function that returns its callable, and one that returns its
     arguments."""
     found: dict[str, Callable[[], Call]] = {}
-    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **FUNCTIONS, **MOTIONS, **STUDIES}
+    functions = {**FUNCTIONS, **MOTIONS, **STUDIES, **EXPORTS}
+    made: dict[str, Any] = {**RECORDS, **CONTROLLERS, **functions}
     for name, given in made.items():
         found[name] = lambda name=name, given=given: (getattr(fa, name), _values(given))
     for name, given in FIGURES.items():

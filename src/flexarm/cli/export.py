@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flexarm.cli.failures import report_failures
+from flexarm.cli.options import Angles, Inputs, Outputs, Parameters
 
 export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
 
@@ -27,14 +28,7 @@ def export_c(
     name: Annotated[
         str, typer.Option(metavar="NAME", help="Prefix of the functions and of the files.")
     ] = "arm",
-    parameters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--parameter",
-            metavar="PATH",
-            help="A number that becomes an argument, such as payload.mass; repeatable.",
-        ),
-    ] = None,
+    parameters: Parameters = None,
 ) -> None:
     """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
     from flexarm.cli.commands.export import export_c_file
@@ -76,6 +70,28 @@ _Out = Annotated[
 _VirtualJoints = Annotated[
     int, typer.Option(min=2, max=64, help="Virtual joints of each flexible link.")
 ]
+
+
+@export.command("mat")
+@report_failures
+def export_mat(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="Arm; scenario, which is simulated; or result (.nc)."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The .mat file; by default beside FILE."),
+    ] = None,
+    angles: Angles = None,
+    inputs: Inputs = "torque",
+    outputs: Outputs = "joint_angle,tip",
+    parameters: Parameters = None,
+) -> None:
+    """Write MATLAB files: a linear model, the result of a run, a function of the dynamics."""
+    from flexarm.cli.commands.export_mat import export_mat_file
+
+    export_mat_file(file, out, angles, inputs, outputs, parameters or [])
 
 
 @export.command("mjcf")

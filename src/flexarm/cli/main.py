@@ -14,6 +14,7 @@ import typer
 
 from flexarm.cli.export import export
 from flexarm.cli.failures import end_orderly_when_terminated, report_failures
+from flexarm.cli.options import Angles, Inputs, Outputs
 
 app = typer.Typer(
     name="flexarm",
@@ -294,18 +295,9 @@ def modes(
 @report_failures
 def linearize(
     arm: Annotated[Path, typer.Argument(metavar="ARM.yaml", help="Arm or scenario.")],
-    angles: Annotated[
-        str | None,
-        typer.Option(
-            metavar='"A,B,..."', help="Joint angles of the equilibrium, rad; zero by default."
-        ),
-    ] = None,
-    inputs: Annotated[
-        str, typer.Option(metavar='"A,B,..."', help="Inputs, such as torque, tip_force.")
-    ] = "torque",
-    outputs: Annotated[
-        str, typer.Option(metavar='"A,B,..."', help="Outputs, such as joint_angle, tip, strain.")
-    ] = "joint_angle,tip",
+    angles: Angles = None,
+    inputs: Inputs = "torque",
+    outputs: Outputs = "joint_angle,tip",
     count: Annotated[int, typer.Option(min=1, help="Number of poles to print.")] = 8,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the model: .mat or .json.")

@@ -1,4 +1,4 @@
-"""Common options of commands: one number for each joint, and the posture of the arm."""
+"""Common options of commands: names, one number for each joint, and the posture of the arm."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import math
 
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, shown
+
+
+def comma_separated(text: str) -> list[str]:
+    """Return the names in a text, which commas separate."""
+    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def joint_numbers(option: str, arm: Arm, text: str | None, unit: str) -> list[float]:

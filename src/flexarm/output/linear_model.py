@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.writing.mat_file import mat_bytes
 from flexarm.writing.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
@@ -42,19 +42,7 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     if place.suffix.lower() == ".json":
         write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)
     else:
-        write_whole(place, [_mat(model)])
-
-
-def _mat(model: LinearModel) -> bytes:
-    from scipy.io import savemat
-
-    cells = {
-        name: np.array(value, dtype=object) if isinstance(value, list) else value
-        for name, value in model.arrays().items()
-    }
-    content = BytesIO()
-    savemat(content, cells, oned_as="column", do_compression=True)
-    return content.getvalue()
+        write_whole(place, [mat_bytes(model.arrays())])
 
 
 def _plain(arrays: dict[str, Any]) -> dict[str, Any]:

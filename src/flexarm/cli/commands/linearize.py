@@ -9,7 +9,7 @@ import numpy as np
 from flexarm.arm import load_arm
 from flexarm.bending import bending_warning, one_warning
 from flexarm.cli.failures import warn
-from flexarm.cli.postures import joint_numbers, listed
+from flexarm.cli.postures import comma_separated, joint_numbers, listed
 from flexarm.cli.tables import console, facts, numbers
 from flexarm.linear import LinearModel, equilibrium, linearize
 from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
@@ -40,9 +40,10 @@ def show_linear(
         check_place("--out", out, MODEL_SUFFIXES)
     if plot is not None:
         check_place("--plot", plot, FIGURE_SUFFIXES)
+    driven, observed = comma_separated(inputs), comma_separated(outputs)
     with one_warning():  # printed below in one line
         rest = equilibrium(arm, posture)
-        model = linearize(arm, rest, inputs=_names(inputs), outputs=_names(outputs))
+        model = linearize(arm, rest, inputs=driven, outputs=observed)
     screen = console()
     if warning := bending_warning(arm, rest.q):
         warn(warning)
@@ -72,10 +73,6 @@ def _held(posture: list[float], torque: list[float]) -> str:
     if not posture:
         return "no joint turns"
     return f"{listed(posture)} rad, held by {listed(torque)} N m"
-
-
-def _names(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _some(names: tuple[str, ...]) -> str:
