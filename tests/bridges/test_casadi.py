@@ -161,7 +161,7 @@ REFUSED = {
     "links[0].elements": "It is 2 there.",
     "joints[1].friction.coulomb": "joints[1].friction has no coulomb",
     "payload": "It is Payload",
-    "payload mass": "An example is",
+    "payload mass": "did you mean payload?",
     "links[1].section.height": "Possible for links[1]: ",
     "joints[1].rest_angle": "It is 0 in this arm",
     "links[0].length": "form of the modes",

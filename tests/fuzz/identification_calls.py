@@ -38,7 +38,6 @@ RESULT: dict[str, Any] = {
     "Identification": (
         identified,
         {
-            "fit_rows": {"fits": lambda: identified().fit},
             "rows": {},
             "write": {"path": "identified.yaml"},
         },

@@ -84,24 +84,11 @@ class Identification:
             found.append((name, *(f"{value:.5g}" for value in numbers), remark))
         return found
 
-    def fit_rows(self, fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
-        """Return the table of a fit: record, channel, percent, RMS, and both tests."""
-        found = []
-        for record in fits["record"].values.tolist():
-            for channel in fits["channel"].values.tolist():
-                one = fits.sel(record=record, channel=channel)
-                if not np.isfinite(one["rms"]):
-                    continue
-                tests = ("passed" if one[k] > SIGNIFICANT else "failed" for k in _TESTS)
-                numbers = f"{float(one['fit']):.2f}", f"{float(one['rms']):.3g}"
-                found.append((record, channel, *numbers, *tests))
-        return found
-
     def __str__(self) -> str:
         lines = [_aligned([HEADS, *self.rows()])]
-        lines.append(_aligned([FIT_HEADS, *self.fit_rows(self.fit)]))
+        lines.append(_aligned([FIT_HEADS, *fit_rows(self.fit)]))
         if self.validation.sizes["record"]:
-            lines.append("validation\n" + _aligned([FIT_HEADS, *self.fit_rows(self.validation)]))
+            lines.append("validation\n" + _aligned([FIT_HEADS, *fit_rows(self.validation)]))
         lines += self.undetermined
         return "\n\n".join(lines)
 
@@ -115,6 +102,20 @@ class Identification:
 
 
 _TESTS = ("whiteness", "independence")
+
+
+def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
+    """Return the table of a fit: record, channel, percent, RMS, and both tests."""
+    found = []
+    for record in fits["record"].values.tolist():
+        for channel in fits["channel"].values.tolist():
+            one = fits.sel(record=record, channel=channel)
+            if not np.isfinite(one["rms"]):
+                continue
+            tests = ("passed" if one[k] > SIGNIFICANT else "failed" for k in _TESTS)
+            numbers = f"{float(one['fit']):.2f}", f"{float(one['rms']):.3g}"
+            found.append((record, channel, *numbers, *tests))
+    return found
 
 
 def _aligned(rows: list[tuple[Any, ...]]) -> str:

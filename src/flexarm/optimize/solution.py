@@ -104,7 +104,6 @@ class OptimalMotion(TabulatedMotion):
         duration: s.
         initial, final: (dof,) coordinates at rest before and after the motion.
         modes: number of the lowest vibrations that are at rest at the end.
-        intervals: number of intervals of the collocation.
         iterations: iterations of IPOPT.
         run: result of `simulate` for the full model under the torque, to some time after the end.
         remaining: what remains of vibration and of errors there, and the limits.

@@ -76,6 +76,6 @@ def test_plant_of_a_study_is_simulated():
     for plant in ("as believed", "heavier"):
         picture = next(parts_of(Request(project.chosen(plant=plant))))
         ends.append(json.loads(picture.data)["scenes"][0]["path"][-1])
-        expected, _ = study._one("torque alone", plant, "slow")
+        expected, _ = study.one("torque alone", plant, "slow")
         np.testing.assert_allclose(ends[-1], expected.tip[-1], atol=2e-4)
     assert np.abs(np.subtract(*ends)).max() > 0.02

@@ -10,7 +10,7 @@ import xarray as xr
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import IdentifiabilityWarning
-from flexarm.identification.result import FIT_HEADS, HEADS, Identification
+from flexarm.identification.result import FIT_HEADS, HEADS, Identification, fit_rows
 from flexarm.identification.study import PreparedIdentification
 from flexarm.writing.places import check_place
 
@@ -47,4 +47,4 @@ def identify_file(path: Path, out: Path | None, quiet: bool) -> None:
 
 
 def _fits(title: str, found: Identification, fits: xr.Dataset) -> object:
-    return numbers(title, FIT_HEADS, found.fit_rows(fits))
+    return numbers(title, FIT_HEADS, fit_rows(fits))

@@ -88,13 +88,13 @@ def _samples_inside(sizes: Sizes, runs: LaneRuns, memory: LaneMemory) -> None:
         if memory.accepted.array[0, lane] == 0.0:
             continue
         k = memory.run[lane]
-        mode = runs.constants.mode[arm_of(runs, k)]
+        modes = runs.constants.mode  # of all arms
         h = memory.step.array[0, lane]
         due = runs.counts[k, SAMPLES]
         while due < runs.sample_times.shape[0] and runs.sample_times[due] < memory.end[lane]:
             x = (runs.sample_times[due] - runs.clock[k, TIME]) / h
             between_ends(
-                sizes, mode, runs.fastest[k], memory.state.array[:, :, :, lane],
+                sizes, modes[arm_of(runs, k)], runs.fastest[k], memory.state.array[:, :, :, lane],
                 memory.new.array[:, :, :, lane], memory.stages.array[:, :, :, :, lane], x, h,
                 runs.samples[k, due],
             )  # fmt: skip
