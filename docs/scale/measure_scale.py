@@ -118,7 +118,7 @@ def measured_duration(folder: Path, workers: int) -> float:
     store = create_store(
         folder / f"{workers}.zarr", study._text, study._executor, study._prepared.names, CHUNK
     )
-    tasks = [(str(store.path), i) for i in range(store.chunks)]
+    tasks = [(str(store.path), store.digest, i) for i in range(store.chunks)]
     with cluster(None, workers) as client:
         execute(client, record_chunk, tasks, lambda *_: None)
     return time.perf_counter() - started

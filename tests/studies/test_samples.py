@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import kstest, loguniform, norm
-from small_study import content
+from small_study import PD, READING, content
 
 import flexarm as fa
 from flexarm.model import StudySpec
@@ -56,6 +56,17 @@ def test_grid_has_all_combinations():
     assert len({tuple(row) for row in values.tolist()}) == 5 * 3 * 2
     assert np.unique(values[:, 0]).tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
     assert np.unique(values[:, 1]) == pytest.approx([0.1, 1.0, 10.0], rel=1e-12)
+
+
+def test_seeds_of_noise_have_63_bits():
+    """Of 2000 seeds of 32 bits, two are equal with a probability of 1 in 2000."""
+    plan = {"count": 2000, "noise": "different"}
+    changes = {"hardware": READING, "drives": {"PD": PD}}
+    drawn = Samples(StudySpec(**content(**changes, samples=plan)))
+    seeds = [drawn.noise_seed(k) for k in range(2000)]
+    assert len(set(seeds)) == 2000
+    assert 2**62 < max(seeds) < 2**63
+    assert fa.Hardware(seed=max(seeds)).seed == max(seeds)
 
 
 def test_relative_values_are_factors():

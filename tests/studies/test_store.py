@@ -7,6 +7,7 @@ import pytest
 from small_study import PD, READING, content, files_of
 
 import flexarm as fa
+from flexarm.model import StudySpec, file_text
 from flexarm.studies import store as stores
 
 zarr = pytest.importorskip("zarr", reason="it comes with the extra: pip install 'flexarm[cluster]'")
@@ -135,3 +136,40 @@ def test_verify_finds_changed_numbers(study, copied):
     (copied / "metrics/c/1/0/0/0/0").unlink()
     with pytest.raises(fa.InputError, match="1 of 3 chunks missing or damaged"):
         study.verify(copied, 12)
+
+
+@pytest.mark.parametrize("chunk", [5, 3])
+def test_folder_of_another_study_is_used_anew(chunk, study, tmp_path):
+    """In one process: a worker keeps no store whose folder was deleted and created again."""
+    place = tmp_path / "b.zarr"
+    study.run(place, workers=1, chunk=5)
+    shutil.rmtree(place)
+    other = study if chunk == 3 else fa.Study(content(drives={"other": PD}))
+    other.run(place, workers=1, chunk=chunk)
+    assert fa.read_study(place).equals(other.run(workers=1, chunk=12))
+    assert other.verify(place, 12) == []
+
+
+def test_task_of_another_study_is_refused(study, undisturbed):
+    digest = stores.Store(undisturbed).digest
+    other = stores.digest_of(file_text(StudySpec(**content(13))), 5)
+    assert stores.opened(str(undisturbed), digest).digest == digest
+    with pytest.raises(fa.InputError, match="belongs to another study"):
+        stores.opened(str(undisturbed), other)
+
+
+@pytest.mark.parametrize("content", [b"", b"garbage", None], ids=["empty", "damaged", "lost"])
+@pytest.mark.parametrize("name", ["metrics/c/1/0/0/0/0", "parameters/c/1/0"])
+def test_damaged_chunks_are_not_results(content, name, undisturbed, copied):
+    (copied / name).unlink() if content is None else (copied / name).write_bytes(content)
+    with pytest.warns(fa.FlexarmWarning, match="leaves out 1 of 3 chunks, whose files"):
+        found = fa.read_study(copied)
+    assert found.equals(fa.read_study(undisturbed).isel(sample=[0, 1, 2, 3, 4, 10, 11]))
+
+
+def test_damaged_checksum_is_executed_again(study, undisturbed, copied):
+    """A loss of power may leave an empty file."""
+    (copied / "checksum/c/1").write_bytes(b"")
+    assert fa.read_study(copied).sizes["sample"] == 7
+    study.run(copied, workers=1, resume=True)
+    assert files_of(copied) == files_of(undisturbed)

@@ -5,8 +5,10 @@ import pytest
 from small_study import CONTENT, PD, READING, content
 
 import flexarm as fa
+from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.model import StudySpec
 from flexarm.scenarios.study import PreparedStudy
+from flexarm.simulation.compare import evaluated
 
 LARGE = {"kind": "values", "values": [0.1, 5.0]}
 
@@ -80,6 +82,45 @@ def test_diverging_runs_are_recorded():
     good, bad = table["failure"].values.ravel()
     assert good == ""
     assert bad.startswith("stopped at t =")
+
+
+@pytest.mark.parametrize("drive", [{**PD, "reference": "tip_inversion"}, {"kind": "tip_inversion"}])
+def test_samples_without_a_reference_are_recorded(drive):
+    """The tip inversion of a motion that is too fast does not converge."""
+    motion = {
+        "kind": "line",
+        "start": [1.3, 0.7],
+        "end": [1.2, 0.8],
+        "duration": 0.4,
+        "start_time": 0.3,
+    }
+    table = run(
+        drives={"it": drive},
+        motions={"line": motion},
+        vary={"motions.line.duration": {"kind": "values", "values": [0.4, 0.01]}},
+        samples={"method": "grid"},
+        run={"duration": 1.0, "rate": 200.0},
+    )
+    good, bad = table["failure"].values.ravel()
+    assert good == ""
+    assert bad.startswith("the tip comes within")
+
+
+def test_run_without_an_equilibrium_is_evaluated():
+    def no_equilibrium():
+        raise EquilibriumError(0.0, np.zeros(2), "it did not converge")
+
+    found = evaluated(no_equilibrium, fa.Arm(StudySpec(**CONTENT).arm), 0.0)
+    assert found.failure.startswith("no equilibrium found")
+    assert found.refusal is None
+
+
+def test_unstable_loop_is_reported_once():
+    gains = {"kind": "joint_pd", "proportional": 1.0, "derivative": 1.0, "sample_time": 0.01}
+    vary = {"drives.PD.proportional": {"kind": "values", "values": [0.01]}}
+    table = run(drives={"PD": gains}, vary=vary, samples={"method": "grid"})
+    assert table["failure"].item() == ""
+    assert table["warning"].item().count("the sampled loop is unstable") == 1
 
 
 def test_each_sample_has_its_own_noise_on_request():

@@ -39,6 +39,20 @@ def test_limits_count_as_failures():
     assert found["failure_rate"].item() == pytest.approx(0.3)
 
 
+def test_values_that_do_not_exist_exceed_a_limit():
+    found = fa.study_statistics(table([1.0, np.nan, 3.0, 9.0]), limits={"tip_error_rms": 7.0})
+    assert found["failure_rate"].item() == pytest.approx(0.5)
+    assert found["samples"].item() == 4
+
+
+def test_limit_of_a_metric_without_values_is_refused():
+    with pytest.raises(fa.InputError, match="cannot contain tip_error_rms, which is NaN for all"):
+        fa.study_statistics(table([np.nan, np.nan]), limits={"tip_error_rms": 7.0})
+    all_failed = table([1.0, 2.0], failed=[0, 1])
+    found = fa.study_statistics(all_failed, limits={"tip_error_rms": 7.0})
+    assert found["failure_rate"].item() == 1.0
+
+
 def test_sensitivity_indices_of_a_sum():
     """Of y = a + 2 b with equal distributions, a explains 1/5 and b 4/5; c explains nothing."""
     pytest.importorskip("SALib", reason="it comes with the extra: pip install 'flexarm[cluster]'")

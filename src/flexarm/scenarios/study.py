@@ -51,7 +51,7 @@ class PreparedStudy:
             for motion in study.motions:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
-                with _told_in_study(drive, motion):
+                with _problems_in_study(drive, motion):
                     kind = _reference_kind(scenario)
                     prepared = prepare(
                         scenario, own, made.get(motion), followed.get((motion, kind))
@@ -147,7 +147,7 @@ def run_study(
 
 
 @contextmanager
-def _told_in_study(drive: str, motion: str) -> Iterator[None]:
+def _problems_in_study(drive: str, motion: str) -> Iterator[None]:
     """Report problems of one scenario with their key paths in the study."""
     try:
         yield

@@ -15,6 +15,7 @@ from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
 from flexarm.errors import (
     AccuracyWarning,
+    FlexarmError,
     InconsistentEstimateWarning,
     InputError,
     LargeDeflectionWarning,
@@ -241,6 +242,8 @@ def evaluated(
         return Evaluation(failure=str(error), unstable=_unstable(error.result))
     except InputError as error:
         return Evaluation(failure=str(error), refusal=error)
+    except FlexarmError as error:  # without an equilibrium or a reference
+        return Evaluation(failure=str(error))
     unstable = _unstable(result)
     if result.attrs["ended_by"] != DURATION:  # metrics of a shorter run are not comparable
         failure = f"ended by the event {result.attrs['ended_by']!r}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
-from flexarm.errors import InputError
+from flexarm.errors import FlexarmError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
@@ -84,14 +84,14 @@ class Executor:
                 for j, metric in enumerate(RECORDED):
                     found.metrics[(*place, j)] = one.metrics.get(metric.name, np.nan)
                 found.failure[place] = one.failure
-                found.warning[place] = " ".join(filter(None, [one.unstable, one.warning]))
+                found.warning[place] = one.warning or one.unstable
         return found
 
     def _run(self, k: int, values: Mapping[str, float], chosen: tuple[str, str, str]) -> Evaluation:
         """Execute one run of sample k; ``chosen``: its drive, plant and motion."""
         try:
             prepared, simulated = self._varied(values, chosen[1])
-        except InputError as error:  # the values are not possible
+        except FlexarmError as error:  # impossible values, or no reference exists for them
             return Evaluation(failure=str(error))
         instead: dict[str, Any] = dict(_EXACT)
         seed, hardware = self.samples.noise_seed(k), prepared.study.hardware
@@ -105,6 +105,7 @@ class Executor:
 
         Raises:
             InputError: if the values are not possible.
+            FlexarmError: if a reference or an equilibrium for them was not found.
         """
         own = {path: value for path, value in values.items() if in_study(path)}
         prepared = _changed(self._prepared, tuple(own.items())) if own else self._prepared

@@ -68,7 +68,8 @@ class Samples:
         """Return the seed of the noise of sample k; None for that of the hardware."""
         if self._plan.noise == "same":
             return None
-        return int(np.random.SeedSequence((self._plan.seed, k)).generate_state(1)[0])
+        sequence = np.random.SeedSequence((self._plan.seed, k))
+        return int(sequence.generate_state(1, np.uint64)[0]) >> 1  # Hardware takes 63 bits
 
     def _grid(self, start: int, stop: int) -> FloatArray:
         shape = [len(values) for values in self._levels]

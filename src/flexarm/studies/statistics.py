@@ -41,8 +41,8 @@ def study_statistics(
     Args:
         table: as returned by `Study.run` or `read_study`.
         quantiles: probabilities between 0 and 1.
-        limits: largest acceptable values of metrics by name. A run that exceeds one, or failed,
-            counts as a failure; by default only runs that failed.
+        limits: largest acceptable values of metrics by name. A run that exceeds one, whose metric
+            is NaN, or which failed, counts as a failure; by default only runs that failed.
         confidence: probability that the interval of the failure rate contains the true one.
 
     Returns:
@@ -51,7 +51,8 @@ def study_statistics(
         ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson.
 
     Raises:
-        InputError: if the table is not one of a study, or a probability or a limit is not possible.
+        InputError: if the table is not one of a study, a probability or a limit is not possible,
+            or a metric with a limit is NaN for all runs that did not fail.
 
     Quantiles of the metrics leave out runs that failed, so look at the rate of failures first. The
     interval assumes independent samples: it is exact for ``random`` and on the safe side for Latin
@@ -67,16 +68,15 @@ def study_statistics(
     level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
     failed = table["failure"].transpose(*DIMS).values != ""
     for name, limit in _limits(table, limits).items():
-        failed |= table[name].transpose(*DIMS).values > limit
+        failed |= ~(table[name].transpose(*DIMS).values <= limit)
     found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
     found = found.assign_coords(quantile=probabilities)
     for metric in METRICS:
         if metric.name not in table:
             continue
-        values = table[metric.name].transpose(*DIMS).values
-        spread = _quantiles(values, probabilities)
+        of_metric = _quantiles(table[metric.name].transpose(*DIMS).values, probabilities)
         labels = {"units": metric.unit, "long_name": metric.meaning}
-        found[metric.name] = (("quantile", *DIMS[1:]), spread, labels)
+        found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
     count = table.sizes["sample"]
     intervals = np.array(
         [binomtest(int(k), count).proportion_ci(level) for k in failed.sum(axis=0).ravel()]
@@ -177,7 +177,16 @@ def _limits(table: xr.Dataset, limits: object) -> dict[str, float]:
         return {}
     given = dict(check_mapping("limits", limits, "metrics and numbers"))
     known: Sequence[str] = [metric.name for metric in METRICS if metric.name in table]
-    return {
+    found = {
         check_choice("limits", name, known): float(check_array(f"limits[{name!r}]", value, ()))
         for name, value in given.items()
     }
+    complete = table["failure"] == ""
+    problems = [
+        Problem("limits", f"cannot contain {name}, which is NaN for all runs")
+        for name in found
+        if complete.any() and not table[name].where(complete).notnull().any()
+    ]
+    if problems:
+        raise InputError(*problems)
+    return found

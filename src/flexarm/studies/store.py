@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arguments import library_missing
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
 from flexarm.simulation.result import package_version, software_versions
 from flexarm.studies.execution import RECORDED, Executor, Outcomes
 from flexarm.studies.samples import Samples
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 #: Version of the layout of a store, and the suffix of folders and files that are not complete.
 _LAYOUT, _PARTIAL = 1, ".partial"
 _OTHERS = "cannot be continued"
+T = TypeVar("T")
 
 
 def versions() -> dict[str, str]:
@@ -74,6 +75,11 @@ class Store:
             ) from None
 
     @property
+    def digest(self) -> str:
+        """The digest of the study and of its division into chunks."""
+        return digest_of(self.text, self.chunk)
+
+    @property
     def chunks(self) -> int:
         """Number of chunks."""
         return -(-self.count // self.chunk)
@@ -84,18 +90,27 @@ class Store:
 
     def missing(self) -> list[int]:
         """Return the chunks that are not recorded, or whose content is damaged."""
-        checksums = self._checksums[:]
-        return [i for i in range(self.chunks) if not checksums[i] or self._sum(i) != checksums[i]]
+        sums = self._recorded()
+        return [i for i, own in enumerate(sums) if not own or _intact(self.read, i, own) is None]
 
-    def _sum(self, i: int) -> int:
-        try:
-            return checksum(self.read(i))
-        except Exception:  # zarr and its codecs raise many kinds for damaged content
-            return 0
+    def _recorded(self) -> list[int]:
+        """Return the checksums of all chunks; 0 for one that is not recorded, or is damaged."""
+
+        def read(part: Any) -> list[int]:
+            found: list[int] = self._checksums[part].tolist()
+            return found
+
+        def one(i: int) -> int:
+            return (_readable(lambda: read(slice(i, i + 1))) or [0])[0]
+
+        return _readable(lambda: read(slice(None))) or [one(i) for i in range(self.chunks)]
 
     def read(self, i: int) -> Outcomes:
         """Return the content of chunk i."""
-        return self._part(slice(self.range_of(i).start, self.range_of(i).stop))
+        return self._part(self._slice(i))
+
+    def _slice(self, i: int) -> slice:
+        return slice(self.range_of(i).start, self.range_of(i).stop)
 
     def _part(self, part: slice) -> Outcomes:
         own = {name: np.asarray(array[part]) for name, array in self._arrays.items()}
@@ -113,27 +128,49 @@ class Store:
         Raises:
             InputError: if writing fails, for example because the disk is full.
         """
-        part = slice(self.range_of(i).start, self.range_of(i).stop)
+        part = self._slice(i)
         with _writing(self.path):
             for name, array in self._arrays.items():
                 array[part] = getattr(outcomes, name)
             self._checksums[i] = checksum(outcomes)
 
     def clean(self) -> None:
-        """Remove the files that killed processes did not complete."""
+        """Remove the files that killed processes did not complete.
+
+        Their age is not considered, because a process may have been killed just now, and a resumed
+        store must have the same files as an undisturbed one. Another driver of the same store that
+        is writing such a file stops with an `InputError`, and can be resumed.
+        """
         for folder, _, files in os.walk(self.path):
             for name in files:
                 if name.endswith(_PARTIAL):
                     Path(folder, name).unlink(missing_ok=True)
 
     def table(self) -> xr.Dataset:
-        """Return the dataset of the recorded samples."""
+        """Return the dataset of the recorded samples.
+
+        Warns:
+            FlexarmWarning: if chunks are damaged, which are left out.
+        """
         names = {dim: [str(name) for name in self._group[dim][:]] for dim in DIMS[1:]}
-        recorded = np.repeat(self._checksums[:] != 0, self.chunk)[: self.count]
-        kept = self._part(slice(0, self.count)).at(recorded)
+        recorded = {i: own for i, own in enumerate(self._recorded()) if own}
+        # Zarr reads all chunks at once much faster than one after the other.
+        whole = _readable(lambda: self._part(slice(0, self.count)))
+
+        def read(i: int) -> Outcomes:
+            return self.read(i) if whole is None else whole.at(self._slice(i))
+
+        found = {i: _intact(read, i, own) for i, own in recorded.items()}
+        kept = {i: part for i, part in found.items() if part is not None}
+        if damaged := len(recorded) - len(kept):
+            text = f"the table leaves out {damaged} of {self.chunks} chunks, whose files are "
+            warn_caller(f"{text}missing or damaged. Resume the study.", FlexarmWarning)
+        parts = zip(self._part(slice(0, 0)), *kept.values(), strict=True)
+        numbers = np.array([k for i in kept for k in self.range_of(i)], dtype=np.int64)
         attributes = dict(self._group.attrs)
         attributes.pop("layout")
-        return table_of(kept, np.flatnonzero(recorded), names, self.paths, attributes)
+        outcomes = Outcomes(*map(np.concatenate, parts))
+        return table_of(outcomes, numbers, names, self.paths, attributes)
 
 
 def create_store(
@@ -211,14 +248,39 @@ def checksum(outcomes: Outcomes) -> int:
     return int.from_bytes(digest.digest(), "little") | 1
 
 
+def _intact(read: Callable[[int], Outcomes], i: int, recorded: int) -> Outcomes | None:
+    """Return the content of chunk i if its checksum is the recorded one."""
+    found = _readable(lambda: read(i))
+    return found if found is not None and checksum(found) == recorded else None
+
+
+def _readable(read: Callable[[], T]) -> T | None:
+    """Return what a function reads, or None if it is damaged."""
+    try:
+        return read()
+    except Exception:  # zarr and its codecs raise many kinds for damaged content
+        return None
+
+
+def digest_of(text: str, chunk: int) -> str:
+    """Return the digest of the text of a study and of the number of samples of a chunk."""
+    return blake2b(f"{chunk}\0{text}".encode(), digest_size=16).hexdigest()
+
+
 @lru_cache(maxsize=4)
-def opened(path: str) -> Store:
+def opened(path: str, digest: str) -> Store:
     """Return a store, kept because a process writes many chunks.
 
+    Args:
+        digest: that of the store, because another study may be in the same folder later.
+
     Raises:
-        InputError: if it is not a store, or this process has other versions of the software.
+        InputError: if it is not the store with this digest, or this process has other versions of
+            the software.
     """
     store = Store(Path(path))
+    if store.digest != digest:
+        raise InputError(Problem("store", f"{shown(path)} belongs to another study"))
     check_versions(store)
     return store
 

@@ -87,9 +87,10 @@ class Study:
             progress: True or False shows or hides the bar.
 
         Returns:
-            Dataset (sample, controller, plant, reference) with the metrics of ``compare``, except
-            for computing times, which are NaN for a run that failed; ``failure``, its reason, or
-            empty; ``warning``. The varied numbers are coordinates of ``sample``, by their paths.
+            Dataset (sample, controller, plant, reference) with the metrics of ``compare`` without
+            the computing times. The metrics of a run that failed are NaN. ``failure`` is its
+            reason, or empty; ``warning`` likewise. The varied numbers are coordinates of
+            ``sample``, by their paths.
 
         Raises:
             InputError: if the first run cannot start, the store exists, belongs to another study
@@ -116,7 +117,7 @@ class Study:
             kept = create_store(place, self._text, self._executor, self._prepared.names, size)
         missing = kept.missing()
         path = str(kept.path.resolve())
-        tasks = [(path, i) for i in missing]
+        tasks = [(path, kept.digest, i) for i in missing]
         self._execute(record_chunk, tasks, lambda *_: None, client, count, progress)
         kept.clean()
         return kept.table()
@@ -211,9 +212,9 @@ class Study:
                 execute(connected, task, arguments, report)
 
 
-def record_chunk(path: str, i: int) -> None:
-    """Execute chunk i of the store at a path, and record it."""
-    store = opened(path)
+def record_chunk(path: str, digest: str, i: int) -> None:
+    """Execute chunk i of the store with a digest at a path, and record it."""
+    store = opened(path, digest)
     samples = store.range_of(i)
     store.write(i, executor_of(store.text).outcomes(samples.start, samples.stop))
 
@@ -232,6 +233,10 @@ def read_study(store: str | os.PathLike[str]) -> xr.Dataset:
 
     Raises:
         InputError: if the folder is not a store of a study.
+
+    Warns:
+        FlexarmWarning: if files of recorded chunks are missing or damaged; the dataset leaves
+            these chunks out.
     """
     kept = Store(check_path("store", store))
     return kept.table()
