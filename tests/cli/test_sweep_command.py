@@ -63,10 +63,12 @@ def test_existing_results_are_continued_on_request_only(path):
 def test_limits_count_as_failures(path):
     done = call("sweep", path, "--workers", 1, "--limit", "tip_error_peak=1e-9")
     assert "100 (29-100)" in done.output
-    wrong = call("sweep", path, "--workers", 1, "--resume", "--limit", "tip=1")
+    unused = path.with_name("unused.zarr")
+    wrong = call("sweep", path, "--workers", 1, "--out", unused, "--limit", "tip=1")
     assert wrong.exit_code == 2
-    assert "limits must be one of" in wrong.output
-    wrong = call("sweep", path, "--workers", 1, "--resume", "--limit", "tip_error_peak")
+    assert not unused.exists()
+    assert "--limit must be one of" in wrong.output
+    wrong = call("sweep", path, "--workers", 1, "--out", unused, "--limit", "tip_error_peak")
     assert "must be a metric and a number" in wrong.output
 
 

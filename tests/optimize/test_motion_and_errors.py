@@ -240,3 +240,15 @@ def test_missing_casadi_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
     with pytest.raises(fa.InputError, match=r"optimal_motion: CasADi is not installed.*casadi"):
         call()
+
+
+def test_a_missed_goal_is_reported():
+    """Twelve intervals do not resolve the second mode of each link."""
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.6, "modes": 2}
+    links = [fa.Link(length=1.0, **rod), fa.Link(length=0.8, **rod)]
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.02)]
+    moved = fa.Arm(links=links, joints=joints)
+    call = [moved, [0.0, 0.0], [1.2, -0.8], "energy"]
+    with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ rad from its goal.*more intervals"):
+        motion = fa.optimal_motion(*call, duration=1.2, intervals=12, modes=1)
+    assert motion.remaining.joint_error > 0.01

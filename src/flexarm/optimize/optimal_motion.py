@@ -8,7 +8,14 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_choice, check_count, check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_bending, warn_of_first
-from flexarm.errors import InputError, Problem, check_array, public_call
+from flexarm.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    warn_caller,
+)
 from flexarm.linear import modes as modes_of
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
@@ -33,6 +40,8 @@ _COARSE = 40
 #: Solutions with narrower bounds until the full model is within its limits, growth of the margins,
 #: and excess relative to a limit: aimed at, and accepted after the last solution.
 _ROUNDS, _GROWTH, _AIM, _ACCEPTED = 6, 1.2, 1e-6, 1e-3
+#: Distance of the tip from its goal, relative to the reach, or of a joint (rad), that is reported.
+_MISSED = 1e-3
 
 
 @public_call
@@ -170,6 +179,14 @@ def _within_limits(
             hint = "Take more intervals, or a plant that differs less from the arm."
             raise OptimizationError(reason, hint, last_iterate(task, plan))
     warn_of_bending(task.arm, plan.q)
+    rest = remaining(task, plant, plan, run)
+    missed = max(rest.tip_error / float(task.arm.lengths.sum()), rest.joint_error)
+    if plant is task.arm and missed > _MISSED:
+        warn_caller(
+            f"the simulation ends {rest.tip_error:.2g} m and {rest.joint_error:.2g} rad from its "
+            f"goal. Take more intervals than {plan.intervals}; see OptimalMotion.remaining.",
+            AccuracyWarning,
+        )
     table, chain = tabulated(task, plan)
     return OptimalMotion(
         arm=task.arm,
@@ -180,7 +197,7 @@ def _within_limits(
         modes=_elastic(task.arm) if task.resting_modes() is None else task.modes or 0,
         iterations=total,
         run=run,
-        remaining=remaining(task, plant, plan, run),
+        remaining=rest,
         _plan=plan,
         _history=plan.torque_history(task.start.torque, task.end.torque),
         _table=table,

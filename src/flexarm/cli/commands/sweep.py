@@ -11,8 +11,9 @@ import numpy as np
 
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, SimulationError, shown
+from flexarm.errors import InputError, Problem, SimulationError, check_choice, shown
 from flexarm.output import FIGURE_SUFFIXES, write_figure
+from flexarm.studies.execution import RECORDED
 from flexarm.studies.statistics import study_statistics
 from flexarm.studies.study import Study
 from flexarm.writing.places import check_place
@@ -105,8 +106,9 @@ def draw_samples(table: xr.Dataset, plot: Path) -> None:
 
 def _limit(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
+    name = check_choice("--limit", name.strip(), [metric.name for metric in RECORDED])
     try:
-        return name.strip(), float(value)
+        return name, float(value)
     except ValueError:
         rule = "be a metric and a number, such as tip_error_peak=0.01"
         raise InputError(Problem("--limit", rule, shown(text))) from None
