@@ -261,6 +261,8 @@ def test_plants_equal_a_single_plant_to_the_last_bit():
     [
         ({"plant": lambda rng: laboratory_arm()}, "plant cannot be a function.*mode='sync'"),
         ({"hardware": fa.Hardware()}, "ReachVectorEnv: hardware is not supported.*mode='sync'"),
+        ({"changes": [fa.Change("payload.mass", to=1.0)]}, "changes is not supported.*mode='sync'"),
+        ({"changes": lambda rng: []}, "changes is not supported.*mode='sync'"),
         ({"num_envs": 0}, "num_envs must be"),
         ({"threads": 0}, "threads must be"),
         ({"autoreset_mode": "later"}, "autoreset_mode must be one of 'NextStep', 'SameStep'"),

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.batch.lane_arrays import arms_of_runs
 from flexarm.batch.lanes import arm_fits_lanes
+from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
-from flexarm.engine.stepping import failure_of
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, Problem, SimulationError
 from flexarm.integrate.base import FloatArray, Status, Tolerance

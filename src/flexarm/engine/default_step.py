@@ -176,7 +176,7 @@ class _Pair:
         allowed = ALLOWED / float(unit[0, :, 0].min())
         fine = _Trial(run.progress, run.sample_times, run.samples)
         if whole:
-            coarse = replace(fine, samples=np.empty_like(run.samples))
+            coarse = replace(fine, samples=run.samples.copy())
             return cls(coarse, fine, whole, unit[:1], allowed)
         unit = unit.copy()
         unit[1, :, 0] = np.minimum(unit[1, :, 0], unit[0, :, 0] / _DRIFT)

@@ -69,11 +69,35 @@ class Watch:
         del self.log.found[mark.found :]
 
     def go_on(self, progress: Progress, tolerance: Tolerance) -> None:
-        """Continue the search from the present state of the run, which may have jumped."""
+        """Continue the search from the present state of the run."""
         self.tolerance, self._seen = tolerance, progress.sample
-        time, state = progress.time, progress.state
+        self._last = self._point(progress.time, progress.state)
+
+    def jump(self, before: FloatArray, progress: Progress, tolerance: Tolerance) -> list[Found]:
+        """Continue the search after a jump of the state; log and return the events in it.
+
+        An event that ends the run is the last one.
+
+        Args:
+            before: (2, n, 1 + m), the state before the jump.
+        """
+        left = self._point(progress.time, before)
+        self.go_on(progress, tolerance)
+        right, found = self._last, []
+        if left is None or right is None:
+            return []
+        for place in np.flatnonzero(_crossed(left.values, right.values)).tolist():
+            direction = -int(np.sign(left.values[place]))
+            if self.log.events[place].direction in (0, direction):
+                found.append(Found(place, right.time, right.state, direction))
+        found.sort(key=lambda one: self.log.events[one.place].terminal)
+        self.log.found += found
+        return found
+
+    def _point(self, time: float, state: FloatArray) -> _Point | None:
+        """Return the events at a state (2, n, 1 + m); None if a function fails there."""
         values, _ = self._values(np.array([time]), state[None])
-        self._last = _Point(time, state.copy(), values[-1]) if len(values) else None
+        return _Point(time, state.copy(), values[-1]) if len(values) else None
 
     def look(
         self,

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from flexarm.actions.environment import EMPTY, Environment
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.engine.changes.schedule import ArmChanges
+from flexarm.engine.changes.schedule import ROUNDING, ArmChanges
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
 from flexarm.engine.events import Found
+from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import Choice, choose_by_drive
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
@@ -49,10 +50,6 @@ _WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
 #: Limits on the remaining steps of a run and of a sample time (days of computing). A run that
 #: exceeds both is unstable: its motion becomes faster and faster.
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
-#: Hints for failures that neither a smaller step nor other gains avoid.
-_HINTS = {
-    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface.",
-}
 #: Samples whose reactions are computed at once, which bounds the scratch memory of long runs.
 _CHUNK = 4096
 
@@ -197,9 +194,11 @@ class Run:
         while True:
             if self.progress.time >= min(until, self.duration):  # an event may end the run
                 return system
-            if changes.next_time <= self.progress.time:
+            if changes.due(self.progress.time):
                 system = self._changed(system, changes)
-            system = self._carried(system, min(until, changes.next_time))
+                continue  # an event in the jump may end the run or change the arm again
+            begins = changes.next_time < until * (1.0 - ROUNDING)
+            system = self._carried(system, changes.next_time if begins else until)
 
     def _changed(self, system: System, changes: ArmChanges) -> System:
         """Make the changes of the arm that are due; return the system after them.
@@ -208,9 +207,13 @@ class Run:
         """
         progress, before = self.progress, self.arm
         free = np.setdiff1d(np.arange(before.dof), before.joint_index[self._moved()])
-        self.arm, state = changes.apply(progress.time, progress.state, free)
+        old = progress.state.copy()
+        self.arm, state = changes.apply(progress.time, old, free)
         if self.arm is before:
             return system
+        now = np.searchsorted(self.sample_times, progress.time * (1.0 + ROUNDING), side="right")
+        self.samples[progress.sample : now] = old  # samples at this time are before the change
+        progress.sample = max(progress.sample, int(now))
         self.spans.append(Span(before, self.loads, progress.sample))
         progress.state[...] = state
         progress.memory = progress.method = progress.entry = None
@@ -223,11 +226,23 @@ class Run:
         if self.default_step is not None:
             self.default_step = default_step(self.integrator, self.tolerance)
         if self.watch is not None:
-            self.watch.go_on(progress, self.tolerance)
+            self._handle_jump(self.watch, old)
         constants, drive = self._constants(), system.drive
         contacts = touching._replace(seen=touching.seen.copy())
         drive = drive._replace(loads=drive.loads._replace(contacts=contacts))
         return System(system.sizes, constants, drive, KernelView(constants).work)
+
+    def _handle_jump(self, watch: Watch, before: FloatArray) -> None:
+        """Handle the events in the jump from a state ``before`` to that of the present."""
+        assert self.changes is not None
+        for event in watch.jump(before, self.progress, self.tolerance):
+            name = watch.log.names[event.place]
+            if watch.log.events[event.place].terminal:
+                self._end_at(event)
+                self.spans[-1] = self.spans[-1]._replace(end=self.progress.sample - 1)
+            elif name in watch.log.triggers:
+                watch.log.triggers.discard(name)
+                self.changes.trigger(name, event.time)
 
     def begin_again(self) -> None:
         """Return to the arm at the start of the run, for another pass."""
@@ -331,6 +346,12 @@ class Run:
         name = self.watch.log.names[event.place]
         if not self.watch.log.events[event.place].terminal:
             return self._stopped_for_change(name, event)
+        self._end_at(event)
+        return True
+
+    def _end_at(self, event: Found) -> None:
+        """End the run at an event, which becomes the last sample."""
+        progress = self.progress
         keep = int(np.searchsorted(self.sample_times, event.time))
         self.sample_times = np.append(self.sample_times[:keep], event.time)
         if keep == len(self.samples):  # the event lies after the last sample
@@ -339,7 +360,6 @@ class Run:
         progress.state[...] = event.state
         self.duration = progress.time = event.time
         progress.sample = keep + 1
-        return True
 
     def _stopped_for_change(self, name: str, event: Found) -> bool:
         """Return to an event at which the arm changes; the run goes on from there."""
@@ -363,26 +383,6 @@ class Run:
         """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]
-
-
-def failure_of(
-    status: Status,
-    time: float,
-    state: tuple[FloatArray, FloatArray],
-    reason: str = "",
-    hint: str = "",
-) -> SimulationError:
-    """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
-    reason = reason or status.sentence
-    hint = (
-        hint
-        or _HINTS.get(status)
-        or (
-            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
-            "modes=k on the links; check torques, gains and damping signs."
-        )
-    )
-    return SimulationError(time, reason, hint, state)
 
 
 def run_open_loop(run: Run, history: PiecewiseCubic) -> None:

@@ -109,7 +109,8 @@ def simulate(
             event ends the run and is its last sample.
         contacts: surfaces for contact with points of the arm, fixed relative to the base.
         changes: numbers of the simulated arm that change during the run (``Change``); the
-            controller's model does not. Samples and readings at the time of a change are before it.
+            controller's model does not. Samples and readings at the time of a change are before it,
+            also at the start; only a terminal event in its jump records the state after it.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial

@@ -302,9 +302,10 @@ def _check_supported(arguments: Mapping[str, Any]) -> None:
     if callable(plant) and not isinstance(plant, Arm):
         rule = "cannot be a function in a vector environment"
         problems.append(Problem("plant", rule, hint=_SYNC))
-    if arguments.get("hardware") is not None:
-        rule = "is not supported in a vector environment"
-        problems.append(Problem("hardware", rule, hint=_SYNC))
+    for name in ("hardware", "changes"):
+        if arguments.get(name):
+            rule = "is not supported in a vector environment"
+            problems.append(Problem(name, rule, hint=_SYNC))
     if problems:
         raise InputError(*problems)
 

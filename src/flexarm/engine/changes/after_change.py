@@ -48,46 +48,61 @@ def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
 
 def after_change(
     before: Arm,
+    remaining: Arm,
     after: Arm,
     state: FloatArray,
     free: NDArray[np.intp],
-    impulse: FloatArray,
+    impulse: FloatArray | float,
 ) -> ChangedState:
     """Return the state of an arm after its parameters have changed at one instant.
 
-    Inertia that is added was at rest, except for ``impulse``, and the impact is inelastic:
-    M+ qd+ = M qd + impulse, (V.1). Inertia that is removed takes its momentum with it, so the rates
-    do not change, (V.2). Likewise where inertia is only moved.
+    Inertia that is removed takes its momentum with it, (V.2). The momentum of the remaining arm
+    and that of added mass are those of the arm afterwards: M+ qd+ = M qd + impulse, (V.1).
 
     Args:
+        remaining: the arm ``before`` without the inertia that is removed.
         state: (2, n, 1 + m) before the change.
         free: indices of the coordinates whose motion is not prescribed.
-        impulse: (dof,) generalised momentum of the added mass.
+        impulse: (dof,) generalised momentum of the added mass, or 0.
     """
     q, qd = before.unpadded(state)
-    M, M_after = before.mass_matrix(q), after.mass_matrix(q)
+    M, M_after = remaining.mass_matrix(q), after.mass_matrix(q)
     rates = qd.copy()
-    if _grows(M, M_after):
+    if _difference(M, M_after).any():
         missing = M @ qd + impulse - M_after @ qd
         rates[free] += np.linalg.solve(M_after[np.ix_(free, free)], missing[free])
     energy = after.energy(q, rates).total - before.energy(q, qd).total
     return ChangedState(after.padded(np.stack([q, rates])), energy)
 
 
-def _grows(before: FloatArray, after: FloatArray) -> bool:
-    """Return whether a mass matrix grows: the difference has positive eigenvalues only."""
+def removes_inertia(path: str, before: Arm, after: Arm, state: FloatArray) -> bool:
+    """Return whether a change of the number at a path removes inertia from the arm.
+
+    It does if the mass matrix M+ - M has negative eigenvalues only, unless the number is a
+    position, which moves inertia.
+    """
+    if ".offset" in path:
+        return False
+    q = before.unpadded(state)[0]
+    values = _difference(before.mass_matrix(q), after.mass_matrix(q))
+    return bool(values.any() and values.max() <= 0.0)
+
+
+def _difference(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the eigenvalues of the change of a mass matrix, relative to it; rounding is zero."""
     scale = 1.0 / np.sqrt(np.diag(after))
     values = np.linalg.eigvalsh((after - before) * np.outer(scale, scale))
-    return bool(values[-1] > _ROUNDING and values[0] >= -_ROUNDING * len(values))
+    found: FloatArray = np.where(np.abs(values) > _ROUNDING * len(values), values, 0.0)
+    return found
 
 
-def payload_impulse(arm: Arm, q: FloatArray, mass: float, velocity: FloatArray) -> FloatArray:
+def payload_impulse(arm: Arm, state: FloatArray, mass: float, velocity: FloatArray) -> FloatArray:
     """Return the generalised momentum (dof,) of a mass at the payload's centre of mass, (V.3).
 
     Args:
-        mass: kg. velocity: (2,) m/s, world axes.
+        state: (2, n, 1 + m). mass: kg. velocity: (2,) m/s, world axes.
     """
-    offset = np.array(arm.spec.payload.offset)
+    q, offset = arm.unpadded(state)[0], np.array(arm.spec.payload.offset)
     angle = arm.tip(q)[2]
     lever = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ offset
     rows = np.array([arm.tip_velocity(q, unit) for unit in np.eye(arm.dof)])

@@ -16,6 +16,7 @@ from flexarm.engine.changes.after_change import (
     after_change,
     check_same_coordinates,
     payload_impulse,
+    removes_inertia,
 )
 from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 #: Largest number of intervals of one change, each of which takes an arm of its own.
 _MOST_INTERVALS = 10**5
+#: Relative difference of two times that is rounding: they are one instant.
+ROUNDING = 1e-12
 
 
 @dataclass
@@ -43,7 +46,7 @@ class Happened:
     Attributes:
         change: the change. time: s, its beginning.
         start, end: the number before, and the last one.
-        energy: change of the arm's mechanical energy, summed over all its instants, J.
+        energy: its part of the change of the arm's mechanical energy, over all its instants, J.
     """
 
     change: Change
@@ -119,10 +122,17 @@ class ArmChanges:
         self._due += [(time + t, k, i) for i, t in enumerate(course.times.tolist())]
         self._due.sort()
 
+    def due(self, time: float) -> bool:
+        """Return whether a change is due at a time (s), up to rounding."""
+        return self.next_time <= time * (1.0 + ROUNDING)
+
     def apply(
         self, time: float, state: FloatArray, free: NDArray[np.intp]
     ) -> tuple[Arm, FloatArray]:
         """Make the changes that are due at a time (s); return the arm and its state.
+
+        All of them share one momentum balance, which does not depend on their order. The energy of
+        each is that which it adds to those before it in the list.
 
         Args:
             state: (2, n, 1 + m) before the changes.
@@ -131,34 +141,40 @@ class ArmChanges:
         Raises:
             InputError: if a number is not possible together with those of other changes.
         """
-        while self.next_time <= time:
-            _, k, i = self._due.pop(0)
-            state = self._change(k, i, time, state, free)
-        return self.arm, state
+        numbers: dict[str, tuple[int, float]] = {}  # of each path the last change counts
+        while self.due(time):
+            begin, k, i = self._due.pop(0)
+            number = float(self.courses[k].numbers[i])
+            self._note(k, begin, number)
+            numbers[self.changes[k].path] = k, number
+        before = remaining = self.arm
+        adding: tuple[float, FloatArray] | None = None  # kg, m/s
+        spent, found = 0.0, state
+        for path, (k, number) in numbers.items():
+            whole, now = self.arm, number_at("path", self.arm.spec, path)
+            if number == now:
+                continue
+            self.arm = Arm(with_number(whole.spec, path, number))
+            check_same_coordinates(path, before, self.arm)
+            if removes_inertia(path, whole, self.arm, state):
+                same = remaining is whole
+                remaining = self.arm if same else Arm(with_number(remaining.spec, path, number))
+            if path == PAYLOAD_MASS and number > now and any(self.changes[k].velocity):
+                adding = number - now, np.array(self.changes[k].velocity)
+            impulse = payload_impulse(self.arm, state, *adding) if adding else 0.0
+            found, energy = after_change(before, remaining, self.arm, state, free, impulse)
+            self._log[k].energy += energy - spent
+            spent = energy
+        return self.arm, found
 
-    def _change(
-        self, k: int, i: int, time: float, state: FloatArray, free: NDArray[np.intp]
-    ) -> FloatArray:
-        change, before = self.changes[k], self.arm
-        number = float(self.courses[k].numbers[i])
-        now = number_at("path", before.spec, change.path)
+    def _note(self, k: int, time: float, number: float) -> None:
+        """Log the new number of a change at a time (s)."""
         log = self._log.get(k)
         if log is None:
-            log = self._log[k] = Happened(change, time, now, number)
+            now = number_at("path", self.arm.spec, self.changes[k].path)
+            log = self._log[k] = Happened(self.changes[k], time, now, number)
             self.happened.append(log)
         log.end = number
-        if number == now:
-            return state
-        after = Arm(with_number(before.spec, change.path, number))
-        check_same_coordinates(change.path, before, after)
-        impulse = np.zeros(before.dof)
-        if change.path == PAYLOAD_MASS and number > now and any(change.velocity):
-            q = before.unpadded(state)[0]
-            impulse = payload_impulse(before, q, number - now, np.array(change.velocity))
-        found = after_change(before, after, state, free, impulse)
-        log.energy += found.energy
-        self.arm = after
-        return found.state
 
 
 def arm_changes(
