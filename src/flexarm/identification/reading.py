@@ -23,7 +23,7 @@ from flexarm.identification.labels import (
     split_unit,
 )
 from flexarm.identification.record import FEWEST, MeasuredRecord
-from flexarm.identification.tables import Table, read_table
+from flexarm.identification.tables import Table, attributes_of, read_table
 from flexarm.model import Hardware
 from flexarm.model.identification.records import Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
@@ -108,7 +108,7 @@ def record_of_file(
     times, columns = _uniform(asked, times, columns)
     fields = {name: getattr(asked, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = dataset_of(times, columns)
+    data = dataset_of(times, columns).assign_attrs(attributes_of(file))
     return MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )

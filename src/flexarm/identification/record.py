@@ -103,6 +103,26 @@ class MeasuredRecord:
         return next((name for name in ("torque", "current") if name in self.data), "none")
 
     @property
+    def interpolation(self) -> str:
+        """Interpolation of the input between its samples: "cubic", "linear" or "hold"."""
+        if self.settings.interpolation is not None:
+            return self.settings.interpolation
+        return "hold" if "controller" in self.data.attrs else "cubic"
+
+    @property
+    def coarse(self) -> str:
+        """Why the samples of the input do not contain its steps; empty if they do."""
+        step = self.data.attrs.get("sample_time")
+        if self.input == "none" or self.interpolation != "hold" or not isinstance(step, float):
+            return ""
+        if self.rate * step > 1.0 - _UNEVEN:
+            return ""
+        return (
+            f"the rate of {self.rate:g} Hz is lower than that of its controller, {1.0 / step:g} Hz,"
+            " so that the record does not contain every step of the torque."
+        )
+
+    @property
     def inputs(self) -> dict[Label, FloatArray]:
         """Columns (samples,) of the input."""
         return {} if self.input == "none" else columns_of(self.data, [self.input])

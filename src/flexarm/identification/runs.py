@@ -232,7 +232,7 @@ class RecordRun:
             samples[:, place_of(self._arm, label)] = column
         settings = record.settings
         history = sampled_torque(
-            samples, record.rate, record.duration, joints, settings.interpolation
+            samples, record.rate, record.duration, joints, record.interpolation
         )
         delay = settings.delays.get(record.input, 0.0)
         return delayed(history, delay) if delay else history
