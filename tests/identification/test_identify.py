@@ -226,6 +226,28 @@ def test_failed_runs_are_rejected_steps(monkeypatch):
     assert failed
 
 
+def test_a_vector_without_derivatives_ends_the_search_at_the_one_before(monkeypatch):
+    from flexarm.identification import fitting
+
+    derivatives, failed = fitting.output_derivatives, []
+
+    def fails(run, space, record, vector, places):
+        if vector[0] > 7.0:
+            failed.append(vector[0])
+            return "stopped"
+        return derivatives(run, space, record, vector, places)
+
+    monkeypatch.setattr(fitting, "output_derivatives", fails)
+    arm = fa.varied(arm_of(ONE), flexural_rigidity_factor=0.8)
+    found = fa.identify(arm, short(), [RIGIDITY], progress=False)
+    assert failed
+    assert not found.converged
+    assert 6.4 <= found[RIGIDITY] <= 7.0
+    assert np.isfinite(found.parameters["standard_deviation"]).all()
+    with pytest.raises(fa.SimulationError, match=r"simulated\. record 1: stopped"):
+        fa.identify(arm_of(ONE), short(), [RIGIDITY], progress=False)
+
+
 def test_outliers_count_little_with_a_robust_loss():
     bench = short()
     data = bench.data.copy(deep=True)

@@ -86,7 +86,7 @@ class RecordRun:
             rule = f"have one angle for each of the {arm.joints} joints"
             problems.append(Problem("initial_angle", rule, str(len(angle))))
         if problems:
-            raise InputError(*(replace(p, where=f"record {self.name}") for p in problems))
+            raise InputError(*(replace(p, where=self.name) for p in problems))
 
     @property
     def differentiable(self) -> bool:
