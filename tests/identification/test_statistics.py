@@ -35,7 +35,9 @@ def test_fit_percent():
 
 def test_tests_reject_white_residuals_as_often_as_they_state():
     signal = np.random.default_rng(99).standard_normal(COUNT)
-    found = np.array([(whiteness(white(k), ALL), independence(white(k), ALL, signal)) for k in range(300)])
+    found = np.array(
+        [(whiteness(white(k), ALL), independence(white(k), ALL, signal)) for k in range(300)]
+    )
     # 5 % of 300, plus or minus four standard deviations.
     rejected = (found < 0.05).sum(axis=0)
     assert np.all(np.abs(rejected - 15) < 4 * np.sqrt(300 * 0.05 * 0.95))

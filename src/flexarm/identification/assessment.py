@@ -114,7 +114,9 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
             values["fit"][place] = fit_percent(run.measured[good, c], found[good, c])
             values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
             values["whiteness"][place] = whiteness(residuals, good)
-            driven = [independence(residuals, good, signal) for signal in run.record.inputs.values()]
+            driven = [
+                independence(residuals, good, signal) for signal in run.record.inputs.values()
+            ]
             # The smallest of several probabilities (Bonferroni).
             values["independence"][place] = min(1.0, len(driven) * min(driven)) if driven else 1.0
     labels = {name: {"units": unit, "long_name": text} for name, (unit, text) in _MEASURES.items()}

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset, check_kind
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
+from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.identification.records import RecordSettings
 
-FloatArray = NDArray[np.float64]
 #: Fewest samples of a record.
 FEWEST = 4
 #: Largest deviation of an interval from the mean one in a uniform record, as a fraction of it.

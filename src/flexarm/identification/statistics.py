@@ -117,7 +117,9 @@ def independence(
     past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
     column = Column(residuals, (past * valid).T, valid)
     values, vectors = np.linalg.eigh(information([column]))
-    vectors = vectors[:, values > 1e-6 * values[-1]]  # neighbours of a smooth input are nearly equal
+    vectors = vectors[
+        :, values > 1e-6 * values[-1]
+    ]  # neighbours of a smooth input are nearly equal
     crossed = vectors.T @ (past @ residuals)
     expected = scale * vectors.T @ coloured_information([column]) @ vectors
     statistic = float(crossed @ np.linalg.pinv(expected, hermitian=True) @ crossed)
