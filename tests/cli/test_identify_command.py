@@ -76,3 +76,10 @@ def test_wrong_parameters_name_the_key(tmp_path):
     done = invoke("identify", write(tmp_path, hub_inertia="hub_inerta"))
     assert done.exit_code == 2
     assert "did you mean hub_inertia?" in done.output
+
+
+def test_check_names_the_command_for_such_files():
+    done = invoke("check", BENCH / "identify.yaml")
+    assert done.exit_code == 2
+    assert "describes an identification" in done.output
+    assert "flexarm identify" in done.output

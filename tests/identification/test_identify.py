@@ -158,6 +158,37 @@ def test_a_known_controller_drives_the_arm():
     assert found[RIGIDITY] == pytest.approx(8.0, rel=1e-4)
 
 
+@pytest.fixture(scope="module")
+def closed_loop():
+    """Result of a closed loop sampled twice per sample time of its controller."""
+    arm = arm_of(ONE)
+    motion = fa.joint_motion(arm, [0.0], [0.8], 0.4)
+    pd = fa.JointPD([6.0], [0.6], sample_time=0.01)
+    return fa.simulate(arm, 0.8, controller=pd, reference=motion, rate=200.0)
+
+
+@pytest.mark.parametrize("suffix", ["", ".nc"])
+def test_the_torque_of_a_closed_loop_is_a_zero_order_hold(closed_loop, suffix, tmp_path):
+    record = closed_loop
+    if suffix:
+        fa.write_result(closed_loop, tmp_path / f"run{suffix}")
+        record = fa.read_record(tmp_path / f"run{suffix}", outputs=["joint_angle", "strain"])
+    found = fa.identify(
+        fa.varied(arm_of(ONE), flexural_rigidity_factor=1.1), record, [RIGIDITY], progress=False
+    )
+    assert found[RIGIDITY] == pytest.approx(8.0, rel=1e-5)  # without noise
+
+
+def test_steps_of_the_torque_between_samples_are_warned_of(closed_loop):
+    with pytest.warns(fa.AccuracyWarning, match="lower than that of its controller, 100 Hz"):
+        fa.identify(
+            fa.varied(arm_of(ONE), flexural_rigidity_factor=1.1),
+            closed_loop.isel(time=slice(None, None, 4)),
+            [RIGIDITY],
+            progress=False,
+        )
+
+
 def test_arms_in_gravity_start_in_equilibrium():
     spec = arm_of(ONE).spec.replace(gravity=(0.0, -9.81))
     arm = fa.Arm(spec)
@@ -193,6 +224,28 @@ def test_failed_runs_are_rejected_steps(monkeypatch):
     with pytest.raises(fa.SimulationError, match="no start of the fit can be simulated"):
         fa.identify(too_stiff, short(), [RIGIDITY], progress=False)
     assert failed
+
+
+def test_a_vector_without_derivatives_ends_the_search_at_the_one_before(monkeypatch):
+    from flexarm.identification import fitting
+
+    derivatives, failed = fitting.output_derivatives, []
+
+    def fails(run, space, record, vector, places):
+        if vector[0] > 7.0:
+            failed.append(vector[0])
+            return "stopped"
+        return derivatives(run, space, record, vector, places)
+
+    monkeypatch.setattr(fitting, "output_derivatives", fails)
+    arm = fa.varied(arm_of(ONE), flexural_rigidity_factor=0.8)
+    found = fa.identify(arm, short(), [RIGIDITY], progress=False)
+    assert failed
+    assert not found.converged
+    assert 6.4 <= found[RIGIDITY] <= 7.0
+    assert np.isfinite(found.parameters["standard_deviation"]).all()
+    with pytest.raises(fa.SimulationError, match=r"simulated\. record 1: stopped"):
+        fa.identify(arm_of(ONE), short(), [RIGIDITY], progress=False)
 
 
 def test_outliers_count_little_with_a_robust_loss():

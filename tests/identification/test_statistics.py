@@ -14,6 +14,7 @@ from flexarm.identification.statistics import (
 )
 
 COUNT = 600
+ALL = np.ones(COUNT, dtype=bool)
 
 
 def white(seed):
@@ -34,18 +35,60 @@ def test_fit_percent():
 
 def test_tests_reject_white_residuals_as_often_as_they_state():
     signal = np.random.default_rng(99).standard_normal(COUNT)
-    found = np.array([(whiteness(white(k)), independence(white(k), signal)) for k in range(300)])
+    found = np.array(
+        [(whiteness(white(k), ALL), independence(white(k), ALL, signal)) for k in range(300)]
+    )
     # 5 % of 300, plus or minus four standard deviations.
     rejected = (found < 0.05).sum(axis=0)
     assert np.all(np.abs(rejected - 15) < 4 * np.sqrt(300 * 0.05 * 0.95))
 
 
+def rejections(p_values, level=0.01):
+    """Return the share of probabilities below a level."""
+    return np.mean(np.array(p_values) < level)
+
+
+# A test at 1 % rejects 1 % of 500; the limit is four standard deviations of that share above it.
+MOST_REJECTED = 0.01 + 4 * np.sqrt(0.01 * 0.99 / 500)
+
+
+@pytest.mark.parametrize("scattered", [False, True])
+def test_gaps_do_not_count_as_correlation(scattered):
+    valid = ALL.copy()
+    if scattered:
+        valid = np.random.default_rng(7).uniform(size=COUNT) > 0.3
+    else:
+        valid[200:380] = False
+    signal = np.cumsum(np.random.default_rng(99).standard_normal(COUNT))
+    residuals = [np.where(valid, white(k) + 1.0, 0.0) for k in range(500)]
+    assert rejections([whiteness(one, valid) for one in residuals]) < MOST_REJECTED
+    assert rejections([independence(one, valid, signal) for one in residuals]) < MOST_REJECTED
+
+
+def test_residuals_that_are_correlated_for_another_reason_pass_independence():
+    found = []
+    for k in range(500):
+        signal = np.cumsum(white(1000 + k))
+        found.append(independence(np.convolve(white(k), [1.0, 0.9, 0.8, 0.6], "same"), ALL, signal))
+    assert rejections(found) < MOST_REJECTED
+
+
+def test_correlated_residuals_that_depend_on_the_input_fail_independence():
+    signal = np.random.default_rng(99).standard_normal(COUNT)
+    late = 0.5 * np.concatenate([np.zeros(7), signal[:-7]])
+    found = [
+        independence(np.convolve(white(k), [1.0, 0.9, 0.8, 0.6], "same") + late, ALL, signal)
+        for k in range(20)
+    ]
+    assert rejections(found) == 1.0
+
+
 def test_tests_reject_residuals_with_structure():
     signal = np.random.default_rng(99).standard_normal(COUNT)
-    assert whiteness(coloured(1)) < 1e-6
+    assert whiteness(coloured(1), ALL) < 1e-6
     late = 0.3 * np.concatenate([np.zeros(7), signal[:-7]])
-    assert independence(white(1) + late, signal) < 1e-6
-    assert whiteness(white(1)) > 0.01
+    assert independence(white(1) + late, ALL, signal) < 1e-6
+    assert whiteness(white(1), ALL) > 0.01
 
 
 def regression(noise):
@@ -54,8 +97,8 @@ def regression(noise):
     inputs = np.stack([np.sin(12 * times), times], axis=1)
     estimate, *_ = np.linalg.lstsq(inputs, noise, rcond=None)
     residuals = noise - inputs @ estimate
-    spread = residuals.std()
-    column = Column(residuals / spread, -inputs / spread)
+    noise = residuals.std()
+    column = Column(residuals / noise, -inputs / noise, ALL)
     return estimate, np.sqrt(np.diag(covariance_of([column], np.zeros(2))))
 
 
@@ -71,7 +114,7 @@ def test_stated_deviations_are_those_of_many_repetitions(source, low, high):
 
 
 def test_priors_count_as_measurements():
-    column = Column(white(1), np.ones((COUNT, 1)))
+    column = Column(white(1), np.ones((COUNT, 1)), ALL)
     (alone,) = np.diag(covariance_of([column], np.zeros(1)))
     (both,) = np.diag(covariance_of([column], np.array([1.0 / alone])))
     assert both == pytest.approx(alone / 2, rel=0.3)  # the residuals are correlated by chance
@@ -83,13 +126,13 @@ def test_undetermined_combinations_are_found_behind_initial_states():
     rows[:, 1] = 2.0 * rows[:, 0]  # cannot be distinguished
     rows[:, 2] = 0.0  # has no effect
     rows[:, 3] += rows[:, 4]
-    columns = [Column(white(2), 10.0 * rows)]
+    columns = [Column(white(2), 10.0 * rows, ALL)]
     physical = np.array([True, True, True, True, False])
     found = undetermined(columns, np.zeros(5), np.ones(5), physical)
     assert sorted(sorted(places) for places, _ in found) == [[0, 1], [2]]
     # Without information about an initial state, what acts in the same way is not determined.
     rows[:, 3] = rows[:, 4]
-    columns = [Column(white(2), 10.0 * rows)]
+    columns = [Column(white(2), 10.0 * rows, ALL)]
     found = undetermined(columns, np.zeros(5), np.ones(5), physical)
     assert sorted(sorted(places) for places, _ in found) == [[0, 1], [2], [3]]
     known = np.array([0.0, 0.0, 0.0, 0.0, 1e12])

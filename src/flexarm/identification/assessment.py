@@ -63,7 +63,7 @@ def _columns(problem: FitProblem, fit: Fit) -> list[Column]:
             own = np.zeros((run.times.size, fit.vector.size))
             own[:, problem.space.acting_on(k)] = -found[:, c] / noise
             residuals = (run.measured - outputs)[:, c] / noise
-            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None]))
+            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good))
     return columns
 
 
@@ -113,8 +113,10 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
             residuals = np.where(good, run.measured[:, c] - found[:, c], 0.0)
             values["fit"][place] = fit_percent(run.measured[good, c], found[good, c])
             values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
-            values["whiteness"][place] = whiteness(residuals)
-            driven = [independence(residuals, signal) for signal in run.record.inputs.values()]
+            values["whiteness"][place] = whiteness(residuals, good)
+            driven = [
+                independence(residuals, good, signal) for signal in run.record.inputs.values()
+            ]
             # The smallest of several probabilities (Bonferroni).
             values["independence"][place] = min(1.0, len(driven) * min(driven)) if driven else 1.0
     labels = {name: {"units": unit, "long_name": text} for name, (unit, text) in _MEASURES.items()}

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.integrate.base import FloatArray
 from flexarm.model.identification.filters import Filter
-
-FloatArray = NDArray[np.float64]
 
 
 class Path:
@@ -78,6 +77,20 @@ def _filtered(item: Filter, values: FloatArray, rate: float) -> FloatArray:
     numerator, denominator = coefficients(item, rate)
     start = lfilter_zi(numerator, denominator)[:, None] * values[0]
     return np.asarray(lfilter(numerator, denominator, values, axis=0, zi=start)[0])
+
+
+def without_phase(values: FloatArray, cutoff: float, rate: float, order: int) -> FloatArray:
+    """Return values (samples,) after a Butterworth low-pass filter forwards and backwards.
+
+    Args:
+        cutoff: Hz, below half the rate.
+        rate: of the values, Hz.
+        order: of the filter; the two passes together have twice this order and no phase shift.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(order, cutoff, fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, padlen=min(15, values.size - 1)))
 
 
 def coefficients(item: Filter, rate: float) -> tuple[FloatArray, FloatArray]:

@@ -46,12 +46,12 @@ class FitProblem:
             given = run.record.settings.noise
             for k, label in enumerate(run.labels):
                 good = run.measured[run.valid[:, k], k]
-                spread = float(np.std(good)) or 1.0
+                deviation = float(np.std(good)) or 1.0
                 if label.channel in given:
                     self.noise[label.text] = given[label.channel]
                     self.fixed.add(label.text)
                 else:
-                    guess = _GUESS * spread
+                    guess = _GUESS * deviation
                     self.noise[label.text] = max(guess, self.noise.get(label.text, 0.0))
         slots = space.slots
         self._priors = [k for k, slot in enumerate(slots) if np.isfinite(slot.prior_deviation)]
@@ -81,11 +81,11 @@ class FitProblem:
             try:
                 case = self.space.case(k, vector)
             except InputError as error:
-                self.failure = f"record {run.name}: {error}"
+                self.failure = f"{run.name}: {error}"
                 return None
             (outputs,) = run.simulate([case])
             if isinstance(outputs, str) or not np.all(np.isfinite(outputs)):
-                self.failure = f"record {run.name}: {outputs}"
+                self.failure = f"{run.name}: {outputs}"
                 return None
             found.append(outputs)
         return found
@@ -150,7 +150,7 @@ class FitProblem:
             places = self.space.acting_on(k)
             found = output_derivatives(run, self.space, k, vector, places)
             if isinstance(found, str):
-                raise FitFailure(f"record {run.name}: {found}")
+                raise FitFailure(f"{run.name}: {found}")
             every.append(found)
         self._last = vector, every
         return every
@@ -178,8 +178,8 @@ class FitProblem:
                 noise[text] = self.noise[text]
                 continue
             every = np.concatenate(parts)
-            spread = 1.4826 * np.median(np.abs(every)) if robust else np.sqrt(np.mean(every**2))
-            noise[text] = max(float(spread), _LEAST * signals[text], 1e-300)
+            size = 1.4826 * np.median(np.abs(every)) if robust else np.sqrt(np.mean(every**2))
+            noise[text] = max(float(size), _LEAST * signals[text], 1e-300)
         return noise
 
 
@@ -197,7 +197,7 @@ class Fit:
         outputs: of each record.
         noise: standard deviation by channel.
         evaluations: number of runs of all records, without those for derivatives.
-        converged: whether the fit ended before the limit of iterations.
+        converged: whether the fit ended at a minimum, before the limit of iterations.
     """
 
     vector: FloatArray
@@ -252,24 +252,40 @@ def _minimum(
 ) -> tuple[FloatArray, bool]:
     """Return the scaled changes with the smallest residuals, and whether the search converged.
 
-    The reflective trust-region method of SciPy shortens a step whose residuals are infinite.
+    The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
+    cannot go on from a vector without derivatives, so the search ends at the vector before.
+
+    Raises:
+        FitFailure: if the start has no derivatives.
     """
     from scipy.optimize import least_squares
 
     lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
-    found = least_squares(
-        problem.residuals,
-        _inside(scaled, lower, upper),
-        jac=problem.jacobian,
-        bounds=(lower, upper),
-        method="trf",
-        x_scale="jac",
-        loss=loss,
-        ftol=precision,
-        xtol=precision,
-        gtol=1e-12,
-        max_nfev=iterations,
-    )
+    accepted: list[FloatArray] = []
+
+    def jacobian(place: FloatArray) -> FloatArray:
+        rows = problem.jacobian(place)
+        accepted.append(place.copy())
+        return rows
+
+    try:
+        found = least_squares(
+            problem.residuals,
+            _inside(scaled, lower, upper),
+            jac=jacobian,
+            bounds=(lower, upper),
+            method="trf",
+            x_scale="jac",
+            loss=loss,
+            ftol=precision,
+            xtol=precision,
+            gtol=1e-12,
+            max_nfev=iterations,
+        )
+    except FitFailure:
+        if not accepted:
+            raise
+        return accepted[-1], False
     return found.x, found.status > 0
 
 

@@ -12,6 +12,7 @@ import xarray as xr
 from flexarm.arguments import check_choice, check_count, check_flag, check_kind, check_mapping
 from flexarm.arm import Arm
 from flexarm.errors import (
+    AccuracyWarning,
     IdentifiabilityWarning,
     InputError,
     Problem,
@@ -81,7 +82,8 @@ def identify(
     Args:
         arm: with the values from which the estimation starts.
         records: a record, a list, or a dictionary by name: ``MeasuredRecord`` objects, or datasets
-            such as results of ``simulate``, with torques as inputs.
+            such as results of ``simulate``, with torques as inputs. The torque of a result of a
+            closed loop is a zero-order hold; record it at least at the rate of the controller.
         free: paths of numbers of the arm, such as ``"links[0].flexural_rigidity"``,
             ``"joints[1].damping"`` or ``"motors.torque_constant"``, or ``FreeParameter`` objects
             with bounds and priors.
@@ -100,7 +102,8 @@ def identify(
     Returns:
         Estimates with standard deviations and correlations, combinations that the data do not
         determine, fit and tests of residuals, and the arm with the estimates. The standard
-        deviations include the correlation of residuals over time. They do not include errors of
+        deviations include the correlation of residuals over time as far as it is short compared
+        with the record; with slower correlation they are too small. They do not include errors of
         the inputs.
 
     Raises:
@@ -110,6 +113,8 @@ def identify(
 
     Warns:
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
+        AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
+            controller, so that the estimates may be biased.
     """
     check_kind("arm", arm, Arm)
     if motors is not None:
@@ -123,6 +128,9 @@ def identify(
     held_out = _records("validation", validation)
     _check_names(fitted, held_out)
     _check_currents({**fitted, **held_out}, motors)
+    for name, record in (fitted | held_out).items():
+        if record.coarse:
+            warn_caller(f"{name}: {record.coarse}", AccuracyWarning)
     parameters = check_free(free)
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}

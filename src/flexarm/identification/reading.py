@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arguments import check_path
 from flexarm.control.base import Controller, Reference
 from flexarm.errors import InputError, Problem, nearest, public_call
+from flexarm.identification.filtering import without_phase
 from flexarm.identification.labels import (
     MEASURED,
     Label,
@@ -23,12 +23,12 @@ from flexarm.identification.labels import (
     split_unit,
 )
 from flexarm.identification.record import FEWEST, MeasuredRecord
-from flexarm.identification.tables import Table, read_table
+from flexarm.identification.tables import Table, attributes_of, read_table
+from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.identification.records import Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
-FloatArray = NDArray[np.float64]
 #: Interval, in typical ones, from which samples are missing.
 _GAP = 1.5
 #: Names of the column of the time.
@@ -85,40 +85,42 @@ def read_record(
         **own,
         **settings,
     }
-    asked = RecordFile(**fields)
-    return record_of_file(asked, file, controller, reference, hardware)
+    description = RecordFile(**fields)
+    return record_of_file(description, file, controller, reference, hardware)
 
 
 def record_of_file(
-    asked: RecordFile,
+    description: RecordFile,
     file: Path,
     controller: Controller | None = None,
     reference: Reference | None = None,
     hardware: Hardware | None = None,
 ) -> MeasuredRecord:
-    """Read the record that is described; the path of ``asked`` is not used.
+    """Read the record of a description from a file; the path in the description is not used.
 
     Raises:
         InputError: as ``read_record``.
     """
     table = read_table(file)
     names = {split_unit(header)[0]: header for header in table}
-    columns = _columns(asked, table, names)
-    times = _times(asked, table, names)
-    times, columns = _uniform(asked, times, columns)
-    fields = {name: getattr(asked, name) for name in RecordSettings.model_fields}
+    columns = _columns(description, table, names)
+    times = _times(description, table, names)
+    times, columns = _uniform(description, times, columns)
+    fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = dataset_of(times, columns)
+    data = dataset_of(times, columns).assign_attrs(attributes_of(file))
     return MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
 
 
-def _columns(asked: RecordFile, table: Table, names: Mapping[str, str]) -> dict[Label, FloatArray]:
+def _columns(
+    description: RecordFile, table: Table, names: Mapping[str, str]
+) -> dict[Label, FloatArray]:
     """Return the measured columns in SI units."""
     columns: dict[Label, FloatArray] = {}
     problems: list[Problem] = []
-    chosen = asked.channels or {name: Column(column=name) for name in names if label_of(name)}
+    chosen = description.channels or {name: Column(column=name) for name in names if label_of(name)}
     if not chosen:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("channels", "is required: no column is a channel", hint=hint))
@@ -148,12 +150,12 @@ def _header(place: str, name: str, table: Table, names: Mapping[str, str]) -> st
     raise InputError(Problem(place, f"names the column {name!r}, which is missing", hint=hint))
 
 
-def _times(asked: RecordFile, table: Table, names: Mapping[str, str]) -> FloatArray:
+def _times(description: RecordFile, table: Table, names: Mapping[str, str]) -> FloatArray:
     """Return the times (samples,) of the file, s."""
-    if asked.sample_time is not None:
+    if description.sample_time is not None:
         length = max(column.size for column in table.values())
-        return asked.sample_time * np.arange(length, dtype=np.float64)
-    name = asked.time or next((name for name in _TIMES if name in names), None)
+        return description.sample_time * np.arange(length, dtype=np.float64)
+    name = description.time or next((name for name in _TIMES if name in names), None)
     if name is None:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
@@ -169,7 +171,7 @@ def _times(asked: RecordFile, table: Table, names: Mapping[str, str]) -> FloatAr
 
 
 def _uniform(
-    asked: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
+    description: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
 ) -> tuple[FloatArray, dict[Label, FloatArray]]:
     """Return uniform times from 0 and the columns at them.
 
@@ -180,15 +182,15 @@ def _uniform(
         if column.size != times.size:
             rule = f"have {times.size} samples as the time"
             raise InputError(Problem(f"channels.{label.text}", rule, str(column.size)))
-    first = -np.inf if asked.start is None else asked.start
-    last = np.inf if asked.end is None else asked.end
+    first = -np.inf if description.start is None else description.start
+    last = np.inf if description.end is None else description.end
     inside = (times >= first - 1e-9) & (times <= last + 1e-9)
     times = times[inside]
     if times.size < FEWEST:
         rule = f"has fewer than {FEWEST} samples between start and end"
         raise InputError(Problem("the record", rule))
     typical = float(np.median(np.diff(times)))
-    rate = asked.rate or _rounded(1.0 / typical)
+    rate = description.rate or _rounded(1.0 / typical)
     samples = (times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6 + 1.0
     if not FEWEST <= samples <= MOST_SAMPLES:
         rule = f"have {FEWEST} to {MOST_SAMPLES:.0e} samples"
@@ -214,14 +216,11 @@ def _rounded(rate: float) -> float:
 
 def _without_fast(values: FloatArray, times: FloatArray, rate: float) -> FloatArray:
     """Return values without content above 0.4 times a rate (Hz), which would be aliased."""
-    from scipy.signal import butter, sosfiltfilt
-
     good = np.isfinite(values)
     uniform = np.linspace(times[0], times[-1], times.size)
     filled = np.interp(uniform, times[good], values[good])
-    nyquist = 0.5 * (times.size - 1) / (times[-1] - times[0])
-    sections = butter(4, _ANTI_ALIAS * rate / nyquist, output="sos")
-    smooth = sosfiltfilt(sections, filled, padlen=min(15, filled.size - 1))
+    given = (times.size - 1) / (times[-1] - times[0])
+    smooth = without_phase(filled, _ANTI_ALIAS * rate, given, 4)
     return np.where(good, np.interp(times, uniform, smooth), np.nan)
 
 

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from flexarm.arguments import check_dataset, check_kind
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
+from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.identification.records import RecordSettings
 
-FloatArray = NDArray[np.float64]
 #: Fewest samples of a record.
 FEWEST = 4
 #: Largest deviation of an interval from the mean one in a uniform record, as a fraction of it.
@@ -101,6 +100,26 @@ class MeasuredRecord:
         if self.settings.input is not None:
             return self.settings.input
         return next((name for name in ("torque", "current") if name in self.data), "none")
+
+    @property
+    def interpolation(self) -> str:
+        """Interpolation of the input between its samples: "cubic", "linear" or "hold"."""
+        if self.settings.interpolation is not None:
+            return self.settings.interpolation
+        return "hold" if "controller" in self.data.attrs else "cubic"
+
+    @property
+    def coarse(self) -> str:
+        """Why the samples of the input do not contain its steps; empty if they do."""
+        step = self.data.attrs.get("sample_time")
+        if self.input == "none" or self.interpolation != "hold" or not isinstance(step, float):
+            return ""
+        if self.rate * step > 1.0 - _UNEVEN:
+            return ""
+        return (
+            f"the rate of {self.rate:g} Hz is lower than that of its controller, {1.0 / step:g} Hz,"
+            " so that the record does not contain every step of the torque."
+        )
 
     @property
     def inputs(self) -> dict[Label, FloatArray]:

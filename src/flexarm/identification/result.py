@@ -45,7 +45,7 @@ class Identification:
             (time, channel), after the filters, NaN where samples are missing.
         noise: standard deviation of the noise of each channel, SI units.
         starts: sum of squares and logarithm of the likelihood for each start; NaN if it failed.
-        converged: whether the best fit ended before the limit of iterations.
+        converged: whether the best fit ended at a minimum, before the limit of iterations.
     """
 
     arm: Arm

@@ -15,7 +15,7 @@ from flexarm.errors import FlexarmError, FlexarmWarning, InputError, Problem, Si
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import PrescribedAngle
 from flexarm.histories.samples import sampled_torque
-from flexarm.identification.filtering import Path
+from flexarm.identification.filtering import Path, without_phase
 from flexarm.identification.labels import Label, columns_of, place_of
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import Case
@@ -86,7 +86,7 @@ class RecordRun:
             rule = f"have one angle for each of the {arm.joints} joints"
             problems.append(Problem("initial_angle", rule, str(len(angle))))
         if problems:
-            raise InputError(*(replace(p, where=f"record {self.name}") for p in problems))
+            raise InputError(*(replace(p, where=self.name) for p in problems))
 
     @property
     def differentiable(self) -> bool:
@@ -232,7 +232,7 @@ class RecordRun:
             samples[:, place_of(self._arm, label)] = column
         settings = record.settings
         history = sampled_torque(
-            samples, record.rate, record.duration, joints, settings.interpolation
+            samples, record.rate, record.duration, joints, record.interpolation
         )
         delay = settings.delays.get(record.input, 0.0)
         return delayed(history, delay) if delay else history
@@ -280,9 +280,7 @@ def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
 
 def _smooth(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
     """Return values after a low-pass filter of fourth order without phase shift."""
-    from scipy.signal import butter, sosfiltfilt
-
     if cutoff >= 0.5 * rate:
         rule = f"be less than half the rate ({0.5 * rate:g} Hz)"
         raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
-    return np.asarray(sosfiltfilt(butter(2, cutoff, fs=rate, output="sos"), values))
+    return without_phase(values, cutoff, rate, 2)

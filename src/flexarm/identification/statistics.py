@@ -29,55 +29,9 @@ _NAMED = 0.02
 
 def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     """Return 100 (1 - |y - s| / |y - mean y|): 100 is perfect, 0 as good as the mean."""
-    spread = float(np.linalg.norm(measured - measured.mean()))
+    signal = float(np.linalg.norm(measured - measured.mean()))
     error = float(np.linalg.norm(measured - simulated))
-    return 100.0 * (1.0 - error / spread) if spread > 0.0 else (100.0 if error == 0.0 else -np.inf)
-
-
-def correlation_of(residuals: FloatArray, lags: int) -> FloatArray:
-    """Return the covariances (lags + 1,) of residuals (samples,) with zeros where missing."""
-    from scipy.signal import correlate
-
-    full = correlate(residuals, residuals, method="fft")
-    middle = residuals.size - 1
-    return np.asarray(full[middle : middle + lags + 1]) / residuals.size
-
-
-def whiteness(residuals: FloatArray, lags: int = LAGS) -> float:
-    """Return the probability of correlations as large as those of residuals, if they were white.
-
-    The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks.
-    """
-    from scipy.stats import chi2
-
-    count = residuals.size
-    lags = min(lags, max(1, count // 4))
-    covariance = correlation_of(residuals - residuals.mean(), lags)
-    if covariance[0] == 0.0:
-        return 1.0
-    rho = covariance[1:] / covariance[0]
-    statistic = count * (count + 2) * float(np.sum(rho**2 / (count - np.arange(1, lags + 1))))
-    return float(chi2.sf(statistic, lags))
-
-
-def independence(residuals: FloatArray, signal: FloatArray, lags: int = LAGS) -> float:
-    """Return the probability of correlations as large as those between residuals and an input.
-
-    Residuals that depend on past inputs (0 to ``lags`` samples) give a small value.
-    """
-    from scipy.stats import chi2
-
-    residuals, signal = residuals - residuals.mean(), signal - signal.mean()
-    scale = float(np.mean(residuals**2))
-    if scale == 0.0 or not np.any(signal):
-        return 1.0
-    lags = min(lags, max(1, signal.size // 4))
-    past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
-    values, vectors = np.linalg.eigh(past @ past.T / signal.size)
-    kept = values > 1e-6 * values[-1]  # neighbours of a smooth input are nearly equal
-    crossed = vectors[:, kept].T @ (past @ residuals) / signal.size
-    statistic = signal.size * float(np.sum(crossed**2 / values[kept])) / scale
-    return float(chi2.sf(statistic, int(kept.sum())))
+    return 100.0 * (1.0 - error / signal) if signal > 0.0 else (100.0 if error == 0.0 else -np.inf)
 
 
 class Column(NamedTuple):
@@ -86,10 +40,90 @@ class Column(NamedTuple):
     Attributes:
         residuals: (samples,), zero where missing.
         derivatives: (samples, parameters) of the residuals, zero where missing.
+        valid: (samples,) whether the record has the sample.
     """
 
     residuals: FloatArray
     derivatives: FloatArray
+    valid: NDArray[np.bool_]
+
+
+def pair_sums(values: FloatArray, lags: int) -> FloatArray:
+    """Return the sums (lags + 1,) of products of values (samples,) at a distance of each lag."""
+    from scipy.signal import correlate
+
+    full = correlate(values, values, method="fft")
+    return np.asarray(full[values.size - 1 : values.size + lags])
+
+
+def correlation_of(
+    residuals: FloatArray, valid: NDArray[np.bool_], lags: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return correlations (lags + 1,) of residuals (samples,), and the pairs of valid samples.
+
+    The residuals are zero where missing. Each covariance is the mean over the pairs of its lag; a
+    lag without pairs has the correlation zero.
+    """
+    pairs = np.rint(pair_sums(valid.astype(np.float64), lags))
+    covariance = pair_sums(residuals, lags) / np.maximum(pairs, 1.0)
+    if covariance[0] <= 0.0:
+        return np.eye(1, lags + 1)[0], pairs
+    return np.where(pairs > 0.0, covariance / covariance[0], 0.0), pairs
+
+
+def centred(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
+    """Return values minus the mean of the valid ones, zero where not valid."""
+    return np.where(valid, values - values[valid].mean(), 0.0)
+
+
+def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS) -> float:
+    """Return the probability of correlations as large as those of residuals, if they were white.
+
+    The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks.
+
+    Args:
+        residuals: (samples,)
+        valid: (samples,) whether the record has the sample.
+    """
+    from scipy.stats import chi2
+
+    count = int(valid.sum())
+    lags = min(lags, max(1, count // 4))
+    rho, pairs = correlation_of(centred(residuals, valid), valid, lags)
+    statistic = (count + 2) / count * float(np.sum(pairs[1:] * rho[1:] ** 2))
+    return float(chi2.sf(statistic, np.count_nonzero(pairs[1:])))
+
+
+def independence(
+    residuals: FloatArray, valid: NDArray[np.bool_], signal: FloatArray, lags: int = LAGS
+) -> float:
+    """Return the probability of correlations as large as those between residuals and an input.
+
+    Residuals that depend on past inputs (0 to ``lags`` samples) give a small value, residuals that
+    are correlated over time for another reason do not.
+
+    Args:
+        residuals: (samples,)
+        valid: (samples,) whether the record has the sample.
+        signal: (samples,) of the input.
+    """
+    from scipy.stats import chi2
+
+    residuals, signal = centred(residuals, valid), signal - signal.mean()
+    scale = float(np.sum(residuals**2)) / int(valid.sum())
+    if scale == 0.0 or not np.any(signal):
+        return 1.0
+    lags = min(lags, max(1, signal.size // 4))
+    past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
+    column = Column(residuals, (past * valid).T, valid)
+    values, vectors = np.linalg.eigh(information([column]))
+    vectors = vectors[
+        :, values > 1e-6 * values[-1]
+    ]  # neighbours of a smooth input are nearly equal
+    crossed = vectors.T @ (past @ residuals)
+    expected = scale * vectors.T @ coloured_information([column]) @ vectors
+    statistic = float(crossed @ np.linalg.pinv(expected, hermitian=True) @ crossed)
+    return float(chi2.sf(statistic, crossed.size))
 
 
 def information(columns: Sequence[Column]) -> FloatArray:
@@ -106,27 +140,24 @@ def coloured_information(columns: Sequence[Column]) -> FloatArray:
     from scipy.signal import fftconvolve
 
     total = np.zeros((columns[0].derivatives.shape[1],) * 2)
-    for residuals, derivatives in columns:
-        lag = significant_lag(residuals)
-        covariance = correlation_of(residuals, lag)
-        window = 1.0 - np.arange(lag + 1) / (lag + 1.0)
-        covariance = covariance * window / covariance[0] if covariance[0] > 0.0 else np.eye(1)[0]
-        kernel = np.concatenate([covariance[:0:-1], covariance])[:, None]
+    for residuals, derivatives, valid in columns:
+        lag = significant_lag(residuals, valid)
+        rho, _ = correlation_of(residuals, valid, lag)
+        rho = rho * (1.0 - np.arange(lag + 1) / (lag + 1.0))
+        kernel = np.concatenate([rho[:0:-1], rho])[:, None]
         smooth = fftconvolve(derivatives, kernel, mode="same", axes=0) if lag else derivatives
         total += derivatives.T @ smooth
     return 0.5 * (total + total.T)
 
 
-def significant_lag(residuals: FloatArray) -> int:
+def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
     """Return twice the lag after which residuals are not correlated significantly; 0 if white."""
-    count = residuals.size
+    count = int(valid.sum())
     longest = max(1, int(_LONGEST * count))
-    covariance = correlation_of(residuals - residuals.mean(), longest)
-    if covariance[0] == 0.0:
-        return 0
+    rho, _ = correlation_of(centred(residuals, valid), valid, longest)
     limit = 2.0 * np.sqrt(np.log10(count) / count)
     following = max(5, int(np.sqrt(np.log10(count))))
-    large = np.abs(covariance[1:]) > limit * covariance[0]
+    large = np.abs(rho[1:]) > limit
     run = 0
     for lag, one in enumerate(large, start=1):
         run = 0 if one else run + 1

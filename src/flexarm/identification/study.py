@@ -32,9 +32,9 @@ class PreparedIdentification:
 
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
         found = {}
-        for name, asked in getattr(self.study, key).items():
+        for name, description in getattr(self.study, key).items():
             with problems_at(self._where, f"{key}.{name}", {"path": "file"}):
-                found[name] = record_of_file(asked, self._folder / asked.file)
+                found[name] = record_of_file(description, self._folder / description.file)
         return found
 
     def run(self, progress: bool | None = None) -> Identification:

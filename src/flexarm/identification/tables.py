@@ -34,7 +34,7 @@ def read_table(path: Path) -> Table:
         rule = f"have one of the suffixes {', '.join(READERS)}"
         raise InputError(Problem("path", rule, repr(path.name)))
     if not path.is_file():
-        raise InputError(Problem("path", "does not exist" if not path.exists() else "is no file"))
+        raise InputError(Problem("path", "is not a file" if path.exists() else "does not exist"))
     try:
         return read(path)
     except InputError:
@@ -95,6 +95,16 @@ def _netcdf(path: Path) -> Table:
             for label, column in zip(labels, rows.T, strict=True):
                 columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
     return columns
+
+
+def attributes_of(path: Path) -> dict[str, Any]:
+    """Return the attributes of a dataset in NetCDF; empty for other formats."""
+    import xarray as xr
+
+    if READERS[path.suffix.lower()] is not _netcdf:
+        return {}
+    with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
+        return dict(dataset.attrs)
 
 
 def _labels(array: Any) -> list[str]:

@@ -8,6 +8,7 @@ from flexarm.arm import Arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
+from flexarm.errors import InputError, Problem
 from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.file_errors import Where
@@ -24,6 +25,10 @@ def check_file(path: Path) -> None:
         InputError: if the file is not valid; it lists every problem.
     """
     document = load_document(path)
+    if "records" in document.value:
+        rule = "describes an identification, which `check` does not read"
+        hint = f"`flexarm identify {path}` validates it before the first run."
+        raise InputError(Problem(path.name, rule, hint=hint))
     is_study = "drives" in document.value
     unstable: list[str] = []
     if is_study:

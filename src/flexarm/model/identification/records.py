@@ -74,8 +74,12 @@ class RecordSettings(Record):
             "contains."
         ),
     )
-    interpolation: Literal["cubic", "linear", "hold"] = Field(
-        default="cubic", description="Interpolation of the input between its samples."
+    interpolation: Literal["cubic", "linear", "hold"] | None = Field(
+        default=None,
+        description=(
+            "Interpolation of the input between its samples; by default hold for a result of a "
+            "closed loop, whose controller applies a zero-order hold, and cubic otherwise."
+        ),
     )
     prescribed: Listed[Count] = Field(
         default=(),
