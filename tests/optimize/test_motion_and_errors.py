@@ -249,6 +249,6 @@ def test_a_missed_goal_is_reported():
     joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.02)]
     moved = fa.Arm(links=links, joints=joints)
     call = [moved, [0.0, 0.0], [1.2, -0.8], "energy"]
-    with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ rad from its goal.*more intervals"):
+    with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*more intervals"):
         motion = fa.optimal_motion(*call, duration=1.2, intervals=12, modes=1)
     assert motion.remaining.joint_error > 0.01

@@ -40,7 +40,7 @@ _COARSE = 40
 #: Solutions with narrower bounds until the full model is within its limits, growth of the margins,
 #: and excess relative to a limit: aimed at, and accepted after the last solution.
 _ROUNDS, _GROWTH, _AIM, _ACCEPTED = 6, 1.2, 1e-6, 1e-3
-#: Distance of the tip from its goal, relative to the reach, or of a joint (rad), that is reported.
+#: Distance of the tip from its goal, relative to the reach, that is reported.
 _MISSED = 1e-3
 
 
@@ -180,11 +180,10 @@ def _within_limits(
             raise OptimizationError(reason, hint, last_iterate(task, plan))
     warn_of_bending(task.arm, plan.q)
     rest = remaining(task, plant, plan, run)
-    missed = max(rest.tip_error / float(task.arm.lengths.sum()), rest.joint_error)
-    if plant is task.arm and missed > _MISSED:
+    if plant is task.arm and rest.tip_error > _MISSED * task.arm.lengths.sum():
         warn_caller(
-            f"the simulation ends {rest.tip_error:.2g} m and {rest.joint_error:.2g} rad from its "
-            f"goal. Take more intervals than {plan.intervals}; see OptimalMotion.remaining.",
+            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation. Take "
+            f"more intervals than {plan.intervals}; see OptimalMotion.remaining.",
             AccuracyWarning,
         )
     table, chain = tabulated(task, plan)

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.arguments import check_choice
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, SimulationError, check_choice, shown
+from flexarm.errors import InputError, Problem, SimulationError, shown
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.studies.execution import RECORDED
 from flexarm.studies.statistics import study_statistics
