@@ -315,3 +315,14 @@ def test_progress_shows_the_fit_of_each_channel(capsys):
     assert lines[0].startswith("evaluation 1: ")
     assert "joint_angle_1" in lines[0]
     assert "strain_1" in str(found)
+
+
+def test_a_record_in_wrong_units_is_reported():
+    """Degrees read as radians: the best rigidity is far off, and its deviation is small."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5)])
+    times = np.arange(101) / 100.0
+    run = fa.simulate(arm, 1.0, torque=0.5 * np.sin(3.0 * times)[:, None], rate=100.0)
+    wrong = run[["torque", "joint_angle"]].copy()
+    wrong["joint_angle"] = np.rad2deg(wrong["joint_angle"])
+    with pytest.warns(fa.AccuracyWarning, match=r"joint_angle_1 of record 1 .*Check units"):
+        fa.identify(arm, wrong, free=["links[0].flexural_rigidity"])

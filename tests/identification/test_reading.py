@@ -215,3 +215,16 @@ def test_every_measured_channel_has_labels(name):
     assert label is not None
     assert label.text == text
     assert (label_of(name) is None) == bool(dims)
+
+
+def test_text_in_a_column_is_reported(tmp_path):
+    path = tmp_path / "record.csv"
+    head = "time,torque_1,joint_angle_1\n"
+    rows = [f"{t:.2f},0.5,{'bad' if k == 3 else 0.1 * t}" for k, t in enumerate(TIMES[:20])]
+    path.write_text(head + "\n".join(rows))
+    with pytest.warns(fa.FlexarmWarning, match="text in 1 of 20 cells, such as 'bad'"):
+        record = fa.read_record(path)
+    assert np.isnan(record.data["joint_angle"].values).sum() == 1
+    path.write_text(head + "\n".join(f"{t:.2f},0.5,{t} deg" for t in TIMES[:20]))
+    with pytest.raises(fa.InputError, match="'joint_angle_1', which has no numbers"):
+        fa.read_record(path)

@@ -53,6 +53,10 @@ Records = (
 )
 
 
+#: Fit (%) below which units or signs are probably wrong.
+_POOR = 5.0
+
+
 @public_call
 def identify(
     arm: Arm,
@@ -114,7 +118,7 @@ def identify(
     Warns:
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
-            controller, so that the estimates may be biased.
+            controller, so that the estimates may be biased; or if a channel has a fit below 5 %.
     """
     check_kind("arm", arm, Arm)
     if motors is not None:
@@ -148,6 +152,8 @@ def identify(
     ]
     if indistinct:
         warn_caller(" ".join(indistinct), IdentifiabilityWarning)
+    fit = fits_of(runs, best.outputs)
+    _warn_of_poor_fits(fit)
     return Identification(
         arm=found,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
@@ -155,13 +161,26 @@ def identify(
         parameters=table,
         initial=initial,
         undetermined=tuple(indistinct),
-        fit=fits_of(runs, best.outputs),
+        fit=fit,
         validation=fits_of(others, predicted),
         histories={**histories_of(runs, best.outputs), **histories_of(others, predicted)},
         noise=best.noise,
         starts=tuple(costs),
         converged=best.converged,
     )
+
+
+def _warn_of_poor_fits(fit: xr.Dataset) -> None:
+    poor = [
+        f"{channel} of {record} ({percent:.2g} %)"
+        for record, row in zip(fit["record"].values, fit["fit"].values, strict=True)
+        for channel, percent in zip(fit["channel"].values, row, strict=True)
+        if percent < _POOR
+    ]
+    if poor:
+        text = f"the fitted arm hardly reproduces {', '.join(poor)}; 100 % is perfect. "
+        hint = "Check units, signs, times and the numbers that are not free."
+        warn_caller(text + hint, AccuracyWarning)
 
 
 def _records(name: str, given: Any) -> dict[str, MeasuredRecord]:

@@ -117,7 +117,7 @@ def record_of_file(
 def _columns(
     description: RecordFile, table: Table, names: Mapping[str, str]
 ) -> dict[Label, FloatArray]:
-    """Return the measured columns in SI units."""
+    """Return the measured columns in SI units; none of them is without numbers."""
     columns: dict[Label, FloatArray] = {}
     problems: list[Problem] = []
     chosen = description.channels or {name: Column(column=name) for name in names if label_of(name)}
@@ -135,6 +135,8 @@ def _columns(
         except InputError as error:
             problems += error.problems
             continue
+        if not np.isfinite(table[header]).any():
+            problems.append(Problem(place, f"names the column {header!r}, which has no numbers"))
         columns[label] = factor * (column.gain * table[header] + column.offset)
     if problems:
         raise InputError(*problems)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arguments import library_missing
-from flexarm.errors import InputError, Problem
+from flexarm.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
 
 #: Columns (samples,) by name.
 Table = dict[str, NDArray[np.float64]]
@@ -73,11 +73,18 @@ def _parquet(path: Path) -> Table:
 
 
 def _of_frame(frame: Any) -> Table:
-    """Return the columns of numbers of a table; text in them is missing."""
+    """Return the columns of numbers of a table; text in them is missing, with a warning."""
     import pandas as pd
 
-    table = {str(name).strip(): pd.to_numeric(frame[name], errors="coerce") for name in frame}
-    return {name: np.asarray(column, dtype=np.float64) for name, column in table.items()}
+    table: Table = {}
+    for name in frame:
+        numbers = pd.to_numeric(frame[name], errors="coerce")
+        text = frame[name][numbers.isna() & frame[name].notna()]
+        if text.size and numbers.notna().any():  # a column of text alone may be a remark
+            some = f"text in {text.size} of {numbers.size} cells, such as {shown(text.iloc[0])}"
+            warn_caller(f"column {name!r} has {some}; they count as missing.", FlexarmWarning)
+        table[str(name).strip()] = np.asarray(numbers, dtype=np.float64)
+    return table
 
 
 def _netcdf(path: Path) -> Table:
