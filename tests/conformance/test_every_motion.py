@@ -48,7 +48,7 @@ def joints(profile):
 @cache
 def optimal():
     return fa.optimal_motion(
-        two_links(), [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=10
+        two_links(), [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=80
     )
 
 
