@@ -47,9 +47,9 @@ def joints(profile):
 
 @cache
 def optimal():
-    return fa.optimal_motion(
-        two_links(), [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=80
-    )
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.02)]
+    arm = fa.Arm(links=[fa.Link(length=1.0, modes=1, **ROD)] * 2, joints=joints)
+    return fa.optimal_motion(arm, [0.2, -0.4], [0.9, 0.5], "energy", duration=1.5, intervals=40)
 
 
 @cache
