@@ -7,14 +7,26 @@ import pytest
 
 import flexarm as fa
 from flexarm.actions.contacts import place_contacts
-from flexarm.integrate.nearness import turning_time
+from flexarm.integrate.nearness import _fastest_change, turning_time
 from flexarm.kernels.compilation.cache import compiled
-from flexarm.kernels.forces.contact import BEND, MOBILITY
+from flexarm.kernels.forces.contact import (
+    BEND,
+    DAMPING,
+    EXPONENT,
+    FRICTION,
+    GAP,
+    MOBILITY,
+)
 
 
 @compiled
 def time_of(contacts, speed):
     return turning_time(contacts, 0, speed)
+
+
+@compiled
+def constant_of(contacts):
+    return _fastest_change(contacts, 0)
 
 
 @pytest.fixture
@@ -40,3 +52,14 @@ def test_point_can_pass_through_a_post_in_the_time_of_its_radius(contacts):
 
 def test_point_that_leaves_has_no_limit(contacts):
     assert time_of(contacts, np.float64(-0.1)) == math.inf
+
+
+def test_resting_contact_vibrates_on_its_spring(contacts):
+    """sqrt(m / k) for a linear spring, whatever the depth; the deeper end of the step counts."""
+    contacts.law[0, MOBILITY] = 0.5
+    contacts.law[0, DAMPING] = contacts.law[0, FRICTION] = 0.0
+    contacts.seen[:, 0, GAP] = [0.002, -1e-3]
+    assert constant_of(contacts) == pytest.approx(math.sqrt(2.0 / 100.0), rel=1e-12)
+    contacts.law[0, EXPONENT] = 1.5  # k x^1.5 has the slope 1.5 k sqrt(x)
+    slope = 1.5 * 100.0 * math.sqrt(1e-3)
+    assert constant_of(contacts) == pytest.approx(math.sqrt(2.0 / slope), rel=1e-12)
