@@ -118,6 +118,10 @@ AREAS: dict[str, Area] = {
                 tests=("simulate/test_batch_lanes.py",),
             ),
             Group(
+                sources=("integrate/transfers.py",),
+                tests=("simulate/test_goal_gradient.py",),
+            ),
+            Group(
                 sources=("integrate/**/nearness.py",),
                 tests=("unit/integrate/test_nearness.py", "simulate/test_contacts.py"),
             ),
