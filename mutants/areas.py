@@ -6,55 +6,13 @@ Tests that fail most often for errors of the group come first, because pytest st
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-
-ROOT = Path(__file__).resolve().parent.parent
-
-
-def sources(patterns: Iterable[str]) -> set[Path]:
-    """Return the files of the package that match one of the globs."""
-    return {path for pattern in patterns for path in (ROOT / "src" / "flexarm").glob(pattern)}
-
-
-@dataclass(frozen=True)
-class Group:
-    """Sources with the same tests.
-
-    sources: globs below ``src/flexarm``. tests: files, or single tests in them, below
-    ``tests``. plain: whether kernels run as plain Python, so that changed ones are not compiled.
-    """
-
-    sources: tuple[str, ...]
-    tests: tuple[str, ...]
-    plain: bool = False
-
-    @property
-    def environment(self) -> Mapping[str, str]:
-        """Variables of the environment for the tests."""
-        return {"NUMBA_DISABLE_JIT": "1"} if self.plain else {}
-
-
-@dataclass(frozen=True)
-class Area:
-    """mutants: size of the sample. without: globs below ``src/flexarm`` that are left out."""
-
-    mutants: int
-    groups: tuple[Group, ...]
-    without: tuple[str, ...] = ()
-
-    def files(self) -> Iterator[tuple[Path, Group]]:
-        """Iterate over the files of the area, sorted, with the first group that has each."""
-        taken = sources(self.without)
-        for group in self.groups:
-            found = sources(group.sources) - taken
-            taken |= found
-            yield from ((path, group) for path in sorted(found))
-
+from mutants.applications import APPLICATIONS
+from mutants.groups import Area, Group
 
 _SURFACES = "unit/contacts/test_surfaces.py"
 _INVERSE = "invariants/test_forward_and_inverse.py"
+_LQG = "unit/control/test_lqg.py"
+_MARGINS = "unit/control/test_loop_margins.py"
 _ADAPTIVE = "unit/control/test_adaptive.py"
 _INTEGRATOR = "conformance/test_every_integrator.py"
 
@@ -68,6 +26,19 @@ AREAS: dict[str, Area] = {
             "kernels/**/compile_notice.py",
         ),
         groups=(
+            # They change how kernels are compiled, and have no effect in plain Python.
+            Group(
+                sources=(
+                    "kernels/compilation/dual*.py",
+                    "kernels/compilation/fused.py",
+                    "kernels/compilation/packs.py",
+                ),
+                tests=(
+                    "unit/kernels/test_packs.py",
+                    "unit/kernels/test_duals.py",
+                    "simulate/test_batch_lanes.py",
+                ),
+            ),
             Group(
                 sources=("kernels/**/contact.py",),
                 tests=(
@@ -143,6 +114,23 @@ AREAS: dict[str, Area] = {
                 plain=True,
             ),
             Group(
+                sources=("integrate/lanes/*.py",),
+                tests=("simulate/test_batch_lanes.py",),
+            ),
+            Group(
+                sources=("integrate/transfers.py",),
+                tests=("simulate/test_goal_gradient.py",),
+            ),
+            Group(
+                sources=("integrate/**/nearness.py",),
+                tests=("unit/integrate/test_nearness.py", "simulate/test_contacts.py"),
+            ),
+            Group(
+                sources=("integrate/**/newmark.py",),
+                tests=("unit/integrate/test_generalized_alpha.py", "conformance/test_few_steps.py"),
+                plain=True,
+            ),
+            Group(
                 sources=("integrate/**/joint_stops.py",),
                 tests=(
                     "simulate/test_joint_stops.py::test_restitution_of_hunt_and_crossley",
@@ -187,6 +175,17 @@ AREAS: dict[str, Area] = {
                 tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
             ),
             Group(
+                sources=("control*/**/posture_grid.py",),
+                tests=(
+                    f"{_LQG}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
+                    f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
+                ),
+            ),
+            Group(
+                sources=("control*/**/gravity_compensation.py",),
+                tests=("unit/control/test_position_laws.py",),
+            ),
+            Group(
                 sources=("control*/**/input_shaping.py",),
                 tests=("simulate/test_input_shaping.py",),
             ),
@@ -199,14 +198,17 @@ AREAS: dict[str, Area] = {
                     "control*/**/nominal.py",
                     "control*/**/flexible_model.py",
                 ),
-                tests=("unit/control/test_lqg.py", "unit/control/test_mpc_and_composite.py"),
+                tests=(
+                    "unit/control/test_lqg.py",
+                    "unit/control/test_mpc_and_composite.py",
+                    f"{_MARGINS}::test_recovery_restores_the_margins_of_state_feedback",
+                ),
             ),
             Group(
                 sources=(
                     "control*/**/*adaptive.py",
                     "control*/**/sliding*.py",
                     "control*/**/rigid_parameters.py",
-                    "control*/**/posture_grid.py",
                 ),
                 tests=(
                     "unit/control/test_adaptive.py",
@@ -308,6 +310,18 @@ AREAS: dict[str, Area] = {
                 ),
             ),
             Group(
+                sources=("model/**/changes.py",),
+                tests=("simulate/test_changes.py", "simulate/test_changes_of_runs.py"),
+            ),
+            Group(
+                sources=("model/identification/*.py",),
+                tests=("identification/test_reading.py", "cli/test_identify_command.py"),
+            ),
+            Group(
+                sources=("model/**/sampling.py",),
+                tests=("studies/test_samples.py", "studies/test_studies.py"),
+            ),
+            Group(
                 sources=("model/**/polygon.py", "model/**/contacts.py"),
                 tests=(
                     f"{_SURFACES}::test_closed_line_that_crosses_itself_is_rejected",
@@ -344,6 +358,21 @@ AREAS: dict[str, Area] = {
                 tests=("cli/test_linear_commands.py",),
             ),
             Group(sources=("cli/**/compare.py",), tests=("cli/test_compare_command.py",)),
+            Group(
+                sources=("cli/**/run.py",),
+                tests=("cli/test_first_minutes.py", "cli/test_commands.py"),
+            ),
+            Group(sources=("cli/**/identify.py",), tests=("cli/test_identify_command.py",)),
+            Group(sources=("cli/**/studio.py",), tests=("cli/test_studio_command.py",)),
+            Group(sources=("cli/**/sweep.py",), tests=("cli/test_sweep_command.py",)),
+            Group(
+                sources=("cli/**/export*.py",),
+                tests=(
+                    "bridges/test_c_code.py::test_command",
+                    "bridges/test_fmu.py::test_command",
+                    "bridges/test_matlab.py",
+                ),
+            ),
             Group(sources=("cli/**/warmup.py",), tests=("cli/test_warmup.py",)),
             Group(
                 sources=("cli/**/init.py", "cli/**/starting_files.py", "cli/**/advice.py"),
@@ -360,4 +389,5 @@ AREAS: dict[str, Area] = {
             ),
         ),
     ),
+    **APPLICATIONS,
 }

@@ -5,17 +5,27 @@ By file name: the line before and after the change, and why both programs do the
 
 _ONE_DIMENSION = "an array of one dimension: its first size is its last"
 
+_REPLACED = "replaced at the first chord, except for a point that is NaN, which no surface is near"
+
+_ENOUGH = "two or three passes are usual, and a step that needs dozens does not converge"
+
 _DAMPING = (
     "damping = np.where(np.abs(damping) {} _NONE * np.max(np.abs(damping), initial=0.0), "
     "damping, 0.0)"
 )
+
+_POLES = "poles = np.where(np.abs(poles) {} _ROUNDING * np.abs(poles).max(initial=0.0), poles, 0.0)"
 
 EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
     "contact.py": {
         (
             "place = knots[near, 0]",
             "place = knots[near, -1]",
-        ): "replaced at the first chord, except for a point that is NaN, which no surface is near",
+        ): _REPLACED,
+        (
+            "place = knots[near, 0]",
+            "place = knots[near, 1]",
+        ): _REPLACED,
         (
             "while near < last and real(s) >= knots[near + 1, 0]:",
             "while near < last and real(s) > knots[near + 1, 0]:",
@@ -27,11 +37,25 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             _DAMPING.format(">="),
         ): "only a zero is equal to the limit, in an arm without damping",
     },
+    "linearize.py": {
+        (
+            _POLES.format(">"),
+            _POLES.format(">="),
+        ): "only a zero is equal to the limit, if all poles are zero",
+    },
     "newmark.py": {
         (
             "_PASSES = 50",
             "_PASSES = 49",
-        ): "two or three passes are usual, and a step that needs dozens does not converge",
+        ): _ENOUGH,
+        (
+            "_PASSES = 50",
+            "_PASSES = 51",
+        ): _ENOUGH,
+        (
+            "break",
+            "continue",
+        ): "at the end of a run the other passes of the loop do nothing",
         (
             "if old_h > 0.0:",
             "if old_h >= 0.0:",

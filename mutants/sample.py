@@ -20,8 +20,9 @@ from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
-from mutants.areas import AREAS, ROOT, Group
+from mutants.areas import AREAS
 from mutants.equivalent import EQUIVALENT
+from mutants.groups import ROOT, Group
 
 #: Errors that people make. Others, such as ``<<`` for ``*``, stop nearly every program.
 OPERATORS = (

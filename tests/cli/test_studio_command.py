@@ -51,3 +51,14 @@ def test_address_of_another_machine_is_rejected():
     done = invoke("--host", "192.0.2.1")
     assert done.exit_code == 2
     assert "cannot be used" in done.stderr
+
+
+@pytest.mark.parametrize(("host", "shown"), [("127.0.0.1", "127.0.0.1"), ("::1", "[::1]")])
+def test_printed_address_is_a_valid_one(monkeypatch, host, shown):
+    """An address of IPv6 has brackets in front of the port."""
+    pytest.importorskip("nicegui")
+    monkeypatch.setattr("flexarm.studio.app.serve", lambda *options: None)
+    monkeypatch.setattr("flexarm.cli.commands.studio._check_address", lambda host, port: None)
+    done = invoke("--host", host, "--port", 8123)
+    assert done.exit_code == 0
+    assert f"studio at http://{shown}:8123/\n" in done.stdout

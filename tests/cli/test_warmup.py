@@ -1,6 +1,8 @@
 """``flexarm warmup``, and the notice in a terminal while kernels compile."""
 
 import io
+import re
+import time
 from types import SimpleNamespace
 
 from typer.testing import CliRunner
@@ -15,10 +17,14 @@ def test_warmup_prints_the_compiled_features(monkeypatch):
     # Two features only: tests/conformance/test_every_kernel_is_warmed_up.py tests all.
     some = ("forward dynamics and derivatives", "closed loops")
     monkeypatch.setattr(warmup, "FEATURES", {name: warmup.FEATURES[name] for name in some})
+    before = time.perf_counter()
     outcome = CliRunner().invoke(app, ["warmup"])
+    elapsed = time.perf_counter() - before
     assert outcome.exit_code == 0, outcome.output
     words = " ".join(outcome.stdout.split())
-    assert "2 features are ready after " in words
+    found = re.search(r"2 features are ready after (\d+) s;", words)
+    assert found, words
+    assert int(found[1]) <= elapsed + 0.5  # rounded
 
 
 def test_warmup_requires_a_writable_cache(monkeypatch):

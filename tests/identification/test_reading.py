@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 import flexarm as fa
 from flexarm.identification.labels import MEASURED, label_of
+from flexarm.model.identification.records import UNITS
 
 TIMES = np.arange(50) / 100.0
 ANGLE = 10.0 * np.sin(8.0 * TIMES)  # degrees
@@ -228,3 +229,18 @@ def test_text_in_a_column_is_reported(tmp_path):
     path.write_text(head + "\n".join(f"{t:.2f},0.5,{t} deg" for t in TIMES[:20]))
     with pytest.raises(fa.InputError, match="'joint_angle_1', which has no numbers"):
         fa.read_record(path)
+
+
+def test_units_have_their_definitions():
+    """The definitions of SI, by prefix or in full."""
+    defined = {"deg": np.pi / 180, "rev": 2 * np.pi, "rpm": 2 * np.pi / 60, "%": 0.01}
+    defined |= {"deg/s": np.pi / 180, "rev/s": 2 * np.pi, "Nm": 1.0, "m/m": 1.0}
+    defined |= {"mNm": 1e-3, "mm/m": 1e-3, "um/m": 1e-6, "ustrain": 1e-6}
+    prefixes = {"c": 1e-2, "m": 1e-3, "u": 1e-6}
+    for unit, names in UNITS.items():
+        for name, factor in names.items():
+            wanted = 1.0 if name == unit else defined.get(name)
+            if wanted is None:
+                assert name[1:] == unit, name
+                wanted = prefixes[name[0]]
+            assert factor == pytest.approx(wanted, rel=1e-15), name

@@ -6,8 +6,9 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from mutants.areas import AREAS, ROOT, Group
+from mutants.areas import AREAS
 from mutants.equivalent import EQUIVALENT
+from mutants.groups import ROOT, Group
 from mutants.sample import Mutant, mutants_at, sample
 
 

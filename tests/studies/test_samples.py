@@ -93,3 +93,10 @@ def test_wrong_plans_are_named(changes, message):
     with pytest.raises(fa.InputError) as caught:
         fa.Study(content(**changes))
     assert message in str(caught.value)
+
+
+def test_largest_seed_is_the_largest_number_of_63_bits():
+    """Stores keep seeds as integers of 64 bits with a sign."""
+    assert samples("random", 4, seed=2**63 - 1).count == 4
+    with pytest.raises(fa.ModelError, match="seed"):
+        samples("random", 4, seed=2**63)

@@ -6,6 +6,8 @@ of them carries its derivative through all stages in the imaginary part.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from flexarm.integrate.base import System
@@ -61,7 +63,7 @@ def held_torque_additive_step(
 
     The torque is that of ``system.drive``; all arrays of the motion are complex.
     """
-    memory.clock[SOFTENED] = -1.0  # the constants may have changed since the last call
+    memory.clock[SOFTENED] = math.nan  # the constants may have changed since the last call
     slope_at(
         system, 0.0, bool(np.bool_(False)), memory.state, memory.torque, record.stages,
         int(np.int64(0)),

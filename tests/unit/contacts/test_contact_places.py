@@ -6,7 +6,7 @@ import pytest
 import flexarm as fa
 from arm_states import drawn
 from flexarm.actions.contacts import place_contacts
-from flexarm.kernels.forces.contact import FORCE, GAP, VELOCITY
+from flexarm.kernels.forces.contact import BEND, FORCE, GAP, VELOCITY
 from flexarm.observe import contact_values
 from random_options import busy
 
@@ -211,3 +211,15 @@ def test_contacts_off_the_arm_are_rejected(contacts, stated):
     d = drawn(3)
     with pytest.raises(fa.InputError, match=stated):
         d.arm.forward_dynamics(d.q, d.qd, d.torque, contacts=contacts)
+
+
+@pytest.mark.parametrize("radius", [None, 0.25])
+def test_point_exactly_on_a_surface_has_its_curvature(radius):
+    link = fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=1.0, elements=1)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1)])
+    wall = fa.Wall((1.0, 0.0), (-1.0, 0.0))
+    surface = wall if radius is None else fa.RoundWall((1.0 + radius, 0.0), radius)
+    placed = place_contacts(arm, [fa.Contact(surface, stiffness=100.0)])
+    row = contact_values(arm, placed, arm.padded(np.zeros((2, arm.dof)))[None])[0, 0]
+    assert row[GAP] == 0.0
+    assert row[BEND] == (0.0 if radius is None else 1.0 / radius)

@@ -8,6 +8,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.loop_analysis.linear_controller import linear_controller
+from flexarm.loop_analysis.margin_design import _least
 from flexarm.loop_analysis.margins import loop_at
 from flexarm.loop_analysis.plant_model import instruments_of, model_at, signals_of
 from paper_arms import laboratory_arm
@@ -183,6 +184,15 @@ def test_design_for_a_margin_reaches_it_or_reports_the_best():
     assert float(fa.loop_margins(made, plants).worst_disk_margin.min()) >= 0.2
     with pytest.raises(fa.InputError, match=r"disk_margin of .* cannot be reached"):
         fa.Composite.for_margin(robust_arm(), POSTURE, plants=plants, disk_margin=1.9)
+
+
+def test_least_margin_of_several_arms_is_that_of_the_worst():
+    arm, inertia = turntable()
+    heavy = fa.Arm(arm.spec.replace(joints=[fa.Joint(hub_inertia=0.05 + 2.0 * inertia)]))
+    controller = fa.JointPD(5.0, D, sample_time=STEP)
+    each = [float(fa.loop_margins(controller, a, [0.0]).disk_margin.min()) for a in (arm, heavy)]
+    assert 1.0 < each[1] < each[0]
+    assert _least(controller, [arm, heavy], [0.0], 0.0) == each[1]
 
 
 def test_unsupported_loops_are_rejected():

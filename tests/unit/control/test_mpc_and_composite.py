@@ -227,6 +227,16 @@ def test_poles_of_slow_joints_approach_the_two_designs(arm):
     assert errors[2] < 0.7 * errors[1]
 
 
+def test_smaller_acceptable_bend_gives_more_damping_of_the_links(arm):
+    """Bryson's rule: the weight of a reading is the inverse square of its acceptable size."""
+    gains = [
+        np.linalg.norm(fa.Composite(arm, POSTURE, acceptable={"strain": size}).fast_designs[0].gain)
+        for size in (1e-5, 1e-4, 1e-3)
+    ]
+    assert gains[0] > 2.0 * gains[1]
+    assert gains[1] > gains[2]
+
+
 def test_composite_follows_and_damps(arm):
     motion = fa.joint_motion(arm, [0.2, 0.6], POSTURE, 0.6)
     run = fa.simulate(arm, 4.0, controller=fa.Composite(arm, POSTURE), reference=motion, rate=200.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import Measurement
 
 TICK = 0.002
@@ -243,3 +244,19 @@ def test_feedforward_is_evaluated_for_many_samples_in_one_call():
 def test_wrong_arguments_are_rejected(make, words):
     with pytest.raises(fa.InputError, match=words):
         make()
+
+
+def test_sag_is_corrected_once_per_sample(monkeypatch):
+    """The first call converges; later ones cost one inverse dynamics, as sampled loops require."""
+    controller = fa.JointPID(0.0, 0.0, arm=arm(gravity=(0.0, -9.81)), sag=True)
+    stated = Measurement(joint_angle=np.array([0.2, -0.4]), joint_rate=np.zeros(2))
+    calls = []
+    inverse = KernelView.inverse_dynamics
+    monkeypatch.setattr(
+        KernelView, "inverse_dynamics", lambda *a: (calls.append(1), inverse(*a))[1]
+    )
+    controller.update(0.0, stated, None)
+    assert len(calls) > 1
+    calls.clear()
+    controller.update(1e-3, stated, None)
+    assert len(calls) == 1

@@ -1,5 +1,6 @@
 """Modes: joint gains, complex modes, bent equilibria, spin, curves."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -193,6 +194,17 @@ class TestCurves:
         np.testing.assert_allclose(largest, 0.05, rtol=1e-12)
         damped = found.displacements(damped=True)
         np.testing.assert_allclose(damped, found.displacements(), atol=1e-12)
+
+    def test_damped_displacements_have_the_phases_of_the_complex_shapes(self):
+        """Displacements are linear in the shape: those of its real and imaginary part."""
+        found = fa.modes(table_one_arm(), ANGLES, joints=[(10.0, 3.0), (5.0, 2.0)])
+        moved = found.displacements(20, damped=True)
+        assert np.abs(moved.imag).max() > 0.01 * np.abs(moved.real).max()
+        parts = [
+            dataclasses.replace(found, shapes=part).displacements(20)
+            for part in (found.complex_shapes.real, found.complex_shapes.imag)
+        ]
+        np.testing.assert_allclose(moved, parts[0] + 1j * parts[1], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

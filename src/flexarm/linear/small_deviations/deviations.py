@@ -95,5 +95,4 @@ def _march(edges: FloatArray, solved: FloatArray, dq: FloatArray, dqd: FloatArra
 
 def break_times(motion: Motion, until: float) -> FloatArray:
     """Return zero, the breaks of a motion before ``until``, and ``until``, s."""
-    inner = np.array([t for t in motion.breaks if 0.0 < t < until])
-    return np.concatenate([[0.0], inner, [until]])
+    return np.unique(np.clip([0.0, *motion.breaks, until], 0.0, until))

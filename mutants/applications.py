@@ -1,0 +1,121 @@
+"""The areas of what is built on physics and control: runs, batches, data, optimal motions."""
+
+from __future__ import annotations
+
+from mutants.groups import Area, Group
+
+APPLICATIONS: dict[str, Area] = {
+    "runs": Area(
+        mutants=20,
+        groups=(
+            Group(
+                sources=("engine/changes/*.py",),
+                tests=("simulate/test_changes.py", "simulate/test_instants_of_changes.py"),
+            ),
+            Group(
+                sources=("engine/event*.py",),
+                tests=("simulate/test_events.py", "simulate/test_event_arguments.py"),
+            ),
+            Group(
+                sources=("engine/contact_*.py", "engine/impacts.py"),
+                tests=("simulate/test_contacts.py", "simulate/test_rejected_contact_starts.py"),
+            ),
+            Group(
+                sources=(
+                    "engine/integrator_choice.py",
+                    "engine/tolerance.py",
+                    "engine/default_step.py",
+                ),
+                tests=(
+                    "simulate/test_integrator_choice.py",
+                    "simulate/test_default_step.py",
+                    "simulate/test_accuracy_and_failure.py",
+                ),
+            ),
+            Group(
+                sources=("simulation/compare.py", "simulation/metrics.py"),
+                tests=("simulate/test_compare.py",),
+            ),
+            Group(sources=("simulation/separated.py",), tests=("simulate/test_separated.py",)),
+            Group(
+                sources=("engine/section_forces.py",),
+                tests=("simulate/test_section_channels.py",),
+            ),
+            Group(
+                sources=("engine/**/*.py", "simulation/**/*.py"),
+                tests=(
+                    "simulate/test_results.py",
+                    "simulate/test_torques.py",
+                    "simulate/test_plant.py",
+                    "simulate/test_accuracy_and_failure.py",
+                    "simulate/test_progress_bar.py",
+                    "simulate/test_large_deflection.py",
+                    "simulate/test_unresolved_modes.py",
+                    "simulate/test_simulate_arguments.py",
+                ),
+            ),
+        ),
+    ),
+    "batches and studies": Area(
+        mutants=15,
+        groups=(
+            Group(
+                sources=("batch/reductions.py",),
+                tests=("simulate/test_batch_reductions.py",),
+            ),
+            Group(
+                sources=("batch/**/*.py",),
+                tests=(
+                    "simulate/test_batch.py",
+                    "simulate/test_batch_lanes.py",
+                    "bridges/test_vector_environment.py",
+                ),
+            ),
+            Group(
+                sources=("studies/**/*.py",),
+                tests=(
+                    "studies/test_samples.py",
+                    "studies/test_study_statistics.py",
+                    "studies/test_store.py",
+                    "studies/test_studies.py",
+                ),
+            ),
+        ),
+    ),
+    "measured data": Area(
+        mutants=15,
+        groups=(
+            Group(
+                sources=("run_derivatives/adjoint.py", "run_derivatives/gradient.py"),
+                tests=("simulate/test_goal_gradient.py",),
+            ),
+            Group(
+                sources=("run_derivatives/**/*.py",),
+                tests=("simulate/test_sensitivities.py",),
+            ),
+            Group(
+                sources=("identification/**/*.py",),
+                tests=(
+                    "identification/test_reading.py",
+                    "identification/test_filtering.py",
+                    "identification/test_statistics.py",
+                    "identification/test_identify.py",
+                    "cli/test_identify_command.py",
+                ),
+            ),
+        ),
+    ),
+    "optimal motions": Area(
+        mutants=10,
+        groups=(
+            Group(
+                sources=("optimize/**/*.py",),
+                tests=(
+                    "optimize/test_limits.py",
+                    "optimize/test_motion_and_errors.py",
+                    "optimize/test_closed_forms.py",
+                ),
+            ),
+        ),
+    ),
+}
