@@ -298,6 +298,16 @@ def test_eccentric_payload_cannot_vanish():
         fa.simulate(two_links((0.1, 0.0)), 0.1, changes=[fa.Change("payload.mass", to=0.0)])
 
 
+def test_change_after_the_end_is_rejected_with_the_other_problems():
+    late = fa.Change("payload.mass", to=0.2, at=0.3)
+    with pytest.raises(fa.InputError, match=r"changes\[0\].at must be at most 0.1 s") as found:
+        fa.simulate(two_links(), 0.1, changes=[late, fa.Change("payload.mas", to=1.0)])
+    assert "changes[1]" in str(found.value)
+    at_the_end = fa.Change("payload.mass", to=0.2, at=0.1)
+    run = fa.simulate(two_links(), 0.1, changes=[at_the_end])
+    assert run.time.values[-1] == 0.1
+
+
 def test_plant_without_duration_takes_no_function():
     with pytest.raises(fa.InputError, match="duration is required"):
         fa.Plant(two_links(), changes=[fa.Change("payload.mass", to=lambda t: t)])

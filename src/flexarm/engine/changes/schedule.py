@@ -194,9 +194,13 @@ def arm_changes(
     if not changes:
         return None
     names = [] if log is None else log.names
-    faults = list(change_faults(arm.spec, changes, names))
-    if faults:
-        raise InputError(*(fault.problem() for fault in faults))
+    problems = [fault.problem() for fault in change_faults(arm.spec, changes, names)]
+    for k, change in enumerate(changes):
+        if not isinstance(change.at, str) and change.at > duration:
+            rule = f"be at most {duration:g} s, the duration of the run"
+            problems.append(Problem(f"changes[{k}].at", rule, shown(change.at)))
+    if problems:
+        raise InputError(*problems)
     courses = [_course(k, change, arm.spec, duration) for k, change in enumerate(changes)]
     found = ArmChanges(arm, changes, courses)
     if log is not None:

@@ -64,7 +64,8 @@ class Change(Record, kw_only=False):
     )
     at: TimeOrEvent = Field(
         default=0.0,
-        description="Time of the change (s), or the name of an event: its first occurrence.",
+        description="Time of the change (s), at most the duration of the run, or the name of an "
+        "event: its first occurrence.",
     )
     to: Course | None = Field(default=None, description="The new number, or a table of it.")
     factor: Course | None = Field(
