@@ -105,7 +105,7 @@ class Arm(Dynamics):
             beam = link.beam()
             rigidity = _range(beam.flexural_rigidity) if link.flexible else "rigid"
             mass = _range(beam.mass_per_length)
-            rows.append((f"link {number}", link.length, rigidity, mass, link.coordinates))
+            rows.append((f"link {number}", link.reach, rigidity, mass, link.coordinates))
         if self.spec.payload.mass > 0.0:
             rows.append(("payload", "", "", f"{self.spec.payload.mass:.5g} kg", ""))
         return html_table(repr(self).strip("<>"), heads, rows)

@@ -25,9 +25,14 @@ def joint_loss(joint: Joint, angle: float, rate: float) -> float:
     torque = 0.0
     if joint.friction is not None:
         f = joint.friction
-        static = f.coulomb if f.static is None else f.static
-        level = f.coulomb + (static - f.coulomb) * np.exp(-((rate / f.stribeck_rate) ** 2))
-        torque -= level * np.tanh(rate / f.smoothing_rate) + f.viscous * rate
+        sign = np.tanh(rate / f.smoothing_rate)
+        # The mean of the two directions, weighted by their shares of the smoothed sign.
+        shares = (1 + sign) / 2, (1 - sign) / 2
+        coulomb = f.coulomb, f.coulomb if f.coulomb_negative is None else f.coulomb_negative
+        viscous = f.viscous, f.viscous if f.viscous_negative is None else f.viscous_negative
+        rise = 0.0 if f.static is None else f.static - f.coulomb
+        level = np.dot(shares, coulomb) + rise * np.exp(-((rate / f.stribeck_rate) ** 2))
+        torque -= level * sign + np.dot(shares, viscous) * rate
     if joint.limits is not None:
         stop = joint.limits
         inward = 1.0 if angle < stop.lower else -1.0

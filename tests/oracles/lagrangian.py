@@ -248,6 +248,7 @@ class LagrangianOracle:
                     origin = (origin[0] + q[slide], origin[1] + q[slide + 1])
                 angle = self._turned(total, piece.joint, piece.owner, angle, q)
                 total.kinetic += half(piece.joint.hub_inertia, angle.rate)
+            origin = place(origin, angle, piece.hub_radius, 0.0)
             total.roots.append((origin, angle))
             shape = q[self.shape_slice[i]]
             self._link(total, points, origin, angle, shape)

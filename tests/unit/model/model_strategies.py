@@ -9,6 +9,7 @@ from flexarm.model import (
     Circle,
     FactorTable,
     FollowingJoint,
+    Friction,
     Gauge,
     HeldJoint,
     InitialState,
@@ -129,12 +130,21 @@ def links(draw):
     return Link(**common, table=draw(tables(length, shears)), rotary_inertia=rotary)
 
 
+frictions = st.builds(
+    Friction,
+    coulomb=not_negative,
+    viscous=not_negative,
+    coulomb_negative=st.none() | not_negative,
+    viscous_negative=st.none() | not_negative,
+)
 joints = st.builds(
+    Friction,
     Joint,
     hub_inertia=not_negative,
     mass=not_negative,
     housing_inertia=not_negative,
     damping=not_negative,
+    friction=st.none() | frictions,
 )
 payloads = st.builds(
     Payload, mass=not_negative, inertia=not_negative, offset=st.one_of(numbers, pairs)

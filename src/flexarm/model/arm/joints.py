@@ -18,7 +18,8 @@ class Friction(Record):
 
     Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
     smoothing_rate) + viscous rate`` against the motion. Below the smoothing rate the joint creeps,
-    whereas a real joint sticks.
+    whereas a real joint sticks. Coulomb and viscous friction may have other values at negative
+    rates; static friction is above both Coulomb levels by the same amount.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -34,6 +35,16 @@ class Friction(Record):
     )
     viscous: NonNegative = Field(
         default=0.0, description="Friction torque per rate, on the side of the motor (N m s/rad)."
+    )
+    coulomb_negative: NonNegative | None = Field(
+        default=None,
+        description="Friction torque at negative rates (N m); by default equal to coulomb.",
+    )
+    viscous_negative: NonNegative | None = Field(
+        default=None,
+        description=(
+            "Friction torque per rate at negative rates (N m s/rad); by default equal to viscous."
+        ),
     )
 
     @classmethod
