@@ -56,7 +56,7 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
     # Drawn separately, so that the other numbers do not depend on the options below.
     more = np.random.default_rng([seed, 1])
     links = [link.replace(hub_radius=maybe(more, 0.02, 0.3)) for link in links]
-    joints = [one_sided(more, joint) for joint in joints]
+    joints = [one_sided(more, with_drive(more, joint)) for joint in joints]
     turning = [i for i, joint in enumerate(joints) if not joint.fixed]
     angles = angles[turning]
     spec = ArmSpec(
@@ -160,6 +160,14 @@ def one_sided(rng: np.random.Generator, joint: Joint) -> Joint:
         coulomb_negative=float(rng.uniform(0.1, 3.0)), viscous_negative=maybe(rng, 0.1, 2.0)
     )
     return joint.replace(friction=friction)
+
+
+def with_drive(rng: np.random.Generator, joint: Joint) -> Joint:
+    """Return the joint with a backlash if it is elastic, and with a motor driven by a voltage."""
+    backlash = maybe(rng, 0.01, 0.2) if joint.elastic else 0.0
+    winding = fa.Winding(torque_constant=0.05, resistance=float(rng.uniform(0.5, 5.0)))
+    driven = decide(rng, None, 0.3) and not joint.fixed
+    return joint.replace(backlash=backlash, winding=winding if driven else None)
 
 
 def fixed(rng: np.random.Generator, joint: Joint) -> Joint:

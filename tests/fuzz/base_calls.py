@@ -109,6 +109,7 @@ RECORDS: dict[str, dict[str, Any]] = {
     "Filter": {"kind": "low_pass", "cutoff": 20.0},
     "FreeParameter": {"path": "payload.mass"},
     "Friction": {"coulomb": 0.1},
+    "Winding": {"torque_constant": 0.05, "resistance": 2.0},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
     "JointLimits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},

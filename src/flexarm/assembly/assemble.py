@@ -56,12 +56,14 @@ class Seat(NamedTuple):
         link: index of the link. body: index of the body that the motor rotates: the link's first
             one or, with an elastic joint, a body of zero length before it. angle: index of the
             joint angle in q. twist: index of the elastic joint's twist in q, or None.
+        backlash: whether the spring of the elastic joint has one.
     """
 
     link: int
     body: int
     angle: int
     twist: int | None
+    backlash: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,7 @@ def assemble(spec: ArmSpec) -> Assembly:
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
         if not joint.fixed:
             twist = len(places) + 1 if joint.elastic else None
-            seats.append(Seat(index, body, len(places), twist))
+            seats.append(Seat(index, body, len(places), twist, joint.backlash > 0.0))
             places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
             body += joint.elastic
         link_body.append(body)
@@ -265,8 +267,14 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
         constants.free[spring] = 1.0
         # The motor's end of the spring: a body of zero length and mass transmits all forces.
         constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
-    constants.joint_damping[spring] = joint.damping
-    constants.joint_stiffness[spring] = joint.stiffness
+    constants.joint_damping[i] = joint.braking
+    constants.joint_damping[spring] += joint.damping
+    if seat.backlash:
+        # Beyond the backlash the spring acts as a pair of stops of the twist.
+        half = 0.5 * joint.backlash
+        constants.limits[spring] = -half, half, joint.stiffness, 0.0
+    else:
+        constants.joint_stiffness[spring] = joint.stiffness
     constants.joint_rest[spring] = joint.rest_angle
     constants.rotor[i] = joint.rotor_inertia, joint.gear_ratio
     if joint.friction is not None:

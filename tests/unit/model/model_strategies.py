@@ -33,6 +33,7 @@ from flexarm.model import (
     TipEvent,
     TorqueDrive,
     Tube,
+    Winding,
 )
 from flexarm.model.drives import (
     CONTROLLED,
@@ -103,6 +104,7 @@ def links(draw):
     shears = element == "timoshenko"
     common = {
         "length": length,
+        "hub_radius": draw(not_negative),
         "element": element,
         "elements": elements,
         "modes": modes,
@@ -138,13 +140,13 @@ frictions = st.builds(
     viscous_negative=st.none() | not_negative,
 )
 joints = st.builds(
-    Friction,
     Joint,
     hub_inertia=not_negative,
     mass=not_negative,
     housing_inertia=not_negative,
     damping=not_negative,
     friction=st.none() | frictions,
+    winding=st.none() | st.builds(Winding, torque_constant=positive, resistance=positive),
 )
 payloads = st.builds(
     Payload, mass=not_negative, inertia=not_negative, offset=st.one_of(numbers, pairs)
@@ -292,6 +294,7 @@ def scenarios(draw):
             rate=positive,
             values=st.lists(each, min_size=2, max_size=4),
             interpolation=st.sampled_from(["cubic", "linear", "hold"]),
+            quantity=st.sampled_from(["torque", "voltage"]),
         ),
     ]
     if motion is not None:

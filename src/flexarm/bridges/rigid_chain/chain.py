@@ -22,7 +22,7 @@ from flexarm.model import Joint, Link, ModalDamping, SectionTable
 
 #: Points of the quadrature in each interval of the table of a link.
 _POINTS = 20
-_UNSUPPORTED = ("friction", "limits", "rotor_inertia")
+_UNSUPPORTED = ("friction", "limits", "rotor_inertia", "winding")
 
 
 class Comparison(NamedTuple):

@@ -12,7 +12,7 @@ from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.model import Instrument, Scenario
 from flexarm.model.arm.damping import ModalDamping, RayleighDamping
-from flexarm.model.arm.joints import Friction, JointLimits
+from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import Gauge
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.checks import Record
@@ -253,6 +253,7 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
     Gauge: lambda of, _: {"station": 0.0, "distance": 0.005},
     Friction: lambda of, _: {"coulomb": 0.1},
     JointLimits: _limits,
+    Winding: lambda of, _: {"torque_constant": 0.05, "resistance": 1.0},
     HeldJoint: _hold,
     FollowingJoint: _hold,
     TabulatedJoint: _tabulated,
