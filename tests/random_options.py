@@ -53,6 +53,10 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
         with_laws(rng, joint, angle) for joint, angle in zip(plain.joints, angles, strict=True)
     ]
     joints = [fixed(rng, joint) if decide(rng, None, 0.15) else joint for joint in joints]
+    # Drawn separately, so that the other numbers do not depend on the options below.
+    more = np.random.default_rng([seed, 1])
+    links = [link.replace(hub_radius=maybe(more, 0.02, 0.3)) for link in links]
+    joints = [one_sided(more, with_drive(more, joint)) for joint in joints]
     turning = [i for i, joint in enumerate(joints) if not joint.fixed]
     angles = angles[turning]
     spec = ArmSpec(
@@ -146,6 +150,24 @@ def with_laws(rng: np.random.Generator, joint: Joint, angle: float) -> Joint:
         friction=friction,
         limits=limits,
     )
+
+
+def one_sided(rng: np.random.Generator, joint: Joint) -> Joint:
+    """Return the joint with other friction at negative rates, if it has friction."""
+    if joint.friction is None or decide(rng, None):
+        return joint
+    friction = joint.friction.replace(
+        coulomb_negative=float(rng.uniform(0.1, 3.0)), viscous_negative=maybe(rng, 0.1, 2.0)
+    )
+    return joint.replace(friction=friction)
+
+
+def with_drive(rng: np.random.Generator, joint: Joint) -> Joint:
+    """Return the joint with a backlash if it is elastic, and with a motor driven by a voltage."""
+    backlash = maybe(rng, 0.01, 0.2) if joint.elastic else 0.0
+    winding = fa.Winding(torque_constant=0.05, resistance=float(rng.uniform(0.5, 5.0)))
+    driven = decide(rng, None, 0.3) and not joint.fixed
+    return joint.replace(backlash=backlash, winding=winding if driven else None)
 
 
 def fixed(rng: np.random.Generator, joint: Joint) -> Joint:

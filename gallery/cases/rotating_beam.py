@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-import flexarm as fa
 from flexarm.plot.line_labels import label_lines
 from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, unit_beam
@@ -42,19 +41,14 @@ physically wrong. **Use `theory="second_order"` for links that rotate fast.**
 
 The package: `arm.derivatives(q, qd, torque)` at the straight arm with the joint rotating at
 $\Omega$ gives the Jacobian of the accelerations. With the mass matrix, its elastic block is the
-stiffness for a prescribed rate of the joint. The hub is a rigid link on the joint, and a fixed
-joint connects the beam to it.
+stiffness for a prescribed rate of the joint. The hub is the `hub_radius` of the link.
 """
 
 
 @cache
 def squared(gamma: float, theory: str, elements: int = ELEMENTS, radius: float = 0.0) -> FloatArray:
     """Squared frequencies (count,) of the beam that turns at gamma, ascending."""
-    arm = unit_beam(elements, theory=theory)
-    if radius:
-        hub = fa.Link(length=radius, mass_per_length=1.0, flexible=False)
-        joints = [fa.Joint(), fa.Joint(fixed=True)]
-        arm = fa.Arm(links=[hub, *arm.spec.links], joints=joints, theory=theory)
+    arm = unit_beam(elements, theory=theory, hub_radius=radius)
     q, qd = arm.rest([0.0]), np.zeros(arm.dof)
     qd[arm.joint_index] = gamma
     # Steady rotation needs no torque: all accelerations are zero, and M is not differentiated.

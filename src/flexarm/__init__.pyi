@@ -104,6 +104,7 @@ from .model import Sensor as Sensor
 from .model import SurfaceTable as SurfaceTable
 from .model import Tube as Tube
 from .model import Wall as Wall
+from .model import Winding as Winding
 from .model import load_scenario as load_scenario
 from .motion import circle_motion as circle_motion
 from .motion import inverse_kinematics as inverse_kinematics

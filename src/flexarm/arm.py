@@ -13,7 +13,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count, check_kind, check_last_axes, check_path
 from flexarm.assembly.assemble import FloatArray
 from flexarm.dynamics import Dynamics
-from flexarm.errors import check_result, public_call
+from flexarm.errors import InputError, Problem, check_result, public_call
 from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
@@ -85,7 +85,9 @@ class Arm(Dynamics):
             for link in self.spec.links
         )
         joints = tuple(
-            joint.model_copy(update={"stiffness": 0.0, "damping": 0.0}) if joint.elastic else joint
+            joint.model_copy(update={"stiffness": 0.0, "damping": 0.0, "backlash": 0.0})
+            if joint.elastic
+            else joint
             for joint in self.spec.joints
         )
         return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
@@ -105,7 +107,7 @@ class Arm(Dynamics):
             beam = link.beam()
             rigidity = _range(beam.flexural_rigidity) if link.flexible else "rigid"
             mass = _range(beam.mass_per_length)
-            rows.append((f"link {number}", link.length, rigidity, mass, link.coordinates))
+            rows.append((f"link {number}", link.reach, rigidity, mass, link.coordinates))
         if self.spec.payload.mass > 0.0:
             rows.append(("payload", "", "", f"{self.spec.payload.mass:.5g} kg", ""))
         return html_table(repr(self).strip("<>"), heads, rows)
@@ -172,6 +174,33 @@ class Arm(Dynamics):
             if count <= MOST_STATIONS:  # more would occupy much memory
                 self._placed = kept
         return kept[1]
+
+    @public_call
+    def motor_torque(self, voltage: ArrayLike, rate: ArrayLike | None = None) -> FloatArray:
+        """Return the torques (..., joints) of motors under voltages, at the joints, N m.
+
+        Args:
+            voltage: (..., joints) V.
+            rate: (..., joints) joint rates, rad/s. By default the torques are those at standstill,
+                which are the ``torque`` of such an arm in all functions.
+
+        Raises:
+            InputError: if a joint that turns has no winding, or the shapes are wrong.
+        """
+        turning = [(seat.link, self.spec.joints[seat.link]) for seat in self.assembly.seats]
+        problems = [
+            Problem(f"arm.joints[{k}]", "has no winding")
+            for k, joint in turning
+            if joint.winding is None
+        ]
+        if problems:
+            raise InputError(*problems)
+        voltage = check_last_axes("voltage", voltage, (self.joints,))
+        torque = np.array([joint.torque_per_voltage for _, joint in turning]) * voltage
+        if rate is None:
+            return np.asarray(torque)
+        rate = check_last_axes("rate", rate, (self.joints,))
+        return np.asarray(torque - np.array([joint.braking for _, joint in turning]) * rate)
 
     @public_call
     def strain(self, q: ArrayLike) -> FloatArray:

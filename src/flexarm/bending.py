@@ -58,9 +58,9 @@ class BendingErrors:
         for k, piece in enumerate(pieces):
             m = piece.shapes.w2.size
             self._G[k, :m, :m] = piece.shapes.G
-        lengths = arm.lengths
+        lengths = np.array([link.length for link in arm.spec.links])
         # A rotated link also displaces everything beyond its tip.
-        beyond = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)[1:]
+        beyond = np.append(np.cumsum(arm.lengths[::-1])[::-1], 0.0)[1:]
         self._lever = beyond / lengths
         self._lengths = lengths
         rows = np.zeros((arm.assembly.bodies, arm.assembly.modes))

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.actions.loads import SAME_PLACE, loads_inboard, parts_of
 from flexarm.assembly.assemble import FloatArray, IntArray
 from flexarm.assembly.coordinates import Coordinates
+from flexarm.assembly.hub_radius import move_masses
 from flexarm.beams.parts import PartConstants, inverse_inertia, part_constants
 from flexarm.beams.shortening import shortening_matrices
 from flexarm.errors import InputError, Problem, shown
@@ -37,7 +38,7 @@ class Cut:
         constants: constants of bodies that end at their section; those of bodies without a section
             are meaningless.
         sizes: sizes of these constants.
-        reach: (n,) m from each body's root to its section; 0 without a section.
+        reach: (n,) m from the root of each body's piece to its section; 0 without a section.
     """
 
     stations: Stations
@@ -74,6 +75,7 @@ def place_stations(arm: Coordinates, count: int) -> Stations:
             placed.turns[here, :k] = piece.shapes.rotation(placed.x[here])
         if k and g and here.size:
             placed.shortening[here, :k, :k] = shortening_matrices(piece.shapes, placed.x[here])
+        placed.x[here] += piece.offset
     return placed
 
 
@@ -116,12 +118,15 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
         own = np.flatnonzero(placed.body == piece.body)
         if own.size:
             second_order = arm.spec.theory == "second_order"
-            parts = part_constants(piece.shapes, placed.x[own], shortening=second_order)
+            inner = placed.x[own] - piece.offset
+            parts = part_constants(piece.shapes, inner, shortening=second_order)
             hub = arm.spec.joints[piece.link].hub_inertia if piece.start == 0.0 else 0.0
             for row, station in enumerate(own):
                 cut = cuts[station % count]
-                cut.reach[piece.body] = placed.x[station]
-                _place_part(cut.constants, piece.body, parts, row, hub)
+                cut.reach[piece.body] = inner[row]
+                _place_part(cut.constants, piece.body, parts, row)
+                move_masses(cut.constants, piece.body, piece.offset)
+                cut.constants.inertia[piece.body] += hub
     return tuple(cuts)
 
 
@@ -149,16 +154,14 @@ def forces_at(
     return np.ascontiguousarray(np.moveaxis(forces, 0, 1))
 
 
-def _place_part(
-    constants: ArmConstants, body: int, parts: PartConstants, row: int, hub_inertia: float
-) -> None:
+def _place_part(constants: ArmConstants, body: int, parts: PartConstants, row: int) -> None:
     m = parts.S.shape[1]
     mass, inertia = float(parts.mass[row]), float(parts.inertia[row])
     constants.mass[body] = mass
     constants.inverse_mass[body] = 1.0 / mass if mass else 0.0
     constants.inverse_inertia[body] = inverse_inertia(mass, float(parts.first_moment[row]), inertia)
     constants.first_moment_x[body] = parts.first_moment[row]
-    constants.inertia[body] = inertia + hub_inertia
+    constants.inertia[body] = inertia
     constants.S[body, :m] = parts.S[row]
     constants.a[body, :m] = parts.a[row]
     constants.centrifugal[body, :m, :m] = parts.spread[row] - np.eye(m)

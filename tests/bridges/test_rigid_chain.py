@@ -182,6 +182,20 @@ def test_urdf_in_mujoco(fixed, tmp_path):
     placed(flexible, fa.export_urdf(flexible, tmp_path / "arm.urdf"))
 
 
+def test_a_hub_radius_lengthens_the_first_bar():
+    beam = {"flexural_rigidity": 30.0, "mass_per_length": 0.5}
+    links = [
+        fa.Link(length=0.8, hub_radius=0.1, **beam),
+        fa.Link(length=0.6, hub_radius=0.2, **beam),
+    ]
+    flexible = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2)
+    chain = rigid_chain(flexible, 6)
+    assert chain.arm.tip(np.zeros(chain.arm.dof))[0] == pytest.approx(1.7)
+    static = [row.error for row in chain.comparisons[:2]]
+    assert np.abs(static).max() < 1e-12  # the quadrature of the flexibility is exact
+    assert abs(chain.comparisons[2].error) < 2e-3  # six springs on each link
+
+
 def test_urdf_in_pinocchio(tmp_path):
     pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: URDF was not read")
     model = pin.buildModelFromUrdf(str(fa.export_urdf(arm(), tmp_path / "arm.urdf")))

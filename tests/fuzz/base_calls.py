@@ -24,6 +24,14 @@ start, end = [0.1, 0.3], [0.5, 0.8]
 
 
 @cache
+def wound() -> fa.Arm:
+    """Return the arm with motors that voltages drive."""
+    winding = fa.Winding(torque_constant=0.05, resistance=2.0)
+    spec = arm().spec
+    return fa.Arm(spec.replace(joints=[joint.replace(winding=winding) for joint in spec.joints]))
+
+
+@cache
 def spinning() -> fa.Arm:
     """Return an arm of one link, which may spin and be integrated by any method."""
     return fa.Arm(
@@ -109,6 +117,7 @@ RECORDS: dict[str, dict[str, Any]] = {
     "Filter": {"kind": "low_pass", "cutoff": 20.0},
     "FreeParameter": {"path": "payload.mass"},
     "Friction": {"coulomb": 0.1},
+    "Winding": {"torque_constant": 0.05, "resistance": 2.0},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
     "JointLimits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},
@@ -139,6 +148,7 @@ _ARM: dict[str, dict[str, Any]] = {
     "joint_angles": {"q": Q},
     "joint_reactions": {**STATE, "qdd": QD},
     "mass_matrix": {"q": Q},
+    "motor_torque": {"voltage": [1.0, 2.0], "rate": [0.0, 0.1]},
     "nodal": {"q": Q},
     "padded": {"vector": Q},
     "padded_torque": {"torque": [0.1, 0.2]},
@@ -257,7 +267,7 @@ _UPDATE = {
 }
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
-    "Arm": (arm, _ARM),
+    "Arm": (wound, _ARM),
     **RESULT,
     "ExtendedKalmanFilter": (
         kalman_filter,

@@ -131,6 +131,30 @@ def test_currents_drive_the_arm_through_the_torque_constant():
         fa.identify(arm_of(ONE), bench, free[1:])
 
 
+def test_voltages_drive_the_arm_through_its_winding():
+    """Constant and resistance of a motor from its voltage and the joint angle, inertia known."""
+
+    def motor(constant, resistance):
+        winding = fa.Winding(torque_constant=constant, resistance=resistance)
+        joint = fa.Joint(rotor_inertia=2e-5, gear_ratio=80.0, winding=winding)
+        link = fa.Link(length=1.0, mass_per_length=0.9, flexible=False)
+        return fa.Arm(links=[link], joints=[joint])
+
+    times = np.arange(401) / 200.0
+    volts = 6.0 * np.sin(5.0 * times)[:, None] + 3.0 * np.sin(11.0 * times)[:, None]
+    true = motor(0.04, 1.5)
+    run = fa.simulate(true, 2.0, torque=true.motor_torque(volts), rate=200.0)
+    data = run[["joint_angle"]].assign(voltage=(("time", "joint"), volts))
+    bench = fa.MeasuredRecord(data, interpolation="cubic")
+    assert bench.input == "voltage"
+    free = [f"joints[0].winding.{name}" for name in ("torque_constant", "resistance")]
+    found = fa.identify(motor(0.05, 1.2), bench, free, progress=False)
+    assert found[free[0]] == pytest.approx(0.04, rel=1e-4)  # the record has no noise
+    assert found[free[1]] == pytest.approx(1.5, rel=1e-4)
+    with pytest.raises(fa.InputError, match="not every joint has a winding"):
+        fa.identify(fa.Arm(true.spec.replace(joints=[fa.Joint()])), bench, ["payload.mass"])
+
+
 def test_prescribed_joints_follow_their_measured_angles():
     free = [RIGIDITY, "payload.mass"]
     settings = {"prescribed": [1], "outputs": ("joint_angle", "strain"), "prescribed_cutoff": 40.0}

@@ -23,7 +23,7 @@ def lossless(arm):
     joints = []
     for joint in arm.spec.joints:
         limits = joint.limits and joint.limits.replace(damping=0.0)
-        joints.append(joint.replace(damping=0.0, friction=None, limits=limits))
+        joints.append(joint.replace(damping=0.0, friction=None, limits=limits, winding=None))
     return fa.Arm(arm.spec.replace(links=links, joints=joints))
 
 

@@ -15,7 +15,7 @@ from arm_states import parts, state_array
 from flexarm.actions.environment import Environment
 from flexarm.kernels.columns import FREE
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
-from oracles.joint_laws import passive_torque
+from oracles.joint_laws import passive_torque, stretched
 from oracles.lagrangian import LagrangianOracle
 from random_options import busy
 
@@ -131,7 +131,8 @@ def joint_moments(b, exact):
         joint = b.arm.spec.joints[seat.link]
         if joint.elastic:
             twist, rate = b.q[seat.twist], b.qd[seat.twist]
-            moments[seat.link] = -joint.stiffness * twist - joint.damping * rate
+            spring = joint.stiffness * stretched(joint, twist)
+            moments[seat.link] = -spring - joint.damping * rate
         elif not joint.rotor_inertia or seat.link == 0:
             angle, rate = b.state.angles[k], b.state.angle_rates[k]
             inertia = joint.rotor_inertia * joint.gear_ratio**2
@@ -163,6 +164,17 @@ def test_every_option_is_drawn():
     assert {j.friction is None for j in joints} == {True, False}
     assert {j.friction.viscous > 0 for j in joints if j.friction} == {True, False}
     assert {j.friction.static is None for j in joints if j.friction} == {True, False}
+    assert {j.friction.coulomb_negative is None for j in joints if j.friction} == {True, False}
+    assert {j.winding is None for j in joints} == {True, False}
+    assert {j.backlash > 0 for j in joints if j.elastic} == {True, False}
+    twists = [
+        abs(b.q[seat.twist]) > b.arm.spec.joints[seat.link].backlash / 2
+        for b in arms
+        for seat in b.arm.assembly.seats
+        if seat.backlash
+    ]
+    assert set(twists) == {True, False}
+    assert {link.hub_radius > 0 for b in arms for link in b.arm.spec.links} == {True, False}
     reached = set()
     for b in arms:
         turning = [b.arm.spec.joints[seat.link] for seat in b.arm.assembly.seats]

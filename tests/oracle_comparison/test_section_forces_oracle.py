@@ -33,7 +33,7 @@ def case(seed):
 def found(b, motion, section, stations):
     surroundings = (b.tip_force, b.loads, b.base_acceleration)
     forces = b.arm.section_forces(*motion, stations, *surroundings)
-    length = b.arm.lengths[section.link - 1]
+    length = b.arm.spec.links[section.link - 1].length
     return forces[section.link - 1, round(section.station / length * (stations - 1))]
 
 
@@ -47,9 +47,9 @@ def scale(b, motion):
 def sections(b, seed):
     """Return an inner station and an end of each link, none between segments or at a load."""
     rng = np.random.default_rng(seed)
-    for link, length in enumerate(b.arm.lengths, start=1):
+    for link, one in enumerate(b.arm.spec.links, start=1):
         for k in (rng.choice([1, 3, 5, 7, 11]), rng.choice([0, 13])):
-            yield Section(link, length * k / 13)
+            yield Section(link, one.length * k / 13)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -94,7 +94,7 @@ def test_moments_of_the_second_order_theory_omit_third_order_terms():
         ]
         motion = [b.arm.from_nodal(*pair) for pair in pairs]
         nodal = [oracle.coordinates(*pair) for pair in pairs]
-        section = Section(1, b.arm.lengths[0] * 3 / 13)
+        section = Section(1, b.arm.spec.links[0].length * 3 / 13)
         exact = by_newton(b.arm.spec, section, nodal, b.all_loads, b.base_acceleration)
         errors.append(abs(found(b, motion, section, 14) - exact)[2])
         moments.append(abs(exact[2]))

@@ -14,11 +14,13 @@ from flexarm.model import ArmSpec, Joint, Link, SectionTable
 class Piece:
     """A link or a segment, described by ``link``.
 
-    joint: at its root, or None for a rigid connection. owner: index of the link it belongs to.
-    start: distance of its root from that link's root, m. rows: its nodes among those of that link.
+    hub_radius: distance from the joint to the root, m. joint: at its root, or None for a rigid
+    connection. owner: index of the link it belongs to. start: distance of its root from that link's
+    root, m. rows: its nodes among those of that link.
     """
 
     link: Link
+    hub_radius: float
     joint: Joint | None
     owner: int
     start: float
@@ -35,7 +37,8 @@ def cut(spec: ArmSpec) -> list[Piece]:
             start = link.length * k / count
             part = link if count == 1 else segment(link, start, link.length * (k + 1) / count)
             rows = slice(k * nodes, (k + 1) * nodes)
-            pieces.append(Piece(part, joint if k == 0 else None, owner, start, rows))
+            radius = link.hub_radius if k == 0 else 0.0
+            pieces.append(Piece(part, radius, joint if k == 0 else None, owner, start, rows))
     return pieces
 
 

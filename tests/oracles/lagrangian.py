@@ -26,7 +26,7 @@ import scipy.linalg
 
 from .chain import cut
 from .jets import Jet, Rate, cos, sin, sqrt
-from .joint_laws import joint_energy, joint_loss
+from .joint_laws import back_electromotive, joint_energy, joint_loss
 from .load_points import load_points
 from .material_points import MaterialPoints, material_points
 
@@ -106,6 +106,8 @@ class LagrangianOracle:
         )
         for i, at in self.spring_of.items():
             self.damping[at, at] = spec.joints[i].damping
+        for i, at in self.angle_of.items():
+            self.damping[at, at] += back_electromotive(spec.joints[i])
 
     def _linkwise(self, blocks: list[np.ndarray]) -> np.ndarray:
         matrix = np.zeros((self.dof, self.dof))
@@ -248,6 +250,7 @@ class LagrangianOracle:
                     origin = (origin[0] + q[slide], origin[1] + q[slide + 1])
                 angle = self._turned(total, piece.joint, piece.owner, angle, q)
                 total.kinetic += half(piece.joint.hub_inertia, angle.rate)
+            origin = place(origin, angle, piece.hub_radius, 0.0)
             total.roots.append((origin, angle))
             shape = q[self.shape_slice[i]]
             self._link(total, points, origin, angle, shape)

@@ -21,7 +21,7 @@ import flexarm as fa
 
 from .chain import Piece, cut
 from .jets import Jet, cos, sin
-from .lagrangian import Energies, LagrangianOracle
+from .lagrangian import Energies, LagrangianOracle, place
 from .load_points import load_points
 from .material_points import MaterialPoints, material_points
 
@@ -57,13 +57,14 @@ class Section:
 
 class Frame(NamedTuple):
     """Root of a piece: place in the world, angle of the tangent, the piece's own coordinates; angle
-    of the section that carries it, and of the rotor of its joint's motor."""
+    of the section that carries it, and of the rotor of its joint's motor; place of the joint."""
 
     origin: tuple[Any, Any]
     angle: Any
     shape: Any
     carrier: Any = None
     rotor: Any = None
+    joint: tuple[Any, Any] = (0.0, 0.0)
 
     def place(self, x: Any, y: Any) -> tuple[Any, Any]:
         """Return the world position of a point at (x, y) in the axes of the root."""
@@ -124,7 +125,8 @@ def frames(oracle: LagrangianOracle, points: Sequence[MaterialPoints], q: Jet) -
             angle = angle + turned
             if piece.joint.elastic:
                 angle = angle + q[oracle.spring_of[piece.owner]]
-        frame = Frame(at, angle, q[oracle.shape_slice[i]], carrier, rotor)
+        joint_at, at = at, Frame(at, angle, None).place(piece.hub_radius, 0.0)
+        frame = Frame(at, angle, q[oracle.shape_slice[i]], carrier, rotor, joint_at)
         found.append(frame)
         x: Any = piece.link.length
         if oracle.spec.theory == "second_order":
@@ -183,9 +185,9 @@ def lumps(
     spec, roots = oracle.spec, frames(oracle, points, q)
     for piece, here, frame in zip(oracle.pieces, points, roots, strict=False):
         if piece.joint is not None and piece.owner > section.link - 1:
-            yield Lump(piece.joint.mass, frame.origin, piece.joint.hub_inertia, frame.angle)
-            yield Lump(0.0, frame.origin, piece.joint.housing_inertia, frame.carrier)
-            yield Lump(0.0, frame.origin, piece.joint.rotor_inertia, frame.rotor)
+            yield Lump(piece.joint.mass, frame.joint, piece.joint.hub_inertia, frame.angle)
+            yield Lump(0.0, frame.joint, piece.joint.housing_inertia, frame.carrier)
+            yield Lump(0.0, frame.joint, piece.joint.rotor_inertia, frame.rotor)
         at = axis(spec, here, here.running, here.x, frame)
         yield Lump(here.mass, at, here.rotary, frame.angle + here.slope @ frame.shape)
     tip, payload = roots[-1], spec.payload
@@ -277,7 +279,9 @@ def by_lagrange(
     n = oracle.dof
     fx, fy = missing[n + 2 * link : n + 2 * link + 2]
     first = next(k for k, piece in enumerate(oracle.pieces) if piece.owner == link)
-    x, y = (float(c.value.value) for c in total.roots[first][0])
+    root, angle = total.roots[first]
+    joint = place(root, angle, -oracle.pieces[first].hub_radius, 0.0)
+    x, y = (float(c.value.value) for c in joint)
     moment = missing[oracle.spring_of[link]] + x * fy - y * fx
     return section_forces(spec, section, motion, (fx, fy, moment))
 

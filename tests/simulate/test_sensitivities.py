@@ -1,66 +1,21 @@
 """Derivatives of runs, against complex steps and against differences of ``simulate``."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 import flexarm as fa
+from complex_steps import by_complex_steps, step_ends
 from flexarm.actions.environment import Environment
 from flexarm.assembly.assemble import assemble
-from flexarm.engine.progress import Meter
-from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.complex_step import stepper_of
-from flexarm.linear.step_derivatives.formulas import constants_at
 from flexarm.model.paths import number_at, number_paths, with_number
-from flexarm.simulation.preparation import run_options
 from random_arms import random_spec
 
 pytestmark = pytest.mark.compiled
-STEP = 1e-30
 #: Derivatives of the same arithmetic by two methods differ by rounding, which runs of hundreds of
 #: steps amplify: 1e-12 at most in these tests.
 SAME = 1e-10
 _WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 _LOW = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60, 4: 0.0}
-
-
-def options(duration, **more):
-    plain = {
-        "rate": 1000.0, "step": None, "rtol": 1e-7, "atol": 1e-9, "breaks": (),
-        "torque_interpolation": "cubic", "integrator": "auto", "stations": 0, "specialized": None,
-    }  # fmt: skip
-    return run_options(duration, **(plain | more))
-
-
-def step_ends(arm, state, torque, duration, **more):
-    """Return the ends of the steps of ``simulate`` under a constant torque."""
-    run = options(duration, **more).new_run(
-        arm, state.copy(), Environment.of(arm), None, Meter("", False)
-    )
-    system, times = run.system(PiecewiseCubic.constant(torque)), [0.0]
-    while times[-1] < duration:
-        run.integrator.advance(
-            system, run.tolerance, run.progress, duration, np.zeros(0), run.samples[:0], 1
-        )
-        if run.progress.time > times[-1]:
-            times.append(run.progress.time)
-    return times
-
-
-def by_complex_steps(arm, method, times, q, qd, torque, path):
-    """Return the derivative of the last state [q, qd] of a run by a parameter."""
-    x, constants = np.concatenate([q, qd]).astype(complex), arm.assembly.constants
-    if path.startswith("initial"):
-        x[int(path[:-1].partition("[")[2]) + arm.dof * path.startswith("initial_rate")] += 1j * STEP
-    else:
-        value = number_at("", arm.spec, path)
-        constants = constants_at(arm, {path: value + 1j * STEP}, complex)[0]
-    constants = ArmConstants(*(array.astype(complex) for array in constants))
-    for start, end in pairwise(times):
-        x = stepper_of(arm, method, end - start).take(x, arm.padded_torque(torque), constants)
-    return x.imag / STEP
 
 
 def a_start(arm, rng):
@@ -102,6 +57,40 @@ def test_random_arms_against_complex_steps(method, seed):
             np.testing.assert_allclose(
                 last, wanted[level], rtol=0, atol=SAME * np.abs(wanted[level]).max(), err_msg=path
             )
+
+
+def test_numbers_of_drives_and_hubs_against_complex_steps():
+    """Friction of each direction, a winding and a hub radius; joint 2 turns backwards."""
+    beam = {"flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 2, "modes": 2}
+    rubs = fa.Friction(
+        coulomb=0.3, smoothing_rate=0.5, viscous=0.05, coulomb_negative=0.4, viscous_negative=0.1
+    )
+    winding = fa.Winding(torque_constant=0.5, resistance=1.5)
+    arm = fa.Arm(
+        links=[fa.Link(length=0.7, hub_radius=0.1, **beam), fa.Link(length=0.5, **beam)],
+        joints=[fa.Joint(hub_inertia=0.02, winding=winding), fa.Joint(friction=rubs)],
+        gravity=(0.0, -9.81),
+    )
+    torque, q, qd = np.array([1.0, -0.5]), arm.rest([0.3, -0.4]), arm.rest([0.5, -0.6])
+    friction = ("coulomb", "coulomb_negative", "viscous_negative")
+    paths = [
+        "links[0].hub_radius",
+        "joints[0].winding.torque_constant",
+        "joints[0].winding.resistance",
+        *(f"joints[1].friction.{name}" for name in friction),
+    ]
+    given = {"integrator": "dormand_prince_8"}
+    times = step_ends(arm, arm.padded(np.stack([q, qd])), torque, 0.05, **given)
+    found = fa.sensitivities(
+        arm, 0.05, paths, torque=lambda t: torque, initial=q, initial_rate=qd, channels=["q"],
+        **given,
+    )  # fmt: skip
+    for k, path in enumerate(paths):
+        wanted = by_complex_steps(arm, "dormand_prince_8", times, q, qd, torque, path)[: arm.dof]
+        assert np.abs(wanted).max() > 1e-9, path
+        np.testing.assert_allclose(
+            found.q.values[k, -1], wanted, rtol=0, atol=SAME * np.abs(wanted).max(), err_msg=path
+        )
 
 
 def differences(result_of, value, step):

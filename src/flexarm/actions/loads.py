@@ -86,8 +86,8 @@ def loads_inboard(
 
     Args:
         owners: loads of the entries of ``placed``, from ``parts_of``.
-        reach: (n,) m from each body's root to its section. A load at the same position is beyond
-            the section; at the root, where ``reach`` is zero, it is inboard.
+        reach: (n,) m from the root of each body's piece to its section. A load at the same
+            position is beyond the section; at the root, where ``reach`` is zero, it is inboard.
 
     Returns:
         Loads in the same order, in new arrays. Those beyond the section have weight 0, also
@@ -99,14 +99,14 @@ def loads_inboard(
         piece, x = arm.assembly.piece_of(placed.body[k]), reach[placed.body[k]]
         same = SAME_PLACE * piece.shapes.length
         if load.spread is None:
-            inside = _inboard(float(placed.lever[k]), x, same)
+            inside = _inboard(float(placed.lever[k]) - piece.offset, x, same)
             share = placed if inside else kept
             kept.weight[k], kept.lever[k] = share.weight[k], share.lever[k]
             kept.rows[k], kept.shortening[k] = share.rows[k], share.shortening[k]
             continue
         start, end = _covered(load, piece)
         if min(end, x) > start:
-            weight, lever, row, matrix = _integrals(piece.shapes, start, min(end, x))
+            weight, lever, row, matrix = _integrals(piece, start, min(end, x))
             kept.weight[k], kept.lever[k] = weight, lever
             kept.rows[k, : row.size] = row
             if kept.shortening.shape[1]:
@@ -122,8 +122,9 @@ def _inboard(lever: float, reach: float, same: float) -> bool:
 def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -> Contacts:
     law = contacts.law.copy()
     for row, body in zip(law, contacts.body, strict=True):
-        same = SAME_PLACE * arm.assembly.piece_of(body).shapes.length
-        row[WEIGHT] *= _inboard(row[LEVER], reach[body], same)
+        piece = arm.assembly.piece_of(body)
+        same = SAME_PLACE * piece.shapes.length
+        row[WEIGHT] *= _inboard(row[LEVER] - piece.offset, reach[body], same)
     return contacts._replace(law=law)
 
 
@@ -139,7 +140,7 @@ def _point(
     row, slope, matrix = _shapes_at(shapes, x)
     if load.station is None:
         row, slope = shapes.P, shapes.dP
-    return piece.body, 1.0, x, row, slope, matrix, load
+    return piece.body, 1.0, piece.offset + x, row, slope, matrix, load
 
 
 @lru_cache(maxsize=128)
@@ -162,7 +163,7 @@ def _spread(
     for piece in arm.assembly.pieces_of(load.link - 1):
         start, end = _covered(load, piece)
         if end > start:
-            weight, lever, row, matrix = _integrals(piece.shapes, start, end)
+            weight, lever, row, matrix = _integrals(piece, start, end)
             parts.append((piece.body, weight, lever, row, np.zeros_like(row), matrix, load))
     return parts
 
@@ -175,9 +176,13 @@ def _covered(load: Load, piece: Piece) -> tuple[float, float]:
 
 
 def _integrals(
-    shapes: LinkConstants, start: float, end: float
+    piece: Piece, start: float, end: float
 ) -> tuple[float, float, FloatArray, FloatArray]:
-    """Integrate 1, x, Phi (m,) and g (m, m) over an interval, element by element."""
+    """Integrate 1, x, Phi (m,) and g (m, m) over an interval, element by element.
+
+    The interval is counted from the root of the piece, x from the origin of the body.
+    """
+    shapes = piece.shapes
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
     cuts = np.concatenate([[start], ends[(ends > start) & (ends < end)], [end]])
@@ -185,4 +190,4 @@ def _integrals(
     x = (cuts[:-1, None] + half + half * points).ravel()
     w = (half * weights).ravel()
     matrix = np.einsum("k,kij->ij", w, shortening_matrices(shapes, x))
-    return float(w.sum()), float(w @ x), w @ shapes.deflection(x), matrix
+    return float(w.sum()), float(w @ (piece.offset + x)), w @ shapes.deflection(x), matrix

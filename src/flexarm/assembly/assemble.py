@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.assembly.hub_radius import move_root
 from flexarm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
 from flexarm.errors import InputError
@@ -31,6 +32,7 @@ class Piece(NamedTuple):
         link: index of the link. body: index of the body. start: distance of the piece's root from
             the link's root (m). shapes: constants of the piece. first: index of its first modal
             coordinate in q. rows: rows of the link's nodal values that belong to this piece.
+        offset: distance of the piece's root from the origin of the body (m), the hub radius or 0.
     """
 
     link: int
@@ -39,6 +41,7 @@ class Piece(NamedTuple):
     shapes: LinkConstants
     first: int
     rows: slice
+    offset: float = 0.0
 
     @property
     def modal(self) -> slice:
@@ -53,12 +56,14 @@ class Seat(NamedTuple):
         link: index of the link. body: index of the body that the motor rotates: the link's first
             one or, with an elastic joint, a body of zero length before it. angle: index of the
             joint angle in q. twist: index of the elastic joint's twist in q, or None.
+        backlash: whether the spring of the elastic joint has one.
     """
 
     link: int
     body: int
     angle: int
     twist: int | None
+    backlash: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,17 +137,17 @@ def assemble(spec: ArmSpec) -> Assembly:
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
         if not joint.fixed:
             twist = len(places) + 1 if joint.elastic else None
-            seats.append(Seat(index, body, len(places), twist))
+            seats.append(Seat(index, body, len(places), twist, joint.backlash > 0.0))
             places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
             body += joint.elastic
         link_body.append(body)
-        start, rows = 0.0, 0
+        start, rows, offset = 0.0, 0, link.hub_radius
         for shapes in _kept_segments(link, index):
             count = shapes.elements
-            piece = Piece(index, body, start, shapes, len(places), slice(rows, rows + count))
-            pieces.append(piece)
+            nodes = slice(rows, rows + count)
+            pieces.append(Piece(index, body, start, shapes, len(places), nodes, offset))
             places += [(body, 1 + j) for j in range(shapes.w2.size)]
-            start, rows = start + shapes.length, rows + count
+            start, rows, offset = start + shapes.length, rows + count, 0.0
             body += 1
     constants = constants_of_links(spec, pieces)
     place_joints_and_payload(constants, spec, pieces, seats)
@@ -215,7 +220,7 @@ def place_joints_and_payload(
     The numbers of ``spec`` may be symbols in arrays of objects, because no branch depends on them.
     """
     constants.gravity[:] = spec.gravity
-    constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0
+    constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0
     constants.limits[:] = -1.0, 1.0, 0.0, 0.0
     constants.rotor[:] = 0.0, 1.0
     for before, piece in zip((None, *pieces[:-1]), pieces, strict=True):
@@ -223,6 +228,9 @@ def place_joints_and_payload(
         constants.damping[i, :k] = _modal_damping(spec.links[piece.link], constants.w2[i, :k])
         if piece.start == 0.0:
             inboard = None if before is None else before.body
+            radius = spec.links[piece.link].hub_radius
+            move_root(constants, i, radius)
+            constants.length[i] += radius
             _place_hub(constants, i, inboard, spec.joints[piece.link])
     for seat in seats:
         _place_motor(constants, seat, spec.joints[seat.link])
@@ -259,15 +267,28 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
         constants.free[spring] = 1.0
         # The motor's end of the spring: a body of zero length and mass transmits all forces.
         constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
-    constants.joint_damping[spring] = joint.damping
-    constants.joint_stiffness[spring] = joint.stiffness
+    constants.joint_damping[i] = joint.braking
+    constants.joint_damping[spring] += joint.damping
+    if seat.backlash:
+        # Beyond the backlash the spring acts as a pair of stops of the twist.
+        half = 0.5 * joint.backlash
+        constants.limits[spring] = -half, half, joint.stiffness, 0.0
+    else:
+        constants.joint_stiffness[spring] = joint.stiffness
     constants.joint_rest[spring] = joint.rest_angle
     constants.rotor[i] = joint.rotor_inertia, joint.gear_ratio
     if joint.friction is not None:
-        coulomb = joint.friction.coulomb
-        static = coulomb if joint.friction.static is None else joint.friction.static
-        rates = joint.friction.stribeck_rate, joint.friction.smoothing_rate
-        constants.friction[i] = coulomb, static - coulomb, *rates, joint.friction.viscous
+        rubs = joint.friction
+        rates = rubs.stribeck_rate, rubs.smoothing_rate
+        rise = 0.0 if rubs.static is None else rubs.static - rubs.coulomb
+        excess = [
+            0.0 if backward is None else backward - forward
+            for forward, backward in (
+                (rubs.coulomb, rubs.coulomb_negative),
+                (rubs.viscous, rubs.viscous_negative),
+            )
+        ]
+        constants.friction[i] = rubs.coulomb, rise, *rates, rubs.viscous, *excess
     if joint.limits is not None:
         stops = joint.limits
         constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping

@@ -67,8 +67,8 @@ class Coordinates:
 
     @property
     def lengths(self) -> FloatArray:
-        """Lengths of the links, (links,) m."""
-        return np.array([link.length for link in self.spec.links])
+        """Distances from the joints to the tips of the straight links, (links,) m."""
+        return np.array([link.reach for link in self.spec.links])
 
     @public_call
     def rest(self, joint_angles: ArrayLike) -> FloatArray:

@@ -55,7 +55,8 @@ def fits_lanes(
 
 def arm_fits_lanes(arm: Arm) -> bool:
     """Return whether lanes support the arm: compiled kernels, and no joint stops."""
-    return COMPILED and all(joint.limits is None for joint in arm.spec.joints)
+    free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
+    return COMPILED and all(free)
 
 
 def _is_absent(value: Any) -> bool:

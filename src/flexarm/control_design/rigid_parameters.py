@@ -182,6 +182,7 @@ def _whole(constants: ArmConstants) -> FloatArray:
     columns = [c.mass, c.first_moment_x, c.first_moment_y, c.inertia, c.tip_mass, c.tip_inertia]
     columns += [c.rotor[:, 0], c.joint_damping, c.joint_stiffness]
     columns += [c.friction[:, 0], c.friction[:, 1], c.friction[:, 4], c.limits[:, 2]]
+    columns += [c.friction[:, 5], c.friction[:, 6]]
     return np.stack(columns, axis=1)
 
 

@@ -15,12 +15,13 @@ from flexarm.errors import InputError, Problem, nearest, shown
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.identification.records import UNITS
 
-#: Input of the motors, which simulated results do not contain.
+#: Inputs of the motors, which simulated results do not contain.
 CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")
-#: Channels of records by name: those that instruments measure, without contacts, and the current.
+VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
+#: Channels of records by name: those that instruments measure, without contacts, and these inputs.
 MEASURED: dict[str, Channel] = {
     name: CHANNELS[name] for name in CHANNEL_SIGNALS if "contact" not in CHANNELS[name].dims
-} | {"current": CURRENT}
+} | {"current": CURRENT, "voltage": VOLTAGE}
 _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 

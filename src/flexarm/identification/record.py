@@ -94,12 +94,13 @@ class MeasuredRecord:
 
     @property
     def input(self) -> str:
-        """Channel that drives the joints: "torque", "current" or "none"."""
+        """Channel that drives the joints: "torque", "current", "voltage" or "none"."""
         if self.controller is not None:
             return "none"
         if self.settings.input is not None:
             return self.settings.input
-        return next((name for name in ("torque", "current") if name in self.data), "none")
+        known = "torque", "current", "voltage"
+        return next((name for name in known if name in self.data), "none")
 
     @property
     def interpolation(self) -> str:
@@ -132,7 +133,7 @@ class MeasuredRecord:
         chosen = self.settings.outputs
         if chosen is None:
             known = [name for name in MEASURED if name in self.data]
-            chosen = [name for name in known if name not in (self.input, "current")]
+            chosen = [name for name in known if name not in (self.input, "current", "voltage")]
         columns = columns_of(self.data, chosen)
         followed = {Label(name, j) for name in _FOLLOWED for j in self.settings.prescribed}
         return {label: column for label, column in columns.items() if label not in followed}

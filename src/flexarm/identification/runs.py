@@ -81,6 +81,12 @@ class RecordRun:
                 place_of(arm, label)
             except InputError as error:
                 problems += error.problems
+        windings = [joint.winding is not None for joint in arm.spec.joints if not joint.fixed]
+        if self.record.input == "voltage" and not all(windings):
+            problems.append(Problem("input", "is voltage, but not every joint has a winding"))
+        if self.record.input == "current" and any(windings):
+            hint = "A winding is that of a motor driven by a voltage."
+            problems.append(Problem("input", "is current, but a joint has a winding", hint=hint))
         angle = self.record.settings.initial_angle
         if angle is not None and len(angle) != arm.joints:
             rule = f"have one angle for each of the {arm.joints} joints"
@@ -218,10 +224,13 @@ class RecordRun:
         return bent, case.qd
 
     def _torque(self, case: Case) -> PiecewiseCubic:
-        if self.record.input != "current":
+        if self.record.input == "voltage":
+            constant = Arm(case.spec).motor_torque(np.ones(self._arm.joints))
+        elif self.record.input == "current":
+            assert case.motors is not None
+            constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
+        else:
             return self._drive
-        assert case.motors is not None
-        constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
         return replace(self._drive, coefficients=self._drive.coefficients * constant)
 
     def _drive_of_joints(self) -> PiecewiseCubic:

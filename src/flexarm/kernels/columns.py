@@ -19,7 +19,7 @@ ARM_COLUMNS = 3
 ) = range(ARM_COLUMNS)
 
 # ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
-BODY_COLUMNS = 37
+BODY_COLUMNS = 39
 (
     MASS,  # kg
     INVERSE_MASS,  # 1/kg; 0 for a body without mass
@@ -52,6 +52,8 @@ BODY_COLUMNS = 37
     STRIBECK_RATE,  # rad/s
     SMOOTHING_RATE,  # rad/s
     VISCOUS,  # N m s/rad
+    COULOMB_EXCESS,  # N m, Coulomb friction at negative minus that at positive rates
+    VISCOUS_EXCESS,  # N m s/rad, the same for viscous friction
     LOWER_STOP,  # rad
     UPPER_STOP,  # rad
     STOP_STIFFNESS,  # N m/rad

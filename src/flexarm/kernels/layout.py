@@ -104,7 +104,7 @@ class ArmConstants(_ArmArrays):
     joint_stiffness = Columns("body", columns.JOINT_STIFFNESS)
     joint_rest = Columns("body", columns.JOINT_REST)
     joint_angle = Columns("body", columns.JOINT_ANGLE)
-    friction = Columns("body", columns.COULOMB, 5)  # from COULOMB to VISCOUS
+    friction = Columns("body", columns.COULOMB, 7)  # from COULOMB to VISCOUS_EXCESS
     limits = Columns("body", columns.LOWER_STOP, 4)  # from LOWER_STOP to STOP_DAMPING
     rotor = Columns("body", columns.ROTOR_INERTIA, 2)  # ROTOR_INERTIA, GEAR_RATIO
     S = Columns("mode", columns.S)

@@ -7,8 +7,9 @@ from collections import deque
 
 import numpy as np
 
+from flexarm.arm import Arm
 from flexarm.control.gains import joint_problems
-from flexarm.errors import InputError
+from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware, Motors
 from flexarm.model.hardware import LIMITS
@@ -26,12 +27,18 @@ class Acting:
     stored.
     """
 
-    def __init__(self, hardware: Hardware | None, joints: int, keep: bool = True) -> None:
+    def __init__(self, hardware: Hardware | None, arm: Arm, keep: bool = True) -> None:
+        joints = arm.joints
         given = hardware.motors if hardware is not None else None
         self.plain = given is None  # the commanded torque acts immediately
         self._motors = given or Motors()
         limits = {f"hardware.motors.{name}": getattr(self._motors, name) for name in LIMITS}
-        if problems := joint_problems(joints, limits):
+        problems = joint_problems(joints, limits)
+        if self._motors.back_voltage and any(joint.winding for joint in arm.spec.joints):
+            rule = "is not supported for joints with a winding"
+            hint = "Their torque is that at standstill: give its limit as torque_limit."
+            problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
+        if problems:
             raise InputError(*problems)
         self._lag = self._motors.time_constant
         self._waiting: deque[tuple[float, FloatArray]] = deque()

@@ -34,7 +34,7 @@ class SampleSchedule:
         self.sample_time = sample_time
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
-        self.acting = Acting(hardware, run.arm.joints, keep)
+        self.acting = Acting(hardware, run.arm, keep)
         self._bodies = as_slice(run.arm.assembly.joint_body)
         self._system = self._new_system()
 

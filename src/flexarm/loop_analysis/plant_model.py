@@ -82,7 +82,7 @@ def _sliding_rate(arm: Arm) -> float:
 
 
 def _is_dry(friction: Friction) -> bool:
-    return friction.coulomb > 0.0 or bool(friction.static)
+    return any((friction.coulomb, friction.static, friction.coulomb_negative))
 
 
 def _without_dry_friction(arm: Arm) -> Arm:
@@ -90,7 +90,9 @@ def _without_dry_friction(arm: Arm) -> Arm:
     if not _sliding_rate(arm):
         return arm
     joints = [
-        joint.replace(friction=joint.friction.replace(coulomb=0.0, static=None))
+        joint.replace(
+            friction=joint.friction.replace(coulomb=0.0, static=None, coulomb_negative=None)
+        )
         if joint.friction is not None
         else joint
         for joint in arm.spec.joints

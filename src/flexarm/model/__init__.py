@@ -9,6 +9,7 @@ from flexarm.model.arm.joints import Friction as Friction
 from flexarm.model.arm.joints import Joint as Joint
 from flexarm.model.arm.joints import JointLimits as JointLimits
 from flexarm.model.arm.joints import Payload as Payload
+from flexarm.model.arm.joints import Winding as Winding
 from flexarm.model.arm.links import Gauge as Gauge
 from flexarm.model.arm.links import Link as Link
 from flexarm.model.arm.sections import MATERIALS as MATERIALS

@@ -222,6 +222,11 @@ class Motors(Record, kw_only=False):
         default=None, description="Resistance of the winding (ohm)."
     )
 
+    @property
+    def back_voltage(self) -> bool:
+        """Whether the supply voltage limits the torque at a rate."""
+        return _is_limited(self.voltage_limit)
+
     @public_call
     def allowed(self, torque: Any, rate: Any) -> Any:
         """Return a torque (joints,) clipped to the limits at joint rates (joints,)."""

@@ -63,6 +63,8 @@ def _has_formula(arm: Arm, environment: Environment, path: str, value: float) ->
     link, field = int(parts[1]), parts[2]
     if field == "damping":
         return True
+    if field == "hub_radius":
+        return not _has_points(environment, link)
     if field == "gauges":
         return parts[-1] == "distance"
     try:
@@ -94,10 +96,14 @@ def _keeps_shapes(arm: Arm, environment: Environment, link: int, changed: Link) 
             return False
     if factors["x"] == 1.0:
         return True
-    points = *environment.loads, *environment.contacts
-    placed = any(getattr(point, "link", None) in (None, link + 1) for point in points)
     shaped = "shear_rigidity" in factors or "rotary_inertia_per_length" in factors
-    return not (shaped or placed or arm.spec.links[link].gauges)
+    return not (shaped or _has_points(environment, link) or arm.spec.links[link].gauges)
+
+
+def _has_points(environment: Environment, link: int) -> bool:
+    """Return whether loads or contacts act on a link, counted from 0."""
+    points = *environment.loads, *environment.contacts
+    return any(getattr(point, "link", None) in (None, link + 1) for point in points)
 
 
 def _by_formula(arm: Arm, environment: Environment, path: str, value: float) -> ArmInputs:

@@ -270,8 +270,11 @@ def _set_drive(
     drive = scenario.drive
     plain = motion if isinstance(motion, Motion) else None
     if isinstance(drive, TorqueDrive):
+        values: Any = drive.values
+        if drive.quantity == "voltage":
+            values = arm.motor_torque(values)
         history = sampled_torque(
-            drive.values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
+            values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
         )
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
     elif drive.kind in FEEDFORWARD_DRIVES:

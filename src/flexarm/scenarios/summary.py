@@ -35,7 +35,7 @@ def about_arm(arm: Arm) -> list[tuple[str, str]]:
             bends = f"{_count(link.segments, 'segment')}, {bends}"
         bends = bends if link.flexible else "rigid"
         mass = sum(piece.shapes.mass for piece in arm.assembly.pieces_of(number - 1))
-        rows.append((f"link {number}", f"{link.length:g} m, {mass:.4g} kg, {bends}"))
+        rows.append((f"link {number}", f"{link.reach:g} m, {mass:.4g} kg, {bends}"))
     if spec.payload.mass or spec.payload.inertia:
         rows.append(("payload", f"{spec.payload.mass:g} kg, {spec.payload.inertia:g} kg m^2"))
     return rows

@@ -20,7 +20,7 @@ def drawn_contacts(arm, q, seed):
     for number in range(3):
         link = int(rng.integers(1, arm.links + 1))
         share = rng.uniform(0.2, 1.0)
-        station = None if number == 0 else share * arm.lengths[link - 1]
+        station = None if number == 0 else share * arm.spec.links[link - 1].length
         point = point_of(arm, q, link, station)
         depth, turn = rng.uniform(1e-3, 2e-2), rng.uniform(-np.pi, np.pi)
         normal = np.array([np.cos(turn), np.sin(turn)])
@@ -58,7 +58,7 @@ def point_of(arm, q, link, station):
         return arm.shape(q, stations=2)[link - 1, 1]
     stations = 2001
     line = arm.shape(q, stations=stations)[link - 1]
-    place = station / arm.lengths[link - 1] * (stations - 1)
+    place = station / arm.spec.links[link - 1].length * (stations - 1)
     k = min(int(place), stations - 2)
     return line[k] + (place - k) * (line[k + 1] - line[k])
 

@@ -16,9 +16,10 @@ NAMES = ("joint_2.coulomb", "payload.mass", "link_1.inertia", "link_2.first_mome
 
 def test_regressor_columns_add_up_to_the_inverse_dynamics():
     friction = fa.Friction(coulomb=0.3, static=0.5, viscous=0.1)
+    other = fa.Friction(coulomb=0.2, coulomb_negative=0.4, viscous_negative=0.3)
     joints = [
         fa.Joint(hub_inertia=0.1, friction=friction, damping=0.2),
-        fa.Joint(mass=0.4, rotor_inertia=1e-3, gear_ratio=20.0, stiffness=0.0),
+        fa.Joint(mass=0.4, rotor_inertia=1e-3, gear_ratio=20.0, friction=other),
     ]
     for offset in ((0.0, 0.0), (0.05, 0.02)):
         arm = rigid_arm(joints=joints)

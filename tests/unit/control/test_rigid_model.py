@@ -17,7 +17,12 @@ def links(**options):
     ]
 
 
-@pytest.mark.parametrize("joint", [{}, {"stiffness": 4.0, "rotor_inertia": 0.02}])
+ONE_SIDED = fa.Friction(coulomb=0.3, viscous=0.1, coulomb_negative=0.5, viscous_negative=0.05)
+
+
+@pytest.mark.parametrize(
+    "joint", [{}, {"stiffness": 4.0, "rotor_inertia": 0.02}, {"friction": ONE_SIDED}]
+)
 def test_rigid_model_equals_the_rigid_arm(joint):
     arm = fa.Arm(
         links=links(flexural_rigidity=20.0, elements=3),

@@ -53,6 +53,31 @@ def test_friction_equals_its_formula(rate):
     assert torque(of, 0.3, -rate) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize("rate", [0.003, 0.02, 0.1, 0.5, 2.0, 40.0])
+def test_friction_of_each_direction(rate):
+    """Levels of both directions well above the smoothing rate, and a smooth change between them."""
+    both = {"coulomb": 2.0, "static": 3.5, "stribeck_rate": 0.2, "viscous": 0.4}
+    of = arm(friction=fa.Friction(**both, coulomb_negative=1.2, viscous_negative=0.7))
+    rise = 1.5 * np.exp(-((rate / 0.2) ** 2))
+    for way in (1.0, -1.0):
+        sign = np.tanh(way * rate / 0.01)
+        level = 2.0 * (1 + sign) / 2 + 1.2 * (1 - sign) / 2 + rise
+        viscous = 0.4 * (1 + sign) / 2 + 0.7 * (1 - sign) / 2
+        expected = level * sign + viscous * way * rate
+        assert torque(of, 0.3, way * rate) == pytest.approx(-expected, rel=1e-12)
+    if rate > 0.1:  # ten smoothing rates: the other direction has a share of exp(-20)
+        assert torque(of, 0.3, rate) == pytest.approx(-(2.0 + rise + 0.4 * rate), rel=1e-8)
+        assert torque(of, 0.3, -rate) == pytest.approx(1.2 + rise + 0.7 * rate, rel=1e-8)
+
+
+@given(rates, between(0.0, 3.0), between(0.0, 3.0))
+def test_friction_of_any_two_directions_never_drives(rate, coulomb, viscous):
+    friction = fa.Friction(
+        coulomb=coulomb, viscous=viscous, coulomb_negative=3.0 - coulomb, viscous_negative=1.0
+    )
+    assert torque(arm(friction=friction), 0.0, rate) * rate <= 0.0
+
+
 def test_friction_falls_from_its_peak_to_coulombs_level():
     """Stribeck: the maximum is slightly above the smoothing rate, then friction falls to its level
     in motion."""

@@ -9,6 +9,7 @@ from flexarm.model import (
     Circle,
     FactorTable,
     FollowingJoint,
+    Friction,
     Gauge,
     HeldJoint,
     InitialState,
@@ -32,6 +33,7 @@ from flexarm.model import (
     TipEvent,
     TorqueDrive,
     Tube,
+    Winding,
 )
 from flexarm.model.drives import (
     CONTROLLED,
@@ -102,6 +104,7 @@ def links(draw):
     shears = element == "timoshenko"
     common = {
         "length": length,
+        "hub_radius": draw(not_negative),
         "element": element,
         "elements": elements,
         "modes": modes,
@@ -129,12 +132,21 @@ def links(draw):
     return Link(**common, table=draw(tables(length, shears)), rotary_inertia=rotary)
 
 
+frictions = st.builds(
+    Friction,
+    coulomb=not_negative,
+    viscous=not_negative,
+    coulomb_negative=st.none() | not_negative,
+    viscous_negative=st.none() | not_negative,
+)
 joints = st.builds(
     Joint,
     hub_inertia=not_negative,
     mass=not_negative,
     housing_inertia=not_negative,
     damping=not_negative,
+    friction=st.none() | frictions,
+    winding=st.none() | st.builds(Winding, torque_constant=positive, resistance=positive),
 )
 payloads = st.builds(
     Payload, mass=not_negative, inertia=not_negative, offset=st.one_of(numbers, pairs)
@@ -282,6 +294,7 @@ def scenarios(draw):
             rate=positive,
             values=st.lists(each, min_size=2, max_size=4),
             interpolation=st.sampled_from(["cubic", "linear", "hold"]),
+            quantity=st.sampled_from(["torque", "voltage"]),
         ),
     ]
     if motion is not None:

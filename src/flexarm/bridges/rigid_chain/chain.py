@@ -22,7 +22,7 @@ from flexarm.model import Joint, Link, ModalDamping, SectionTable
 
 #: Points of the quadrature in each interval of the table of a link.
 _POINTS = 20
-_UNSUPPORTED = ("friction", "limits", "rotor_inertia")
+_UNSUPPORTED = ("friction", "limits", "rotor_inertia", "winding")
 
 
 class Comparison(NamedTuple):
@@ -92,14 +92,15 @@ def _bars(link: Link, count: int) -> tuple[list[Link], list[Joint]]:
     x = np.array(beam.x, dtype=np.float64)
     places, flexibility = _quadrature(x, np.array(beam.flexural_rigidity), count)
     cuts = [0.0, *places.tolist(), link.length]
-    bars = [_bar(link, beam, start, end) for start, end in pairwise(cuts)]
+    bars = [_bar(beam, start, end) for start, end in pairwise(cuts)]
+    bars[0] = bars[0].replace(hub_radius=link.hub_radius)
     springs = [Joint(stiffness=1.0 / one) for one in flexibility.tolist()]
     factor = _damping_factor(link, bars, springs)
     return bars, [Joint(stiffness=one.stiffness, damping=factor * one.stiffness) for one in springs]
 
 
-def _bar(link: Link, beam: SectionTable, start: float, end: float) -> Link:
-    """Return the rigid part of a link from ``start`` to ``end``, m from its root."""
+def _bar(beam: SectionTable, start: float, end: float) -> Link:
+    """Return the rigid part of a beam from ``start`` to ``end``, m from its root."""
     inner = [one for one in beam.x if start < one < end]
     x = np.array([start, *inner, end])
     mass = np.interp(x, beam.x, beam.mass_per_length)

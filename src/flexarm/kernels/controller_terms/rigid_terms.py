@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from flexarm.kernels.columns import (
     COULOMB,
+    COULOMB_EXCESS,
     FIRST_MOMENT_X,
     FIRST_MOMENT_Y,
     GRAVITY_X,
@@ -27,14 +28,16 @@ from flexarm.kernels.columns import (
     TIP_INERTIA,
     TIP_MASS,
     VISCOUS,
+    VISCOUS_EXCESS,
 )
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 #: Columns of a set: mass, first moments x and y, inertia, tip mass, tip inertia, rotor inertia;
-#: viscous damping, spring, Coulomb friction, rise to static friction, viscous friction, stop.
-SET_COLUMNS = 13
+#: viscous damping, spring, Coulomb friction, rise to static friction, viscous friction, stop;
+#: excess of Coulomb and viscous friction at negative rates.
+SET_COLUMNS = 15
 
 
 @merged
@@ -53,6 +56,8 @@ def _write(constants: ArmConstants, sets: Array, k: int, i: int) -> None:
     constants.body[i, STATIC_RISE] = sets[k, i, 10]
     constants.body[i, VISCOUS] = sets[k, i, 11]
     constants.body[i, STOP_STIFFNESS] = sets[k, i, 12]
+    constants.body[i, COULOMB_EXCESS] = sets[k, i, 13]
+    constants.body[i, VISCOUS_EXCESS] = sets[k, i, 14]
 
 
 @merged

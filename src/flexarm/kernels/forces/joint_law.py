@@ -10,6 +10,7 @@ from typing import Any
 
 from flexarm.kernels.columns import (
     COULOMB,
+    COULOMB_EXCESS,
     GEAR_RATIO,
     JOINT_DAMPING,
     JOINT_REST,
@@ -23,6 +24,7 @@ from flexarm.kernels.columns import (
     STRIBECK_RATE,
     UPPER_STOP,
     VISCOUS,
+    VISCOUS_EXCESS,
 )
 from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.compilation.numbers import exp, positive_part, tanh
@@ -43,8 +45,12 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
     )
     for _ in range(len(sizes.joint_laws)):
         ratio = rate / c.body[i, STRIBECK_RATE]
-        level = c.body[i, COULOMB] + c.body[i, STATIC_RISE] * exp(-ratio * ratio)
-        torque -= level * tanh(rate / c.body[i, SMOOTHING_RATE]) + c.body[i, VISCOUS] * rate
+        sign = tanh(rate / c.body[i, SMOOTHING_RATE])
+        backward = 0.5 - 0.5 * sign
+        level = c.body[i, COULOMB] + c.body[i, COULOMB_EXCESS] * backward
+        level += c.body[i, STATIC_RISE] * exp(-ratio * ratio)
+        viscous = c.body[i, VISCOUS] + c.body[i, VISCOUS_EXCESS] * backward
+        torque -= level * sign + viscous * rate
         below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
         above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
         # A stop never pulls, however fast the joint leaves it.

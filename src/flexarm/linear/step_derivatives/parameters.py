@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.assembly.assemble import Piece
+from flexarm.assembly.assemble import Piece, constants_of_links
+from flexarm.assembly.hub_radius import move_root
 from flexarm.errors import InputError, Problem, shown
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model import RayleighDamping
 
 #: Exponents of the constants of a body for a factor on its whole link. Constants that are not
-#: listed do not change. ``inertia`` and ``residual_inertia`` are those of the link without the hub.
+#: listed do not change. They are constants of the link about its root, without the hub.
 POWERS: dict[str, dict[str, Any]] = {
     "length": {
         "mass": 1.0,
@@ -83,6 +84,7 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
         raise InputError(Problem("parameters", f"be one of {', '.join(known)}", shown(parameter)))
     constants = arm.assembly.constants
     by = ArmConstants(*(np.zeros(array.shape) for array in constants))
+    beams = constants_of_links(arm.spec, arm.assembly.pieces)
     found = _LINK.fullmatch(parameter)
     if found is None:
         _payload(arm, by, parameter)
@@ -91,21 +93,20 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
     for piece in arm.assembly.pieces_of(link):
         if name == "length":
             _check_length(arm, piece, parameter)
-        _scale(arm, by, piece, name)
+        _scale(arm, beams, by, piece, name)
     return by
 
 
-def _scale(arm: Arm, by: ArmConstants, piece: Piece, name: str) -> None:
-    i, constants, shapes = piece.body, arm.assembly.constants, piece.shapes
+def _scale(arm: Arm, beams: ArmConstants, by: ArmConstants, piece: Piece, name: str) -> None:
+    i = piece.body
     for field, power in POWERS[name].items():
-        own = {"inertia": shapes.inertia, "residual_inertia": shapes.residual_inertia}
-        value = own.get(field, getattr(constants, field)[i])
-        getattr(by, field)[i] = np.asarray(power) * value
+        getattr(by, field)[i] = np.asarray(power) * getattr(beams, field)[i]
+    move_root(by, i, piece.offset)
     damping = arm.spec.links[piece.link].damping
     if isinstance(damping, RayleighDamping):
         by.damping[i] = damping.stiffness_coefficient * by.w2[i]
     elif damping is not None:
-        by.damping[i] = 0.5 * POWERS[name]["w2"] * constants.damping[i]
+        by.damping[i] = 0.5 * POWERS[name]["w2"] * arm.assembly.constants.damping[i]
 
 
 def _check_length(arm: Arm, piece: Piece, parameter: str) -> None:

@@ -23,9 +23,9 @@ def displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) 
     q (dof,) by complex perturbation of its kernel.
     """
     places = [
-        marker(link, x)
-        for link, length in enumerate(arm.lengths, start=1)
-        for x in np.linspace(0.0, length, stations)
+        marker(number, x)
+        for number, link in enumerate(arm.spec.links, start=1)
+        for x in np.linspace(0.0, link.length, stations)
     ]
     placed = place_loads(arm, places)
     real = _along(arm, q, np.real(shapes), placed)

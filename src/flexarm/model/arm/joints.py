@@ -18,7 +18,8 @@ class Friction(Record):
 
     Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
     smoothing_rate) + viscous rate`` against the motion. Below the smoothing rate the joint creeps,
-    whereas a real joint sticks.
+    whereas a real joint sticks. Coulomb and viscous friction may have other values at negative
+    rates; static friction is above both Coulomb levels by the same amount.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -34,6 +35,16 @@ class Friction(Record):
     )
     viscous: NonNegative = Field(
         default=0.0, description="Friction torque per rate, on the side of the motor (N m s/rad)."
+    )
+    coulomb_negative: NonNegative | None = Field(
+        default=None,
+        description="Friction torque at negative rates (N m); by default equal to coulomb.",
+    )
+    viscous_negative: NonNegative | None = Field(
+        default=None,
+        description=(
+            "Friction torque per rate at negative rates (N m s/rad); by default equal to viscous."
+        ),
     )
 
     @classmethod
@@ -65,8 +76,26 @@ class JointLimits(Record):
             yield Fault(("upper",), rule, shown(given.upper))
 
 
+class Winding(Record):
+    """Winding of a direct-current motor that a voltage drives.
+
+    The voltage less the back electromotive force drives the current: with the constant K, the gear
+    ratio r and the resistance R, the torque at the joint is ``r K / R (voltage - r K rate)``. The
+    inductance is neglected. The torque input of the joint is the torque at standstill, ``r K / R
+    voltage``; the back electromotive force is part of the joint, as viscous damping.
+    """
+
+    torque_constant: Positive = Field(
+        description="Torque per current of the motor, before the gear; also its back "
+        "electromotive force per rate (N m/A)."
+    )
+    resistance: Positive = Field(description="Resistance of the winding and its leads (ohm).")
+
+
 _TORQUE_HINT = "Torques are given at the joint, behind the gear."
-_TURNING = ("damping", "stiffness", "friction", "limits", "rotor_inertia")
+_TURNING = (
+    *("damping", "stiffness", "friction", "limits", "rotor_inertia", "backlash", "winding"),
+)
 
 
 class Joint(Record):
@@ -128,11 +157,35 @@ class Joint(Record):
     )
     friction: Friction | None = Field(default=None, description="Friction; none by default.")
     limits: JointLimits | None = Field(default=None, description="Stops; none by default.")
+    backlash: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Angle between the contacts of the gear in both directions, in which the spring of an "
+            "elastic joint transmits no torque (rad)."
+        ),
+    )
+    winding: Winding | None = Field(
+        default=None, description="Winding of a motor driven by a voltage; none by default."
+    )
 
     @property
     def elastic(self) -> bool:
         """Whether a spring connects motor and link, which adds a coordinate."""
         return self.rotor_inertia > 0.0 and self.stiffness > 0.0
+
+    @property
+    def torque_per_voltage(self) -> float:
+        """Torque at standstill per voltage (N m/V), at the joint; 0 without a winding."""
+        if self.winding is None:
+            return 0.0
+        return self.gear_ratio * self.winding.torque_constant / self.winding.resistance
+
+    @property
+    def braking(self) -> float:
+        """Torque of the back electromotive force per rate (N m s/rad), at the joint."""
+        if self.winding is None:
+            return 0.0
+        return self.torque_per_voltage * self.gear_ratio * self.winding.torque_constant
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -146,8 +199,12 @@ class Joint(Record):
             hint = "The spring of a joint with rotor_inertia connects motor and link."
             yield Fault(("rest_angle",), "be 0 for an elastic joint", shown(given.rest_angle), hint)
         geared = given.has("gear_ratio", "rotor_inertia") and given.gear_ratio != 1.0
-        if geared and not given.rotor_inertia:
-            yield Fault(("gear_ratio",), "requires rotor_inertia", hint=_TORQUE_HINT)
+        if geared and not given.rotor_inertia and given.absent("winding"):
+            rule = "requires rotor_inertia or winding"
+            yield Fault(("gear_ratio",), rule, hint=_TORQUE_HINT)
+        springs = given.has("backlash", "stiffness", "rotor_inertia")
+        if springs and given.backlash and not (given.stiffness and given.rotor_inertia):
+            yield Fault(("backlash",), "requires stiffness and rotor_inertia")
 
 
 def _along_x(value: Any) -> Any:

@@ -64,7 +64,14 @@ class Link(Record):
     `flexural_rigidity` and ignores `elements`, `segments`, `modes` and `damping`.
     """
 
-    length: Positive = Field(description="Length (m).")
+    length: Positive = Field(description="Length (m), from the root to the tip.")
+    hub_radius: NonNegative = Field(
+        default=0.0,
+        description=(
+            "Distance from the joint to the root of the link (m), along the root tangent; rigid "
+            "and without mass."
+        ),
+    )
     flexural_rigidity: Positive | None = Field(
         default=None, description="Constant bending stiffness E I (N m^2)."
     )
@@ -121,6 +128,11 @@ class Link(Record):
     gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
 
     _hints: ClassVar[dict[str, str]] = {"element": "`elements` is their number."}
+
+    @property
+    def reach(self) -> float:
+        """Distance from the joint to the tip of the straight link (m)."""
+        return self.hub_radius + self.length
 
     @property
     def coordinates(self) -> int:

@@ -54,7 +54,7 @@ class TorqueDrive(Record):
     kind: Literal["torque"] = "torque"
     rate: Positive = Field(description="Samples per second (Hz).")
     values: Listed[Listed[Number]] = Field(
-        description="One row for each sample: the torque of each joint (N m).",
+        description="One row for each sample: the torque of each joint (N m), or its voltage.",
         json_schema_extra={"minItems": 1},
     )
     interpolation: Literal["cubic", "linear", "hold"] = Field(
@@ -63,6 +63,12 @@ class TorqueDrive(Record):
             "Interpolation between samples; a cubic overshoots where samples jump. "
             "After the last sample the torque is constant."
         ),
+    )
+
+    quantity: Literal["torque", "voltage"] = Field(
+        default="torque",
+        description="Quantity of the values: torque, or voltage of the motors of joints with a "
+        "winding (V).",
     )
 
     _columns: ClassVar[tuple[str, ...]] = ("values",)

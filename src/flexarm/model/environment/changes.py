@@ -118,7 +118,7 @@ def original_number(arm: ArmSpec, change: Change) -> float:
         InputError: if the arm has no number at the path, or it determines the shape of the arm.
     """
     found = number_at("path", arm, change.path)
-    if change.path.endswith((".length", ".station", ".distance")):
+    if change.path.endswith((".length", ".hub_radius", ".station", ".distance")):
         rule = "be a number that may change during a run"
         raise InputError(_problem("path", rule, change.path))
     return found

@@ -34,6 +34,7 @@ UNITS: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "mm/s": 1e-3},
     "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "A": {"A": 1.0, "mA": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
     "1": {"1": 1.0, "m/m": 1.0, "mm/m": 1e-3, "%": 1e-2, "um/m": 1e-6, "ustrain": 1e-6},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
 }
@@ -67,11 +68,11 @@ Filters = Annotated[Listed[Filter], BeforeValidator(_filters)]
 class RecordSettings(Record):
     """Treatment of a measured record: its inputs, outputs, delays, filters and initial state."""
 
-    input: Literal["torque", "current", "none"] | None = Field(
+    input: Literal["torque", "current", "voltage", "none"] | None = Field(
         default=None,
         description=(
-            "Channel that drives the joints; by default torque or current, whichever the record "
-            "contains."
+            "Channel that drives the joints; by default torque, current or voltage, the first that "
+            "the record contains."
         ),
     )
     interpolation: Literal["cubic", "linear", "hold"] | None = Field(

@@ -92,7 +92,7 @@ _WAY = "A link is described by constants, by its material and section, or by a t
 def groups_of(project: Project) -> list[Group]:
     """Return the fields of a project, by part of the scenario."""
     record, arm = project.record, project.record.arm
-    lengths = [link.length for link in arm.links]
+    lengths = [link.reach for link in arm.links]
     of = FieldMaker(Sizes(len(lengths), sum(lengths), max(lengths)))
     groups = [
         Group(f"{title} {k + 1}", partial(of.record, part, ("arm", f"{title.lower()}s", k)))

@@ -12,7 +12,7 @@ from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.model import Instrument, Scenario
 from flexarm.model.arm.damping import ModalDamping, RayleighDamping
-from flexarm.model.arm.joints import Friction, JointLimits
+from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import Gauge
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.checks import Record
@@ -122,7 +122,7 @@ def _stiffness(scenario: Scenario) -> float:
     """Return the stiffness (N/m) of the tip of the arm, stretched and clamped at the base."""
     links = scenario.arm.links
     found = [link.beam().flexural_rigidity for link in links if link.flexible]
-    length = sum(link.length for link in links)
+    length = sum(link.reach for link in links)
     return 3.0 * min(table[0] for table in found if table) / length**3 if found else 1000.0
 
 
@@ -130,11 +130,11 @@ def _tips(scenario: Scenario) -> tuple[FloatArray, FloatArray, float]:
     """Return the tip (2,) m of the rigid arm at the ends of the motion, and its length (m)."""
     arm = Arm(scenario.arm).rigid()
     first, last = (arm.tip(arm.rest(angles))[:2] for angles in ends_of(arm, scenario))
-    return first, last, sum(link.length for link in scenario.arm.links)
+    return first, last, sum(link.reach for link in scenario.arm.links)
 
 
 def _load(scenario: Scenario, old: Any) -> dict[str, Any]:
-    length = sum(link.length for link in scenario.arm.links)
+    length = sum(link.reach for link in scenario.arm.links)
     force = short(_DEFLECTION * length * _stiffness(scenario))
     return {"link": len(scenario.arm.links), "force": [0.0, -force]}
 
@@ -253,6 +253,7 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
     Gauge: lambda of, _: {"station": 0.0, "distance": 0.005},
     Friction: lambda of, _: {"coulomb": 0.1},
     JointLimits: _limits,
+    Winding: lambda of, _: {"torque_constant": 0.05, "resistance": 1.0},
     HeldJoint: _hold,
     FollowingJoint: _hold,
     TabulatedJoint: _tabulated,
