@@ -1,0 +1,368 @@
+"""Batches of runs with controllers: side by side in lanes, with the numbers of single runs."""
+
+import copy
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexarm as fa
+from conformance.controller_examples import EXAMPLES, SAMPLE_TIME, joint_pd, two_links
+from flexarm.model.paths import with_number
+
+pytestmark = pytest.mark.compiled
+
+ARM = two_links()
+MOTION = fa.joint_motion(ARM, [0.4, 0.1], [0.5, 0.0], 0.4)
+STARTS = np.array([ARM.rest([0.4 + 0.01 * k, 0.1 - 0.01 * k]) for k in range(11)])
+DURATION, RATE = 0.05, 400.0
+SHORT = {"duration": DURATION, "rate": RATE}
+CHANNELS = ["tip", "torque", "torque_command", "strain"]
+#: Controllers that measure the force of a contact.
+TOUCHING = {"admittance", "hybrid_force"}
+NOISY = fa.Hardware(
+    instruments=[
+        fa.Instrument("joint_angle", noise=1e-3, rate_cutoff=50.0, resolution=1e-4),
+        fa.Instrument("strain", noise=1e-6, sample_time=2 * SAMPLE_TIME, delay=SAMPLE_TIME),
+        fa.Instrument("tip", name="camera", bias=0.01),
+    ]
+)
+MOTORS = fa.Motors(time_constant=0.003, delay=0.006, torque_limit=[0.3, 0.1])
+
+
+def recorded():
+    nominal = fa.simulate(ARM, 0.1, controller=EXAMPLES["lqg"](), reference=MOTION)
+    return EXAMPLES["lqg"](nominal=nominal)
+
+
+CONTROLLERS = {
+    **{name: make for name, make in EXAMPLES.items() if name not in TOUCHING},
+    "recorded": recorded,
+    "fed forward": lambda: fa.ComputedTorque(
+        ARM, 0.3, feedforward=fa.rigid_torque(ARM, MOTION), sample_time=SAMPLE_TIME
+    ),
+    "limited": lambda: EXAMPLES["joint_pid"](torque_limit=0.2, sag=False),
+}
+
+
+class Integral:
+    """A user's controller with a state, of one run at a time."""
+
+    sample_time = SAMPLE_TIME
+
+    def reset(self):
+        self.sum, self.calls = np.zeros(2), 0
+
+    def update(self, t, measurement, reference):
+        self.calls += 1
+        error = reference.joint_angle(t) - measurement.joint_angle
+        self.sum += self.sample_time * error
+        return 5.0 * error + 20.0 * self.sum
+
+
+class Failing(Integral):
+    """It raises an exception in runs that start above an angle."""
+
+    def update(self, t, measurement, reference):
+        if t > 0.02 and measurement.joint_angle[0] > 0.43:
+            raise RuntimeError("too far")
+        return super().update(t, measurement, reference)
+
+
+def compare(batch, runs, arm=ARM, **own):
+    """Compare runs of a batch with single results; items of ``own`` are functions of the run."""
+    for k in runs:
+        given = {name: value(k) for name, value in own.items()}
+        single = fa.simulate(arm, initial=STARTS[k], **given, **SHORT)
+        for name in CHANNELS:
+            np.testing.assert_array_equal(batch[name][k], single[name], err_msg=name)
+        found = [single.attrs["unstable_loop"], single.attrs["warning"]]
+        assert batch["warning"][k] == " ".join(filter(None, found))
+        for name in ("steps", "evaluations", "integrator", "ended_by", "failure"):
+            assert batch[name][k] == single.attrs[name], name
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("reference", [MOTION, None], ids=["motion", "rest"])
+def test_every_controller(reference, name, executed):
+    controller = CONTROLLERS[name]()
+    hardware = None
+    if name == "estimator":
+        hardware = fa.Hardware(controller.estimator.instruments)
+    own = {"controller": controller, "reference": reference, "hardware": hardware}
+    batch = fa.simulate_batch(ARM, initial=STARTS, channels=CHANNELS, threads=1, **own, **SHORT)
+    assert executed == list(range(11))
+    compare(batch, (0, 8, 10), **{key: lambda k, v=value: v for key, value in own.items()})
+
+
+@settings(max_examples=5)
+@given(runs=st.lists(st.integers(0, 10), min_size=1, max_size=14), threads=st.integers(1, 3))
+def test_a_run_does_not_depend_on_the_others(runs, threads):
+    controllers = [joint_pd(), EXAMPLES["strain_feedback"](), EXAMPLES["joint_pid"](), Integral()]
+    chosen = [controllers[k % 4] for k in range(11)]
+    seeds = np.arange(100, 111)
+    how = {
+        "hardware": fa.Hardware(instruments=NOISY.instruments, motors=MOTORS),
+        "reference": MOTION,
+        "reductions": {"peak": fa.Reduction("peak", "torque")},
+        "channels": CHANNELS,
+        **SHORT,
+    }
+    everything = fa.simulate_batch(
+        ARM, controller=chosen, initial=STARTS, seeds=seeds, threads=1, **how
+    )
+    part = fa.simulate_batch(
+        ARM,
+        controller=[chosen[k] for k in runs],
+        initial=STARTS[runs],
+        seeds=seeds[runs],
+        threads=threads,
+        **how,
+    )
+    expected = everything.isel(run=runs)
+    for name in part.data_vars:
+        np.testing.assert_array_equal(part[name], expected[name], err_msg=name)
+
+
+@pytest.mark.parametrize("motors", [None, MOTORS], ids=["ideal", "motors"])
+def test_instruments_and_motors(motors, executed):
+    hardware = fa.Hardware(instruments=NOISY.instruments, motors=motors)
+    controllers = [EXAMPLES["strain_feedback"](), Integral()] * 5 + [joint_pd()]
+    seeds = np.arange(11)
+    batch = fa.simulate_batch(
+        ARM,
+        controller=controllers,
+        reference=MOTION,
+        initial=STARTS,
+        hardware=hardware,
+        seeds=seeds,
+        channels=CHANNELS,
+        threads=1,
+        **SHORT,
+    )
+    assert sorted(executed) == list(range(11))
+    compare(
+        batch,
+        (0, 7, 10),
+        controller=lambda k: controllers[k],
+        reference=lambda k: MOTION,
+        hardware=lambda k: hardware.replace(seed=int(seeds[k])),
+    )
+
+
+@pytest.mark.parametrize("controller", [EXAMPLES["strain_feedback"](), Integral()])
+def test_arms_of_their_own(controller, executed):
+    mass = np.linspace(0.0, 0.2, 11)
+    own = {"controller": controller, "reference": MOTION}
+    hardware = fa.Hardware(
+        [fa.Instrument(name) for name in ("joint_angle", "joint_rate", "strain", "tip")]
+    )
+    batch = fa.simulate_batch(
+        ARM,
+        initial=STARTS,
+        parameters={"payload.mass": mass},
+        hardware=hardware,
+        channels=CHANNELS,
+        **own,
+        **SHORT,
+    )
+    assert sorted(executed) == list(range(11))
+    compare(
+        batch,
+        (0, 9, 10),
+        plant=lambda k: fa.Arm(with_number(ARM.spec, "payload.mass", mass[k])),
+        hardware=lambda k: hardware,
+        **{key: lambda k, v=value: v for key, value in own.items()},
+    )
+
+
+def test_different_sample_times(executed):
+    controllers = [fa.JointPD(4.0, 0.4, sample_time=(0.004, 0.003)[k % 2]) for k in range(11)]
+    own = {"initial": STARTS, "channels": CHANNELS, "threads": 1}
+    batch = fa.simulate_batch(ARM, controller=controllers, reference=MOTION, **own, **SHORT)
+    assert executed == [*range(0, 11, 2), *range(1, 11, 2)]
+    compare(batch, (0, 1), controller=lambda k: controllers[k], reference=lambda k: MOTION)
+
+
+@pytest.mark.parametrize(("duration", "sample_time"), [(0.06, 0.02), (0.07, 0.01), (0.3, 0.1)])
+def test_the_last_sample_time_is_near_the_end(duration, sample_time, executed):
+    """Multiples of the sample time differ from the duration by rounding."""
+    own = {"controller": fa.JointPD(1.0, 0.1, sample_time=sample_time), "initial": STARTS[2]}
+    batch = fa.simulate_batch(ARM, duration, rate=100.0, channels=["tip"], **own)
+    single = fa.simulate(ARM, duration, rate=100.0, **own)
+    assert executed == [0]
+    count = single.sizes["time"]
+    np.testing.assert_array_equal(batch["tip"][0, :count], single["tip"])
+    assert np.isnan(batch["tip"][0, count:]).all()
+
+
+def test_an_unstable_loop_fails_alone(executed):
+    controllers = [joint_pd() for _ in range(10)]
+    controllers[4] = fa.JointPD(3000.0, 300.0, sample_time=SAMPLE_TIME)
+    own = {"reference": MOTION, "channels": CHANNELS, "threads": 1, **SHORT}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)
+        batch = fa.simulate_batch(ARM, controller=controllers, initial=STARTS[:10], **own)
+        with pytest.raises(fa.SimulationError) as failed:
+            fa.simulate(
+                ARM, controller=controllers[4], reference=MOTION, initial=STARTS[4], **SHORT
+            )
+    assert executed == [0, 1, 2, 3, 5, 6, 7, 8, 9]
+    assert list(np.flatnonzero(batch["failure"] != "")) == [4]
+    assert batch["failure"][4] == str(failed.value)
+    got = failed.value.result.sizes["time"]
+    assert 1 < got < batch.sizes["time"]
+    np.testing.assert_array_equal(batch["tip"][4, :got], failed.value.result["tip"])
+    # The run fails in the middle of its pack, whose other runs go on.
+    assert 0.0 < batch["end_time"][4] < DURATION
+    compare(batch, (3, 9), controller=lambda k: controllers[k], reference=lambda k: MOTION)
+
+
+def test_a_python_controller_that_raises(executed):
+    controller = Failing()
+    own = {"controller": controller, "reference": MOTION}
+    batch = fa.simulate_batch(ARM, initial=STARTS, channels=CHANNELS, threads=1, **own, **SHORT)
+    bad = np.flatnonzero(batch["failure"] != "")
+    assert list(bad) == [k for k in range(11) if k not in executed]
+    assert 0 < bad.size < 11
+    for k in bad:
+        with pytest.raises(fa.SimulationError, match="RuntimeError: too far") as failed:
+            fa.simulate(ARM, initial=STARTS[k], **own, **SHORT)
+        assert batch["failure"][k] == str(failed.value)
+    compare(batch, executed[:2], **{key: lambda k, v=value: v for key, value in own.items()})
+
+
+@pytest.mark.parametrize(
+    "answer", [[np.nan, 0.0], [0.0], None, "torque"], ids=["NaN", "shape", "None", "text"]
+)
+def test_a_python_controller_that_returns_no_torque(answer, executed):
+    class Wrong(Integral):
+        def update(self, t, measurement, reference):
+            return answer if t > 0.02 else [0.0, 0.0]
+
+    own = {"controller": [Wrong(), Integral()], "reference": MOTION}
+    batch = fa.simulate_batch(ARM, **own, **SHORT)
+    assert executed == [1]
+    assert "the controller returned an unusable value" in batch["failure"].values[0]
+    assert batch["end_time"][0] == pytest.approx(0.024)
+
+
+def test_the_objects_of_the_user_keep_their_state(executed):
+    controller = Integral()
+    controller.reset()
+    fa.simulate_batch(ARM, controller=controller, reference=MOTION, initial=STARTS, **SHORT)
+    assert len(executed) == 11
+    assert controller.calls == 0
+
+
+def test_a_vectorized_python_controller(executed):
+    calls = []
+
+    class Vectorized:
+        sample_time, vectorized = SAMPLE_TIME, True
+
+        def reset(self):
+            self.sum = 0.0
+
+        def update(self, t, measurement, reference):
+            calls.append(np.shape(measurement.joint_angle))
+            error = reference.joint_angle(t) - measurement.joint_angle
+            self.sum = self.sum + self.sample_time * error
+            return 5.0 * error + 20.0 * self.sum
+
+    own = {"reference": MOTION, "channels": CHANNELS, "initial": STARTS, "threads": 1, **SHORT}
+    batch = fa.simulate_batch(ARM, controller=Vectorized(), **own)
+    assert set(calls) == {(11, 2)}
+    assert len(calls) == 13
+    other = fa.simulate_batch(ARM, controller=Integral(), **own)
+    np.testing.assert_array_equal(batch["tip"], other["tip"])
+
+    class Derived(Vectorized):
+        """A class with its own ``update`` is not vectorized, if it does not say so."""
+
+        def update(self, t, measurement, reference):
+            assert measurement.joint_angle.shape == (2,)
+            return super().update(t, measurement, reference)
+
+    batch = fa.simulate_batch(ARM, controller=Derived(), **own)
+    assert not batch["failure"].str.len().any()
+    np.testing.assert_array_equal(batch["tip"], other["tip"])
+    assert len(executed) == 33
+
+
+def test_controllers_that_share_a_part(executed):
+    """Both would advance the same integral, if they were not copied."""
+    inner = Integral()
+
+    class Around:
+        sample_time = SAMPLE_TIME
+
+        def __init__(self, factor):
+            self.factor = factor
+
+        def reset(self):
+            inner_of(self).reset()
+
+        def update(self, t, measurement, reference):
+            return self.factor * inner_of(self).update(t, measurement, reference)
+
+    def inner_of(around):
+        return around.inner
+
+    controllers = [Around(1.0), Around(0.5)]
+    for one in controllers:
+        one.inner = inner
+    batch = fa.simulate_batch(
+        ARM,
+        controller=controllers,
+        reference=MOTION,
+        initial=STARTS[:2],
+        channels=CHANNELS,
+        **SHORT,
+    )
+    assert len(executed) == 2
+    compare(batch, (0, 1), controller=lambda k: controllers[k], reference=lambda k: MOTION)
+
+
+class _NotCopied(Integral):
+    def __deepcopy__(self, memo):
+        raise TypeError("it owns a device")
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"controller": _NotCopied()},
+        {"hardware": fa.Hardware([fa.Instrument("joint_angle"), fa.Instrument("torque")])},
+        {"loads": [fa.Load(1, force=(0.0, 0.1))]},
+        {"integrator": "gauss_6", "step": 1e-3},
+        {"channels": ["joint_force"]},
+    ],
+    ids=["copy", "torque", "loads", "method", "forces"],
+)
+def test_other_runs_are_executed_one_at_a_time(other, executed):
+    own = {"controller": Integral(), "reference": MOTION, **other, **SHORT}
+    batch = fa.simulate_batch(ARM, initial=STARTS[:2], **own)
+    assert executed == []
+    del own["channels" if "channels" in own else "rate"]
+    own["rate"] = RATE
+    single = fa.simulate(ARM, initial=STARTS[1], **own)
+    name = "joint_force" if "joint_force" in batch else "tip"
+    np.testing.assert_array_equal(batch[name][1], single[name])
+
+
+def test_wrong_arguments_of_the_first_run():
+    with pytest.raises(fa.InputError, match="is for 3 joints, but the arm has 2"):
+        fa.simulate_batch(ARM, controller=fa.JointPD([1.0] * 3, 1.0), **SHORT)
+    later = [joint_pd(), fa.JointPD([1.0] * 3, 1.0, sample_time=SAMPLE_TIME)]
+    batch = fa.simulate_batch(ARM, controller=later, reference=MOTION, **SHORT)
+    assert list(batch["ended_by"].values) == ["duration", "failure"]
+    assert "is for 3 joints" in batch["failure"].values[1]
+
+
+def test_a_copy_of_a_controller_is_independent():
+    """Batches copy built-in controllers, also those that contain compiled kernels."""
+    for make in CONTROLLERS.values():
+        copy.deepcopy(make()).reset()
