@@ -53,7 +53,7 @@ class ClosedLanes(Lanes):
     ) -> None:
         super().__init__(variations, options, channels, alone)
         self._references: dict[tuple[int, float], Reference | None] = {}
-        self._unstable: dict[tuple[Any, ...], str] = {}
+        self._poles: dict[tuple[Any, ...], dict[Any, Any]] = {}
 
     def prepare(self) -> None:
         """Validate the first run.
@@ -94,20 +94,15 @@ class ClosedLanes(Lanes):
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
-        own = self._variations
+        own, options = self._variations, self._options
         controller, reference = own.controller(k), own.reference(k)
         assert controller is not None
-        q = arm.unpadded(state[0])
         # Arms with changed parameters are not kept, so that another one may have the same id.
         simulated = arm.spec if own.parameters else id(arm)
-        key = simulated, id(controller), id(reference), arm.joint_angles(q).tobytes()
-        if key not in self._unstable:
-            model = self._alone.model or arm
-            hardware, duration = own.hardware, self._options.duration
-            self._unstable[key] = instability(
-                model, arm, controller, reference, hardware, (), q, duration
-            )
-        return self._unstable[key]
+        known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
+        model, q = self._alone.model or arm, arm.unpadded(state[0])
+        loop = controller, reference, own.hardware, ()
+        return instability(model, arm, *loop, q, options.duration, known)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
         loops = [run.drive for run in ready]

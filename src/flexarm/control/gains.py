@@ -25,7 +25,9 @@ def applied(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     The matrix may be one for each run, (runs, j, k). A product of two matrices would be rounded
     differently for other numbers of runs.
     """
-    if vectors.ndim == 1:  # ``dot`` takes half the time of ``@`` on small arrays
-        return matrix.dot(vectors)
-    found: FloatArray = np.matmul(matrix, vectors[..., None])[..., 0]
+    found: FloatArray
+    if vectors.ndim == 1:
+        found = matrix.dot(vectors)  # half the time of ``@`` on small arrays
+    else:
+        found = np.matmul(matrix, vectors[..., None])[..., 0]
     return found

@@ -129,6 +129,7 @@ class LQG(LQGParameters, OfArm, Controller):
         for name, part in zip(self.design_requirements.measured, parts, strict=True):
             self._places.append((name, slice(start, start + part.shape[1])))
             start += part.shape[1]
+        self._begin(())
         self.reset()
 
     def _link(self) -> None:
@@ -163,7 +164,10 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def reset(self) -> None:
         """Clear the estimate, the integrals and the nominal motion."""
-        self._begin(())
+        if self._known.ndim > 1:
+            self._begin(())
+        self._known[:] = 0.0
+        self._whole[:] = 0.0
         self._motion.reset()
 
     def _begin(self, runs: tuple[int, ...]) -> None:
