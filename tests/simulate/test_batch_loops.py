@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from conformance.controller_examples import EXAMPLES, SAMPLE_TIME, joint_pd, two_links
+from flexarm.integrate.lanes.stepper import LaneStepper
+from flexarm.integrate.memory import STEPS
 from flexarm.model.paths import with_number
 
 pytestmark = pytest.mark.compiled
@@ -186,19 +188,26 @@ def test_different_sample_times(executed):
     compare(batch, (0, 1), controller=lambda k: controllers[k], reference=lambda k: MOTION)
 
 
-@pytest.mark.parametrize(("duration", "sample_time"), [(0.06, 0.02), (0.07, 0.01), (0.3, 0.1)])
+@pytest.mark.parametrize(("duration", "sample_time"), [(0.027, 0.009), (0.07, 0.01), (0.3, 0.1)])
 def test_the_last_sample_time_is_near_the_end(duration, sample_time, executed):
     """Multiples of the sample time differ from the duration by rounding."""
     own = {"controller": fa.JointPD(1.0, 0.1, sample_time=sample_time), "initial": STARTS[2]}
-    batch = fa.simulate_batch(ARM, duration, rate=100.0, channels=["tip"], **own)
-    single = fa.simulate(ARM, duration, rate=100.0, **own)
+    batch = fa.simulate_batch(ARM, duration, rate=1000.0, channels=["tip"], **own)
+    single = fa.simulate(ARM, duration, rate=1000.0, **own)
     assert executed == [0]
     count = single.sizes["time"]
     np.testing.assert_array_equal(batch["tip"][0, :count], single["tip"])
     assert np.isnan(batch["tip"][0, count:]).all()
 
 
-def test_an_unstable_loop_fails_alone(executed):
+def test_an_unstable_loop_fails_alone(executed, monkeypatch):
+    steps, advance = [], LaneStepper.advance
+
+    def counted(self, method, drive, runs, most):
+        advance(self, method, drive, runs, most)
+        steps.append(int(runs.counts[4, STEPS]))
+
+    monkeypatch.setattr(LaneStepper, "advance", counted)
     controllers = [joint_pd() for _ in range(10)]
     controllers[4] = fa.JointPD(3000.0, 300.0, sample_time=SAMPLE_TIME)
     own = {"reference": MOTION, "channels": CHANNELS, "threads": 1, **SHORT}
@@ -216,8 +225,27 @@ def test_an_unstable_loop_fails_alone(executed):
     assert 1 < got < batch.sizes["time"]
     np.testing.assert_array_equal(batch["tip"][4, :got], failed.value.result["tip"])
     # The run fails in the middle of its pack, whose other runs go on.
-    assert 0.0 < batch["end_time"][4] < DURATION
+    end = batch["end_time"].values[4]
+    assert 0.0 < end < DURATION - 2 * SAMPLE_TIME
+    assert len(steps) == 13
+    later = steps[round(end / SAMPLE_TIME) :]
+    assert later == later[:1] * len(later)
     compare(batch, (3, 9), controller=lambda k: controllers[k], reference=lambda k: MOTION)
+
+
+def test_a_link_that_bends_far_just_before_the_end(executed):
+    """The integrator goes on; the check at the sample times ends the run."""
+    own = {"controller": fa.JointPD(3000.0, 300.0, sample_time=SAMPLE_TIME), "reference": MOTION}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)
+        with pytest.raises(fa.SimulationError, match="times its length") as failed:
+            fa.simulate(ARM, DURATION, **own)
+        own |= {"duration": failed.value.time, "rate": RATE}
+        with pytest.raises(fa.SimulationError, match="times its length") as failed:
+            fa.simulate(ARM, **own)
+        batch = fa.simulate_batch(ARM, **own)
+    assert executed == []
+    assert batch["failure"][0] == str(failed.value)
 
 
 def test_a_python_controller_that_raises(executed):
@@ -283,13 +311,38 @@ def test_a_vectorized_python_controller(executed):
         """A class with its own ``update`` is not vectorized, if it does not say so."""
 
         def update(self, t, measurement, reference):
-            assert measurement.joint_angle.shape == (2,)
             return super().update(t, measurement, reference)
 
+    calls.clear()
     batch = fa.simulate_batch(ARM, controller=Derived(), **own)
-    assert not batch["failure"].str.len().any()
+    assert set(calls) == {(2,)}
     np.testing.assert_array_equal(batch["tip"], other["tip"])
     assert len(executed) == 33
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_vectorized_python_controller_that_fails_for_some_runs(raises, executed):
+    class Partly:
+        sample_time, vectorized = SAMPLE_TIME, True
+
+        def reset(self):
+            pass
+
+        def update(self, t, measurement, reference):
+            angle = measurement.joint_angle
+            far = (angle[..., :1] > 0.43) & (t > 0.02)
+            if raises and far.any():
+                raise ValueError("too far")
+            return np.where(far, np.nan, reference.joint_angle(t) - angle)
+
+    own = {"controller": Partly(), "reference": MOTION}
+    batch = fa.simulate_batch(ARM, initial=STARTS, channels=CHANNELS, threads=1, **own, **SHORT)
+    bad = np.flatnonzero(batch["failure"] != "")
+    assert 0 < bad.size < 11
+    assert len(executed) == (0 if raises else 11 - bad.size)
+    reason = "ValueError: too far" if raises else "an unusable value"
+    assert all(reason in text for text in batch["failure"].values[bad])
+    compare(batch, (0, 1), **{key: lambda k, v=value: v for key, value in own.items()})
 
 
 def test_controllers_that_share_a_part(executed):
