@@ -52,7 +52,7 @@ def _controllers(arm: fa.Arm) -> dict[str, Controller | _Python]:
         "joint PD": fa.JointPD(*_GAINS, **own),
         "joint PID": fa.JointPID(*_GAINS, 5.0, **own),
         "computed torque": fa.ComputedTorque(arm, frequency_hz=0.5, **own),
-        "LQG": fa.LQG(arm, posture=_START, torque_limit=[40.0, 20.0], **own),
+        "LQG": fa.LQG(arm, posture=_START, torque_limit=[200.0, 100.0], **own),
         "a Python class": _Python(),
     }
 

@@ -91,7 +91,8 @@ def simulate_batch(
         duration: of every run, s.
         torque: as in ``simulate``, for all runs; or an array (runs, samples, joints), or a list of
             functions of time, one for each run.
-        controller: for all runs, reset before each, or a list with one for each run.
+        controller: for all runs, or a list with one for each run. Each run uses a copy
+            (``copy.deepcopy``), reset before it.
         reference: motion for the controllers, or a list with one for each run.
         hardware: of all runs, as in ``simulate``.
         initial: q (dof,) of all runs, or (runs, dof); by default as in ``simulate``.
@@ -105,8 +106,8 @@ def simulate_batch(
             also those that are not stored.
         rate: samples computed per second, Hz, and rate of torque samples.
         stride: stride of the stored samples.
-        threads: number of threads, by default one for each core that this process may use. Runs
-            with controllers use one.
+        threads: number of threads, by default one for each core that this process may use.
+            Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
