@@ -1,8 +1,8 @@
 """Processor time of runs with controllers: `simulate` in a loop, and a batch in lanes.
 
-`python -m benchmarks.closed_batches` prints only this table. The arm is that of Table I with hubs and
-a payload, as in docs/tutorials/which-controller.md: a joint without inertia has no stable sampled
-loop at 1 kHz. The runs have different starts.
+`python -m benchmarks.closed_batches` prints only this table. The arm is that of Table I with hubs
+and a payload, as in docs/tutorials/which-controller.md: a joint without inertia has no stable
+sampled loop at 1 kHz. The runs have different starts.
 """
 
 from __future__ import annotations

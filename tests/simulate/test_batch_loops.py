@@ -1,6 +1,5 @@
 """Batches of runs with controllers: side by side in lanes, with the numbers of single runs."""
 
-import copy
 import warnings
 
 import numpy as np
@@ -212,9 +211,3 @@ def test_wrong_arguments_of_the_first_run():
     batch = fa.simulate_batch(ARM, controller=later, reference=MOTION, **SHORT)
     assert list(batch["ended_by"].values) == ["duration", "failure"]
     assert "is for 3 joints" in batch["failure"].values[1]
-
-
-def test_a_copy_of_a_controller_is_independent():
-    """Batches copy built-in controllers, also those that contain compiled kernels."""
-    for make in CONTROLLERS.values():
-        copy.deepcopy(make()).reset()
