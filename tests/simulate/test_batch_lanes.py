@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
-from flexarm.batch import lanes
 from flexarm.model.paths import with_number
 from random_arms import random_spec
 
@@ -15,21 +14,6 @@ pytestmark = pytest.mark.compiled
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 1}
 EXPLICIT = ({"integrator": "dormand_prince_8"}, {"integrator": "rk4", "step": 5e-4})
 METHODS = (*EXPLICIT, {"integrator": "kennedy_carpenter_5", "rtol": 1e-4, "atol": 1e-6})
-
-
-@pytest.fixture
-def executed(monkeypatch):
-    """Count the runs that were executed in lanes."""
-    count = []
-    outcome = lanes.Lanes._outcome
-
-    def counted(self, *arguments):
-        found = outcome(self, *arguments)
-        count.extend(found.runs)
-        return found
-
-    monkeypatch.setattr(lanes.Lanes, "_outcome", counted)
-    return count
 
 
 def compare(arm, starts, runs, **how):

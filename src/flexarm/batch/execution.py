@@ -210,11 +210,14 @@ class OpenLoop:
 
 
 class ClosedLoop:
-    """Runs with controllers, which are Python objects: one thread executes them.
+    """Runs with controllers, which are Python objects: one thread at a time executes them.
 
     Args:
         arm: the controllers' model of the arm if parameters vary, otherwise None.
         options: arguments of ``simulate``, the same for all runs.
+
+    Attributes:
+        model: ``arm`` as given. users: lock of functions and objects of users.
     """
 
     def __init__(
@@ -224,8 +227,9 @@ class ClosedLoop:
         options: Mapping[str, Any],
         channels: Collection[str],
     ) -> None:
-        self._variations, self._arm = variations, arm
+        self._variations, self.model = variations, arm
         self._options, self._channels = options, channels
+        self.users = Lock()
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k.
@@ -237,11 +241,11 @@ class ClosedLoop:
         simulated = own.arm(k)
         initial, initial_rate = own.state_of(k)
         try:
-            with warnings.catch_warnings():  # kept in the outcome
+            with self.users, warnings.catch_warnings():  # kept in the outcome
                 warnings.simplefilter("ignore", FlexarmWarning)
                 result = simulate(
-                    self._arm or simulated,
-                    plant=None if self._arm is None else simulated,
+                    self.model or simulated,
+                    plant=None if self.model is None else simulated,
                     controller=own.controller(k),
                     reference=own.reference(k),
                     hardware=own.hardware_of(k),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,14 +16,13 @@ from flexarm.batch.execution import OpenLoop, Outcome, attempt
 from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
-from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
+from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
-from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneRuns
+from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
-from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, STEP, STEPS
+from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, SAMPLES, STEP, STEPS
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
@@ -31,9 +32,12 @@ from flexarm.simulation.preparation import RunOptions
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
 #: steps that become ever shorter are noticed.
-_MOST_STEPS = 200_000
+MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
+_TORQUES = frozenset({"torque", "torque_command"})
+#: Function that advances runs under a drive to their ends, or by at most that many steps.
+Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
 
 def fits_lanes(
@@ -63,17 +67,18 @@ def _is_absent(value: Any) -> bool:
     return value is None or (isinstance(value, list | tuple | dict) and not value)
 
 
-class _Ready(NamedTuple):
+class Ready(NamedTuple):
     """A run before its start."""
 
     number: int
     arm: Arm
     state: FloatArray  # (2, n, 1 + m)
-    history: PiecewiseCubic
+    drive: Any  # torque over time, or what computes it
+    group: tuple[Any, ...] = ()  # runs with equal groups are executed together
 
 
-class Lanes:
-    """Runs under given torques, eight at a time in each thread.
+class Lanes(ABC):
+    """Runs eight at a time in each thread.
 
     Runs that fail, that need another method, or whose functions of time fail are executed by
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
@@ -84,7 +89,7 @@ class Lanes:
         variations: Variations,
         options: RunOptions,
         channels: Collection[str],
-        alone: OpenLoop,
+        alone: Callable[[int], Outcome],
     ) -> None:
         self._variations = variations
         self._options, self._channels, self._alone = options, channels, alone
@@ -106,10 +111,11 @@ class Lanes:
             if place == 0 or self._options.integrator == "auto":
                 method = self._method(run, float(fastest[place]))
             if method is not None:
-                key: tuple[Any, ...] = (method.name, *(() if self._arm else _structure(run.arm)))
+                sizes = () if self._arm else _structure(run.arm)
+                key = (method.name, sizes, *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1:], ready[places[0]].arm)
+            stepper = self._stepper(key[1], ready[places[0]].arm)
             group = [ready[place] for place in places]
             for outcome in self._advance(method, stepper, group, fastest[places]):
                 done.update(outcome.runs)
@@ -118,16 +124,18 @@ class Lanes:
             if k not in done:
                 yield attempt(self._alone, k)
 
-    def _ready(self, runs: range) -> list[_Ready]:
-        """Return the runs whose start and torque are valid; ``alone`` reports the others."""
+    def _ready(self, runs: range) -> list[Ready]:
+        """Return the runs whose arguments are valid; ``alone`` reports the others."""
         states, found = self._starts(runs), []
         for row, k in enumerate(runs):
             with suppress(SimulationError, InputError):
                 arm = self._arm or self._variations.arm(k)
-                state = self._alone.start(k, arm) if states is None else states[row]
-                history = self._alone.history(k, arm, state, self._options.rtol)
-                found.append(_Ready(k, arm, state, history))
+                found.append(self._run(k, arm, None if states is None else states[row]))
         return found
+
+    @abstractmethod
+    def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
+        """Return run k before its start, by default from the start of its motion."""
 
     def _starts(self, runs: range) -> FloatArray | None:
         """Return the initial states (runs, 2, n, 1 + m) together; None if they depend on a run."""
@@ -141,25 +149,26 @@ class Lanes:
                 both[:, level] = given if given.ndim == 1 else given[rows]
         return arm.padded(both)
 
-    def _fastest(self, ready: Sequence[_Ready]) -> FloatArray:
+    def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
         """Return the highest frequencies (k,) of runs, rad/s."""
         if self._arm is not None and ready:
             return fastest_frequencies(self._arm, np.array([run.state for run in ready]))
         return np.array([fastest_frequencies(run.arm, run.state[None])[0] for run in ready])
 
-    def _method(self, run: _Ready, fastest: float) -> LaneIntegrator | None:
+    def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
-        options, tolerance = self._options, self._tolerance._replace(fastest=fastest)
-        choice = choose_integrator(options.integrator, options.step, run.arm, tolerance)
-        stops = run.history.stops
-        choice = choose_by_drive(choice, run.arm, tolerance, stops, options.duration)
+        choice = self._choice(run, self._tolerance._replace(fastest=fastest))
         return None if choice.doubt else lane_method(choice.integrator)
+
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        """Return the integrator of a run."""
+        return choose_integrator(self._options.integrator, self._options.step, run.arm, tolerance)
 
     def _advance(
         self,
         method: LaneIntegrator,
         stepper: LaneStepper,
-        ready: Sequence[_Ready],
+        ready: Sequence[Ready],
         fastest: FloatArray,
     ) -> Iterator[Outcome]:
         """Yield the outcomes of the runs that reach their end."""
@@ -178,37 +187,56 @@ class Lanes:
             until=np.full(count, self._options.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        drive = drive_of_runs(ready[0].arm, [run.history for run in ready])
-        stepper.advance(method, drive, runs, _MOST_STEPS)
+        carried = self._carry(partial(stepper.advance, method), ready, runs)
         done = np.flatnonzero(runs.status == Status.DONE)
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
-            yield self._outcome(method, ready, runs, done[first : first + together])
+            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    @abstractmethod
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
+        """Advance the runs of one group; return what ``_torques`` and ``_warnings`` need."""
+
+    @abstractmethod
+    def _torques(
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
+    ) -> dict[str, FloatArray]:
+        """Return the channels of torques (k, samples, joints) of the runs at ``places`` (k,)."""
+
+    def _warnings(self, bent: str, run: Ready, place: int, carried: Any) -> list[str]:
+        """Return the warnings of a run; ``bent``: that of its theory, or empty."""
+        return [bent]
 
     def _outcome(
         self,
         method: LaneIntegrator,
-        ready: Sequence[_Ready],
+        ready: Sequence[Ready],
         runs: LaneRuns,
         places: NDArray[np.intp],
+        carried: Any,
     ) -> Outcome:
         """Return the outcome of some runs of one arm, whose channels are computed together."""
-        samples, own = runs.samples[places], [ready[place] for place in places]
+        # If the last sample time is a rounding error before the end, there is one sample less.
+        count = int(runs.counts[places[0], SAMPLES])
+        times, samples = self._times[:count], runs.samples[places, :count]
+        own = [ready[place] for place in places]
         arm, shape = own[0].arm, samples.shape[:2]
         channels: dict[str, FloatArray] = {}
         if self._channels:
-            found = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._channels)
-            channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in found.items()}
-        if "torque" in self._channels:
-            channels["torque"] = np.array([run.history.at(self._times) for run in own])
-        warnings = [""] * len(own)
+            observed = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._channels)
+            channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in observed.items()}
+        if not _TORQUES.isdisjoint(self._channels):
+            channels |= self._torques(times, ready, places, carried)
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
-        for row in np.flatnonzero(~small):
-            warnings[row] = theory_error(arm, samples[row])
+        warnings = []
+        for row, (run, place) in enumerate(zip(own, places.tolist(), strict=True)):
+            bent = "" if small[row] else theory_error(arm, samples[row])
+            found = self._warnings(bent, run, place, carried)
+            warnings.append(" ".join(filter(None, found)))
         return Outcome(
             [run.number for run in own],
-            self._times,
+            times,
             channels,
             self._options.duration,
             DURATION,
@@ -226,6 +254,30 @@ class Lanes:
             tolerance = self._tolerance._replace(unit=tip_units(arm))
             self._steppers[key] = LaneStepper(constants, tolerance, several)
         return self._steppers[key]
+
+
+class OpenLanes(Lanes):
+    """Runs under given torques, eight at a time in each thread."""
+
+    _alone: OpenLoop
+
+    def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
+        if state is None:
+            state = self._alone.start(k, arm)
+        return Ready(k, arm, state, self._alone.history(k, arm, state, self._options.rtol))
+
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        choice = super()._choice(run, tolerance)
+        stops = run.drive.stops
+        return choose_by_drive(choice, run.arm, tolerance, stops, self._options.duration)
+
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
+        advance(drive_of_runs(ready[0].arm, [run.drive for run in ready]), runs, MOST_STEPS)
+
+    def _torques(
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: None
+    ) -> dict[str, FloatArray]:
+        return {"torque": np.array([ready[k].drive.at(times) for k in places])}
 
 
 def _structure(arm: Arm) -> tuple[int, ...]:

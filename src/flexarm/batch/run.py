@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from inspect import signature
@@ -13,8 +14,9 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
+from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt, usable_cores
-from flexarm.batch.lanes import Lanes, fits_lanes
+from flexarm.batch.lanes import OpenLanes, fits_lanes
 from flexarm.batch.recording import TAKEN, Recorder
 from flexarm.batch.reductions import Reduction, check_channel, check_reductions
 from flexarm.batch.variations import variations_of
@@ -89,7 +91,8 @@ def simulate_batch(
         duration: of every run, s.
         torque: as in ``simulate``, for all runs; or an array (runs, samples, joints), or a list of
             functions of time, one for each run.
-        controller: for all runs, reset before each, or a list with one for each run.
+        controller: for all runs, or a list with one for each run. Each run uses a copy
+            (``copy.deepcopy``), reset before it.
         reference: motion for the controllers, or a list with one for each run.
         hardware: of all runs, as in ``simulate``.
         initial: q (dof,) of all runs, or (runs, dof); by default as in ``simulate``.
@@ -103,8 +106,8 @@ def simulate_batch(
             also those that are not stored.
         rate: samples computed per second, Hz, and rate of torque samples.
         stride: stride of the stored samples.
-        threads: number of threads, by default one for each core that this process may use. Runs
-            with controllers use one.
+        threads: number of threads, by default one for each core that this process may use.
+            Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
@@ -156,18 +159,26 @@ def simulate_batch(
     sizes = first, checked.times, names, reduced, stride, counts, closed
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
+    size = checked.times.size * 16 * first.assembly.coordinates.size
+    lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
     if closed:
         model = first if own.parameters else None
         everything = {**given, **acting, "duration": checked.duration, "rate": rate}
         loop = ClosedLoop(own, model, everything, needed)
-        _execute(_first_alone(loop, recorder, own.count), recorder, own.count, 1, progress)
+        with warnings.catch_warnings():  # kept in the outcomes
+            warnings.simplefilter("ignore", FlexarmWarning)
+            if fits_closed_lanes(own, checked, acting, needed):
+                lanes = ClosedLanes(own, checked, needed, loop)
+                lanes.prepare()
+                work: Work = lanes, lane_blocks
+            else:
+                work, threads = _first_alone(loop, recorder, own.count), 1
+            _execute(work, recorder, own.count, threads, progress)
     else:
         alone = OpenLoop(own, checked, acting, needed)
         if fits_lanes(own, checked, acting, needed):
             alone.prepare()
-            size = checked.times.size * 16 * first.assembly.coordinates.size
-            blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
-            work: Work = Lanes(own, checked, needed, alone), blocks
+            work = OpenLanes(own, checked, needed, alone), lane_blocks
         else:
             work = _first_alone(alone, recorder, own.count)
         _execute(work, recorder, own.count, threads, progress)

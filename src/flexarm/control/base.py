@@ -47,6 +47,11 @@ class Controller(ABC):
        ``simulate`` raises if one is not met.
     6. ``memory`` lists the attributes (numbers or arrays) that carry information from one sample to
        the next; None if they are not declared. The stability analysis of the sampled loop uses it.
+    7. Everything that a controller stores is in its attributes. ``simulate_batch`` executes runs
+       side by side, with a copy of the controller (``copy.deepcopy``) for each.
+    8. If ``vectorized`` is true, ``update`` also accepts the readings of many runs at the same
+       time, (runs, k) instead of (k,), and returns torques (runs, joints). Each row has the numbers
+       of its run alone. ``simulate_batch`` then calls it once for all runs.
 
     Any object with ``sample_time``, ``reset`` and ``update`` is accepted; deriving from this class
     is optional.
@@ -54,6 +59,7 @@ class Controller(ABC):
 
     sample_time: float
     memory: tuple[str, ...] | None = None
+    vectorized: bool = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Wrap the methods of built-in controllers with checks of their arguments."""
@@ -84,6 +90,21 @@ class Controller(ABC):
     def report(self) -> dict[str, float]:
         """Return numbers about the run since ``reset``, stored as attributes of its result."""
         return {}
+
+
+def declares(controller: object, name: str) -> bool:
+    """Return whether an attribute of a controller, such as ``memory``, is about its ``update``.
+
+    It is not, if a base class has the attribute and a derived class overrides ``update``.
+    """
+    if name in getattr(controller, "__dict__", {}):
+        return True
+    for kind in type(controller).__mro__:
+        if name in vars(kind):
+            return True
+        if "update" in vars(kind):
+            return False
+    return True
 
 
 def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArray]:

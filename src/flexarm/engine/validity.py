@@ -17,6 +17,9 @@ class RunawayWatch:
 
     The linear theory itself has no limit on the deflection. The check is fast enough for every
     sample time, and has to be made that often because a link swings back between samples.
+
+    Attributes:
+        surely_small: modal coordinates below it are not reported.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -27,12 +30,12 @@ class RunawayWatch:
         self._at_end = arm.assembly.constants.P[self._bodies]
         # No link bends by more than this times the largest of all modal coordinates.
         most = np.abs(self._at_end).sum(axis=1) / self._lengths
-        self._surely_small = _ABSURD / max(float(most.max(initial=0.0)), 1e-300)
+        self.surely_small = _ABSURD / max(float(most.max(initial=0.0)), 1e-300)
 
     def __call__(self, state: FloatArray) -> str:
         """Describe the runaway link of a state (2, n, 1 + m); return empty text without one."""
         modal = state[0, :, 1:].ravel().tolist()
-        if max(map(abs, modal), default=0.0) < self._surely_small:
+        if max(map(abs, modal), default=0.0) < self.surely_small:
             return ""
         bent = np.abs((self._at_end * state[0, self._bodies, 1:]).sum(axis=1)) / self._lengths
         worst = bent.argmax()

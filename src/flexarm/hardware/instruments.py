@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ from flexarm.model import Instrument
 
 FloatArray = NDArray[np.float64]
 
+#: Numbers of each run that `NoiseOfRuns` draws at once.
+_AHEAD = 64
 #: Tolerance for whole multiples of the sample time, because decimal fractions are rounded.
 _GRID = 1e-9
 
@@ -40,15 +44,43 @@ def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
     return (2.0 * lag - frame) / (2.0 * lag + frame), 2.0 / (2.0 * lag + frame)
 
 
+class Noise(Protocol):
+    """Source of noise, such as a ``numpy.random.Generator``."""
+
+    def normal(self, loc: float, scale: float, size: tuple[int, ...]) -> FloatArray:
+        """Return normally distributed numbers of shape ``size``."""
+
+
+class NoiseOfRuns:
+    """Noise of several runs, each with the numbers of its own generator."""
+
+    def __init__(self, generators: Sequence[np.random.Generator]) -> None:
+        self._generators = generators
+        self._ahead: FloatArray = np.zeros((0, 0))
+        self._next = 0
+
+    def normal(self, loc: float, scale: float, size: tuple[int, ...]) -> FloatArray:
+        """Return numbers of shape ``size``, (runs, k), with the same arguments at every call."""
+        if self._next == len(self._ahead):
+            shape = _AHEAD, *size[1:]
+            drawn = [one.normal(loc, scale, shape) for one in self._generators]
+            self._ahead, self._next = np.stack(drawn, axis=1), 0
+        self._next += 1
+        found: FloatArray = self._ahead[self._next - 1]
+        return found
+
+
 class Readings:
     """State of an instrument during a run: frames, delays and the filtered difference.
+
+    The values, of shape (k,), may be those of several runs, (runs, k).
 
     Attributes:
         labels: of the readings.
         exact: whether the reading is the value at each sample time, so that no state is needed.
     """
 
-    def __init__(self, instrument: Instrument, tick: float, generator: np.random.Generator) -> None:
+    def __init__(self, instrument: Instrument, tick: float, generator: Noise) -> None:
         self._instrument = instrument
         self.labels = instrument.labels
         self._generator = generator

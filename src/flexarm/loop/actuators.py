@@ -24,10 +24,13 @@ class Acting:
 
     From each time in ``since`` on, the applied torque changes from ``initial`` to ``target`` with
     the factor ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last change is
-    stored.
+    stored. The motors of several runs with the same sample times have torques (runs, joints)
+    instead of (joints,).
     """
 
-    def __init__(self, hardware: Hardware | None, arm: Arm, keep: bool = True) -> None:
+    def __init__(
+        self, hardware: Hardware | None, arm: Arm, keep: bool = True, runs: int | None = None
+    ) -> None:
         joints = arm.joints
         given = hardware.motors if hardware is not None else None
         self.plain = given is None  # the commanded torque acts immediately
@@ -45,7 +48,7 @@ class Acting:
         self._since: list[float] = []
         self._initial: list[FloatArray] = []
         self._target: list[FloatArray] = []
-        self._nothing = np.zeros(joints)
+        self._nothing = np.zeros(joints if runs is None else (runs, joints))
         self._keep = keep
 
     @property
@@ -99,13 +102,14 @@ class Acting:
         """
         start, target = self._now(t), self._target[-1]
         count, lag = self.pieces, self._lag
-        coefficients = np.zeros((count, 4, len(target)))
+        coefficients = np.zeros((count, 4, *target.shape))
         coefficients[:, 0] = target
         if lag == 0.0:
             return np.array([t, until]), coefficients
         followed = min(until - t, _SETTLED * lag)
         breaks = np.append(t + followed / (count - 1) * np.arange(count), max(until, t + followed))
-        left = (target - start) * np.exp(-(breaks - t) / lag)[:, None]  # remaining, at each break
+        # Torque that remains at each break.
+        left = np.multiply.outer(np.exp(-(breaks - t) / lag), target - start)
         h = followed / (count - 1)
         rise, slope, slope_after = left[:-1] - left[1:], left[:-1] / lag, left[1:] / lag
         coefficients[:-1, 0] -= left[:-2]
@@ -131,6 +135,7 @@ class Acting:
         target = np.asarray(self._target)[index]
         if self._lag == 0.0:
             return target
-        left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)[:, None]
+        left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)
+        left = left.reshape(-1, *(1,) * self._nothing.ndim)
         held: FloatArray = target + (np.asarray(self._initial)[index] - target) * left
         return held

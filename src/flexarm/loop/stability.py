@@ -58,6 +58,7 @@ def loop_poles(
     contacts: Sequence[Contact],
     initial: FloatArray,
     duration: float,
+    known: dict[tuple[float, bytes], tuple[float, float, float]] | None = None,
 ) -> list[LoopPole]:
     """Return the dominant pole of the sampled loop at the start and at the end of a motion.
 
@@ -68,6 +69,7 @@ def loop_poles(
         arm: the controller's model of the plant.
         initial: q (dof,) of the plant at the start.
         duration: of the run, s.
+        known: results of earlier calls that differ in the initial state alone, for reuse.
 
     Raises:
         MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
@@ -79,18 +81,21 @@ def loop_poles(
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
         return []
     bare = [contact.replace(friction=0.0) for contact in contacts]
-    found = []
+    found, known = [], {} if known is None else known
     for t, when in _times(reference, duration):
+        # After the start, the posture is that of the reference.
+        key = t, b"" if t > 0.0 else plant.joint_angles(initial).tobytes()
         try:
-            with one_warning():  # the run itself warns of its states
-                worst = _worst(
-                    (arm, plant), controller, reference, hardware, bare, initial, t, instruments
-                )
+            if key not in known:
+                with one_warning():  # the run itself warns of its states
+                    known[key] = _worst(
+                        (arm, plant), controller, reference, hardware, bare, initial, t, instruments
+                    )
         except MemoryNameError:
             raise
         except Exception:  # the run itself reports a missing equilibrium or a failing controller
             continue
-        found.append(LoopPole(when, *worst))
+        found.append(LoopPole(when, *known[key]))
     return found
 
 
@@ -103,12 +108,15 @@ def instability(
     contacts: Sequence[Contact],
     initial: FloatArray,
     duration: float,
+    known: dict[tuple[float, bytes], tuple[float, float, float]] | None = None,
 ) -> str:
     """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
 
     See `loop_poles` for the arguments and errors.
     """
-    poles = loop_poles(arm, plant, controller, reference, hardware, contacts, initial, duration)
+    poles = loop_poles(
+        arm, plant, controller, reference, hardware, contacts, initial, duration, known
+    )
     return describe_instability(poles, controller.sample_time, duration)
 
 

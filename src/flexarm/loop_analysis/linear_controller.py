@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.control.base import Controller, Reference
+from flexarm.control.base import Controller, Reference, declares
 from flexarm.errors import InputError, Problem, shown
 from flexarm.hardware.measurement import FloatArray, Measurement
 
@@ -81,21 +81,14 @@ class MemoryNameError(InputError):
 def memory_of(controller: object) -> tuple[str, ...] | None:
     """Return the memory that a controller declares, or None without a declaration.
 
-    The declaration of a base class is ignored if a derived class overrides ``update``, because the
-    derived class may keep other numbers.
+    See `declares` about derived classes, which may keep other numbers.
 
     Raises:
         MemoryNameError: if ``memory`` is not a tuple or list of names.
     """
     memory = getattr(controller, "memory", None)
-    if memory is None:
+    if memory is None or not declares(controller, "memory"):
         return None
-    if "memory" not in getattr(controller, "__dict__", {}):
-        for kind in type(controller).__mro__:
-            if "memory" in vars(kind):
-                break
-            if "update" in vars(kind):
-                return None
     if not isinstance(memory, tuple | list) or not all(isinstance(name, str) for name in memory):
         hint = 'Write memory = ("name",) for one attribute.'
         raise MemoryNameError(_problem(controller, "be a tuple of names", shown(memory), hint))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from flexarm.control.base import FloatArray, Measurement, Reference
+from flexarm.control.gains import applied
 from flexarm.control.parametrised import OfArm
 from flexarm.control_design.rigid_model import RigidModel
 from flexarm.controllers.joint.follower import JointFollower
@@ -29,6 +30,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     """
 
     memory = ()
+    vectorized = True
 
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
@@ -51,7 +53,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
         angle, rate = self._desired(t, measurement, reference)
         desired: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
         if self.feedforward is not None:
-            return self._fed_forward(t) + self._model.mass_matrix(now) @ desired
+            return self._fed_forward(t) + applied(self._model.mass_matrix(now), desired)
         if reference is not None:
             desired = desired + reference.joint_acceleration(t)
         # Return a copy, because the next call of the model overwrites the array.

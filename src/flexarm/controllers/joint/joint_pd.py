@@ -22,6 +22,7 @@ class JointPD(JointFollower, JointPDParameters):
     """
 
     memory = ()
+    vectorized = True
 
     feedforward: Callable[[float], ArrayLike] | None = Field(default=None)  # also by position
 

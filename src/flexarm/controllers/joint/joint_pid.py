@@ -68,6 +68,11 @@ class JointPID(JointFollower, JointPIDParameters):
             raise InputError(Problem("arm", "is required with sag"))
         self._sum: FloatArray | float = 0.0
 
+    @property
+    def vectorized(self) -> bool:  # type: ignore[override]
+        """Whether ``update`` accepts the readings of many runs; the sag of the links is of one."""
+        return not self.sag
+
     def reset(self) -> None:
         """Clear the stored angles and the integral."""
         super().reset()

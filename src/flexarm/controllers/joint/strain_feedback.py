@@ -11,6 +11,7 @@ from pydantic import Field
 from flexarm.arguments import check_each
 from flexarm.arm import Arm
 from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.gains import applied
 from flexarm.control.requirements import JOINTS
 from flexarm.controllers.joint.follower import JointFollower
 from flexarm.errors import InputError, Problem, check_array
@@ -38,6 +39,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
     """
 
     memory = ("_last", "_rate")
+    vectorized = True
 
     strain: Any = Field(
         description="Gains (N m): one number or one per joint, where gauge k acts on joint k; or a "
@@ -73,10 +75,10 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
         torque = torque + self.derivative * (rate - measurement.joint_rate)
         strain = measurement.strain
-        torque = torque - _at_joints(self.strain, "strain", strain, len(torque))
+        torque = torque - _at_joints(self.strain, "strain", strain, torque.shape[-1])
         if np.any(self.strain_rate):
             slope = self._strain_rate(strain)
-            torque = torque - _at_joints(self.strain_rate, "strain_rate", slope, len(torque))
+            torque = torque - _at_joints(self.strain_rate, "strain_rate", slope, torque.shape[-1])
         if self.feedforward is not None:
             torque = torque + self._fed_forward(t)
         return torque
@@ -93,9 +95,9 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
 
 
 def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int) -> FloatArray:
-    gauges = of_gauges.size
+    gauges = of_gauges.shape[-1]
     if gains.ndim == 2 and gains.shape == (joints, gauges):
-        return gains @ of_gauges
+        return applied(gains, of_gauges)
     if gains.ndim < 2 and gauges == joints and gains.size in (1, joints):
         return gains * of_gauges
     rule = f"be a matrix ({joints}, {gauges}): one row for each joint, one column for each gauge"

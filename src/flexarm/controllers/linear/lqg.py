@@ -21,6 +21,7 @@ from flexarm.control.base import (
     Measurement,
     Reference,
 )
+from flexarm.control.gains import applied
 from flexarm.control.parametrised import OfArm
 from flexarm.control_design.default_requirements import design_requirements
 from flexarm.control_design.flexible_model import FlexibleModel
@@ -56,6 +57,7 @@ class LQG(LQGParameters, OfArm, Controller):
     """
 
     memory = ("_known", "_whole")
+    vectorized = True  # along a reference
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
     _: KW_ONLY
@@ -120,18 +122,14 @@ class LQG(LQGParameters, OfArm, Controller):
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._link()
         self._motion = self._nominal_motion()
-        n, p, m = self._states, self._outputs, self.arm.joints
-        self._joints = m
-        self._known = np.zeros(n + p)  # prediction, measurement
+        self._joints = m = self.arm.joints
         still = np.zeros((1, self.arm.dof))
-        self._places, start = [], n
+        self._places, start = [], self._states
         parts = self._shown_parts(still[:, :m], still, still)
         for name, part in zip(self.design_requirements.measured, parts, strict=True):
             self._places.append((name, slice(start, start + part.shape[1])))
             start += part.shape[1]
-        self._whole = np.zeros(n + self._integrals)  # estimate, integrals
-        # The parts are the estimate, the torque and the elastic forces.
-        self._pushed = np.zeros(n + m + self._model.elastic.size)
+        self._begin(())
         self.reset()
 
     def _link(self) -> None:
@@ -166,9 +164,20 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def reset(self) -> None:
         """Clear the estimate, the integrals and the nominal motion."""
+        if self._known.ndim > 1:
+            self._begin(())
         self._known[:] = 0.0
         self._whole[:] = 0.0
         self._motion.reset()
+
+    def _begin(self, runs: tuple[int, ...]) -> None:
+        """Set the memory to zero, that of one run for ``()``, or of several for ``(runs,)``."""
+        n = self._states
+        # The parts are the prediction and the measurement, the estimate and the integrals.
+        self._known = np.zeros((*runs, n + self._outputs))
+        self._whole = np.zeros((*runs, n + self._integrals))
+        # The parts are the estimate, the torque and the elastic forces.
+        self._pushed = np.zeros((*runs, n + self._joints + self._model.elastic.size))
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
@@ -185,27 +194,40 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def estimate(self) -> FloatArray:
         """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,)."""
-        return self._whole[: self._states].copy()
+        return self._whole[..., : self._states].copy()
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         n, m = self._states, self._joints
         found = np.asarray(measurement.joint_angle if self.nominal is None else self.posture)
+        runs = np.shape(measurement[self._places[0][0]])[:-1]
+        if runs and self._known.ndim == 1:
+            self._begin_together(runs, reference)
         nominal = self._motion.at(t, found, reference)
         self._arrays.move(nominal.angle)
         for name, places in self._places:
-            self._known[places] = measurement[name]
-        self._known[n:] -= nominal.shown
-        # ``dot`` takes half the time of ``@`` on small arrays.
-        self._whole[:n] = self._pushed[:n] = self._correct.dot(self._known)
+            self._known[..., places] = measurement[name]
+        self._known[..., n:] -= nominal.shown
+        self._whole[..., :n] = self._pushed[..., :n] = applied(self._correct, self._known)
         desired = nominal.torque + self._feedback()
         torque = self._within_limits(desired)
-        self._pushed[n : n + m] = torque - nominal.torque
-        self._pushed[n + m :] = nominal.missing
-        self._known[:n] = self._predict.dot(self._pushed)
+        self._pushed[..., n : n + m] = torque - nominal.torque
+        self._pushed[..., n + m :] = nominal.missing
+        self._known[..., :n] = applied(self._predict, self._pushed)
         if self._integrals:
             self._integrate(measurement, nominal, desired - torque)
         return torque
+
+    def _begin_together(self, runs: tuple[int, ...], reference: Reference | None) -> None:
+        """Begin several runs, which have one nominal motion.
+
+        Raises:
+            InputError: without a reference, when each run rests at its own angles.
+        """
+        if reference is None and self.nominal is None:
+            rule = "is required for the readings of several runs at the same time"
+            raise InputError(Problem("reference", rule))
+        self._begin(runs)
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
@@ -229,7 +251,7 @@ class LQG(LQGParameters, OfArm, Controller):
     def _feedback(self) -> FloatArray:
         """Return the torque (joints,) N m added to the nominal one; (C.24), (C.27)."""
         known = self._motion.missing[:: self._stride].ravel()
-        fed: FloatArray = -self._gain.dot(self._whole) - self._ahead.dot(known)
+        fed: FloatArray = -applied(self._gain, self._whole) - self._ahead.dot(known)
         return fed
 
     def _within_limits(self, torque: FloatArray) -> FloatArray:
@@ -244,9 +266,9 @@ class LQG(LQGParameters, OfArm, Controller):
         (name,) = self.design_requirements.integrated
         desired = nominal.angle if name == "joint_angle" else self._desired_tip(nominal)
         step = self.sample_time * (getattr(measurement, name) - desired)
-        request = -(self._gain[:, self._states :] @ step)
+        request = -applied(self._gain[:, self._states :], step)
         # Without a branch, so that the law is also evaluated over symbols.
-        self._whole[self._states :] += (request @ excess <= 0.0) * step
+        self._whole[..., self._states :] += (_dots(request, excess) <= 0.0) * step
 
     def _desired_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""
@@ -322,3 +344,10 @@ class LQG(LQGParameters, OfArm, Controller):
         mine.nominal = None
         mine._motion = mine._nominal_motion()
         return mine
+
+
+def _dots(left: FloatArray, right: FloatArray) -> Any:
+    """Return the product of two vectors (k,), or those (runs, 1) of many (runs, k)."""
+    if left.ndim == 1:
+        return left @ right
+    return np.matmul(left[:, None], right[..., None])[:, 0]

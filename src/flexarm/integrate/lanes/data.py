@@ -29,7 +29,7 @@ class LaneRuns(NamedTuple):
     status: Array  # (runs,) integers
     sample_times: Array  # (samples,) s
     samples: Array  # (runs, samples, 2, n, 1 + m)
-    until: Array  # (runs,) s, end of each run
+    until: Array  # (runs,) s, end of each run; runs at a later time remain as they are
 
 
 class LaneDrive(NamedTuple):

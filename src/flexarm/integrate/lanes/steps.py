@@ -105,13 +105,19 @@ def fill_lanes(
 ) -> tuple[int, int, int]:
     """Put the following runs into empty lanes, and count the evaluations of the next steps.
 
+    Runs that have reached their ``until`` are left out.
+
     Returns the number of the following run, the number of lanes with a run, and the number of
     those that need the derivative at their time; they are marked in ``memory.accepted``.
     """
     busy = 0
     fresh = 0
+    count = runs.status.shape[0]
     for lane in range(LANES):
-        if memory.run[lane] < 0 and following < runs.status.shape[0]:
+        if memory.run[lane] < 0:
+            while following < count and runs.clock[following, TIME] >= runs.until[following]:
+                following += 1
+        if memory.run[lane] < 0 and following < count:
             _begin_run(sizes, runs, memory, lane, following)
             following += 1
         if memory.run[lane] >= 0:
