@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count
+from flexarm.arguments import check_count, check_workers
 from flexarm.arm import Arm
-from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt, usable_cores
+from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.batch.lanes import Lanes, fits_lanes
 from flexarm.batch.recording import TAKEN, Recorder
 from flexarm.batch.reductions import Reduction, check_channel, check_reductions
@@ -132,7 +132,7 @@ def simulate_batch(
     started = time.perf_counter()
     # Code that is compiled in the middle of a run may differ in the last digits.
     given = OPTIONS | {"specialized": False} | _known(options)
-    threads = usable_cores() if threads is None else check_count("threads", threads, most=1024)
+    threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)

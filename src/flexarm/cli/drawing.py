@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -13,6 +12,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
+
+from flexarm.arguments import usable_cores
 
 if TYPE_CHECKING:
     from flexarm.plot.paper.paper_data import Histories
@@ -49,7 +50,7 @@ class Drawing:
         self._tasks: list[tuple[Future[None] | None, _Task]] = []
 
     def __enter__(self) -> Drawing:
-        processes = min(_MOST_PROCESSES, os.cpu_count() or 1)
+        processes = min(_MOST_PROCESSES, usable_cores())
         if processes > 1:
             try:
                 # Use spawn, because forked copies of a process with compiled threads may hang.

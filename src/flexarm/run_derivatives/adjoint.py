@@ -7,13 +7,13 @@ recursion backwards in time then collects the gradient; theory page "separation"
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm.arguments import usable_cores
 from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray, Status
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
@@ -66,7 +66,7 @@ def goal_gradient_of(
     ends = ends[(ends > 0.0) & (ends <= run.duration)]
     by = _directions(known, _POWERS[samples.interpolation])
     blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
-    with ThreadPoolExecutor(min(len(blocks), os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
         found = list(pool.map(lambda block: _block(known, ends, block, weights), blocks))
     transfers = np.concatenate([block.transfers for block in found])
     goal = np.concatenate([block.goal for block in found])[: 2 * arm.dof]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration
-from flexarm.arguments import check_kind, check_list_of
+from flexarm.arguments import check_kind, check_list_of, usable_cores
 from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.new_run import ATOL, RTOL
@@ -138,7 +137,7 @@ def _derivatives(
         found = run_in_duals(known.run, known.inputs, block)
         return channel_derivatives(known.run.arm, found, len(block), names)
 
-    threads = min(len(blocks), os.cpu_count() or 1)
+    threads = min(len(blocks), usable_cores())
     with ThreadPoolExecutor(threads) as pool:
         return [one for found in pool.map(of_block, blocks) for one in found]
 

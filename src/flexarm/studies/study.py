@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_count, check_flag, check_path
+from flexarm.arguments import check_count, check_flag, check_path, check_workers
 from flexarm.arm import Arm
-from flexarm.batch.execution import usable_cores
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.model import StudySpec, file_text, locate_study
@@ -102,7 +101,7 @@ class Study:
         processes require the guard ``if __name__ == "__main__":``.
         """
         check_flag("resume", resume)
-        count = usable_cores() if workers is None else check_count("workers", workers, most=1024)
+        count = check_workers("workers", workers)
         chunk = None if chunk is None else check_count("chunk", chunk)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))

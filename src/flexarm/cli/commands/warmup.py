@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from flexarm.arguments import usable_cores
 from flexarm.cli.features import FEATURES, compile_feature
 from flexarm.cli.tables import console
 from flexarm.errors import InputError, Problem
@@ -29,7 +29,7 @@ def compile_everything() -> None:
     compiled = 0.0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
-    workers = min(os.cpu_count() or 1, len(FEATURES))
+    workers = min(usable_cores(), len(FEATURES))
     pool = ProcessPoolExecutor(workers, get_context("spawn"))
     with bar, pool:
         task = bar.add_task("compiling", total=len(FEATURES))
