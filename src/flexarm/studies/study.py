@@ -14,6 +14,7 @@ from flexarm.arguments import check_count, check_flag, check_path, check_workers
 from flexarm.arm import Arm
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 #: tasks for each worker, so that all end at about the same time, unless they get too short.
 TASK_SECONDS, TASKS_PER_WORKER, LEAST_SECONDS = 1.0, 8, 0.2
 _MOST_CHUNK = 4096
+#: Duration of a sample (s) below which more of them are measured.
+_SHORT = 0.02
 
 
 class Study:
@@ -82,7 +85,7 @@ class Study:
                 ``"tcp://host:8786"``; None for processes of this computer.
             resume: whether a store that exists is continued; otherwise it is an error.
             workers: number of those processes, by default one for each core; 1 uses none but this.
-            chunk: samples of a task; by default from the measured duration of the first sample.
+            chunk: samples of a task; by default from the measured duration of the first ones.
             progress: True or False shows or hides the bar.
 
         Returns:
@@ -161,14 +164,20 @@ class Study:
         return kept
 
     def _measured_chunk(self, workers: int) -> int:
-        """Return the number of samples of a task, from the duration of the first sample."""
-        self._executor.outcomes(0, 1)  # compiles
-        started = time.perf_counter()
-        self._executor.outcomes(0, 1)
-        per_sample = max(time.perf_counter() - started, 1e-6)
+        """Return the number of samples of a task, from the duration of the first samples."""
+        per_sample = self._measured_seconds(1)
+        if per_sample < _SHORT:  # runs of several samples in lanes take less
+            per_sample = self._measured_seconds(min(LANES, self.samples))
         longest, least = TASK_SECONDS / per_sample, LEAST_SECONDS / per_sample
         size = min(longest, max(self.samples / (TASKS_PER_WORKER * workers), least))
         return int(2 ** np.floor(np.log2(min(max(size, 1.0), _MOST_CHUNK))))
+
+    def _measured_seconds(self, count: int) -> float:
+        """Return the duration of a sample, s, if ``count`` of them are executed together."""
+        self._executor.outcomes(0, count)  # compiles
+        started = time.perf_counter()
+        self._executor.outcomes(0, count)
+        return max((time.perf_counter() - started) / count, 1e-6)
 
     def _in_memory(
         self, chunk: int, client: Any, workers: int, progress: bool | None
