@@ -8,8 +8,8 @@ argument; `errors.public_call` adds the call. Arrays of numbers are converted by
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Collection, Iterable, Mapping
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -146,22 +146,6 @@ def check_count(name: str, value: object, least: int = 1, most: int = 10**6) -> 
     raise InputError(Problem(name, f"be a whole number from {least} to {most}", shown(value)))
 
 
-def check_workers(name: str, value: object) -> int:
-    """Return a number of threads or processes; None for one for each usable core.
-
-    Raises:
-        InputError: if the value is not a whole number from 1 to 1024.
-    """
-    return usable_cores() if value is None else check_count(name, value, most=1024)
-
-
-def usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # absent on Windows and macOS
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def check_flag(name: str, value: object) -> bool:
     """Return a truth value, from a Python or NumPy bool.
 
@@ -194,9 +178,9 @@ def check_path(name: str, value: object) -> Path:
         InputError: if the value is neither of them, has no file name, is too long, or contains a
             null character.
     """
-    given = value if isinstance(value, str | os.PathLike) else None
+    given = value if isinstance(value, str | PathLike) else None
     try:
-        text = os.fspath(given) if given is not None else None
+        text = fspath(given) if given is not None else None
     except Exception:  # a user-defined path object may raise any exception
         text = None
     if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:

@@ -77,7 +77,7 @@ def no_processes(monkeypatch):
     def refuse(*_, **__):
         raise OSError("no semaphores")
 
-    monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
+    monkeypatch.setattr(drawing, "process_pool", refuse)
 
 
 def test_without_worker_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):

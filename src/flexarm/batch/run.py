@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count, check_workers
+from flexarm.arguments import check_count
 from flexarm.arm import Arm
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.batch.lanes import Lanes, fits_lanes
@@ -31,6 +31,7 @@ from flexarm.errors import (
 )
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
+from flexarm.processes import check_workers
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import arm_text, package_version, software_versions
 from flexarm.simulation.run import simulate

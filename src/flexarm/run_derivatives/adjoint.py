@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import usable_cores
 from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray, Status
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
@@ -22,6 +21,7 @@ from flexarm.integrate.memory import new_memory
 from flexarm.integrate.transfers import additive_transfers, explicit_transfers
 from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import DualRun, dual_inputs, dual_system
 from flexarm.run_derivatives.inputs import Inputs, no_change

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration
-from flexarm.arguments import check_kind, check_list_of, usable_cores
+from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.new_run import ATOL, RTOL
@@ -22,6 +22,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.model import Contact, Load
+from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
 from flexarm.run_derivatives.inputs import Inputs

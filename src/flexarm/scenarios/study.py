@@ -18,11 +18,18 @@ from flexarm.model import Scenario, StudySpec, locate_study
 from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
+from flexarm.processes import in_processes
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference
 from flexarm.scenarios.references import Followed
 from flexarm.scenarios.scenario import Prepared, prepare
-from flexarm.simulation.compare import check_settling, comparison
+from flexarm.simulation.compare import (
+    Evaluation,
+    check_settling,
+    comparison,
+    evaluated,
+    runs_of,
+)
 from flexarm.simulation.metrics import Goal
 
 if TYPE_CHECKING:
@@ -78,12 +85,21 @@ class PreparedStudy:
             "reference": list(study.motions),
         }
 
-    def run(self, progress: bool | None = None) -> xr.Dataset:
-        """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
-        run = self.study.run
-        table = comparison(self.arm, self.names, self.one, run.settling, progress)
-        table.attrs["duration"] = run.duration
+    def run(self, progress: bool | None = None, workers: int = 1) -> xr.Dataset:
+        """Run the study once; return the table of ``flexarm.compare``, drives as controllers.
+
+        Args:
+            workers: number of processes for runs that take long.
+        """
+        evaluations = in_processes(self.evaluation, runs_of(self.names), workers)
+        table = comparison(self.names, evaluations, progress)
+        table.attrs["duration"] = self.study.run.duration
         return table
+
+    def evaluation(self, drive: str, plant: str, motion: str) -> Evaluation:
+        """Simulate one run; return its metrics, also if it fails."""
+        run = partial(self.one, drive, plant, motion)
+        return evaluated(run, self.arm, self.study.run.settling)
 
     def controlled(self, drive: str) -> bool:
         """Return whether a drive is a controller, which has instruments and motors."""

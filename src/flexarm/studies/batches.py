@@ -16,7 +16,7 @@ from flexarm.scenarios.study import PreparedStudy
 from flexarm.simulation.compare import Evaluation
 
 #: Arguments of a run that may differ from those of the others of its call, and the other ones.
-_OWN = ("plant", "torque", "initial", "initial_rate")
+_OWN = ("torque", "initial", "initial_rate")
 _SHARED = ("duration", "rate", "stations", "integrator", "loads")
 #: Channels from which the metrics of runs without contacts are computed, and the largest memory of
 #: the channels of a call (bytes).
@@ -49,7 +49,7 @@ def evaluated_together(
     groups: list[tuple[dict[str, Any], list[tuple[Case, dict[str, Any]]]]] = []
     for case in cases:
         arguments = case.prepared.arguments(drive, plant, motion, case.simulated)
-        if not {*_OWN, *_SHARED}.issuperset(arguments):
+        if not {"plant", *_OWN, *_SHARED}.issuperset(arguments):
             continue
         shared = {name: arguments[name] for name in _SHARED if name in arguments}
         group = next((runs for known, runs in groups if known == shared), None)
@@ -72,8 +72,8 @@ def _evaluated(
     drive: str,
     motion: str,
 ) -> dict[int, Evaluation]:
+    arms = [arguments["plant"] for _, arguments in group]
     own = {name: [arguments.get(name) for _, arguments in group] for name in _OWN}
-    arms = own.pop("plant")
     try:
         with warnings.catch_warnings():  # kept with the numbers
             warnings.simplefilter("ignore", FlexarmWarning)

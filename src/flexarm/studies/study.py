@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_count, check_flag, check_path, check_workers
+from flexarm.arguments import check_count, check_flag, check_path
 from flexarm.arm import Arm
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
+from flexarm.processes import check_workers
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.studies.execution import Executor, Outcomes, executor_of
@@ -123,6 +124,22 @@ class Study:
         self._execute(record_chunk, tasks, lambda *_: None, client, count, progress)
         kept.clean()
         return kept.table()
+
+    @public_call
+    def nominal(self, *, workers: int = 1, progress: bool | None = None) -> xr.Dataset:
+        """Run the study once with the numbers of its file, without variation.
+
+        Args:
+            workers: number of processes if the runs take long; None for one for each core.
+            progress: True or False shows or hides the bar.
+
+        Returns:
+            The table of ``compare``, with the drives as controllers.
+
+        Raises:
+            InputError: if the first run cannot start.
+        """
+        return self._prepared.run(progress, check_workers("workers", workers))
 
     @public_call
     def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count, check_workers
+from flexarm.arguments import check_count
 from flexarm.arm import Arm
 from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.batch.plants import LanePlants, Places
@@ -23,6 +23,7 @@ from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.observe import channels_of
+from flexarm.processes import check_workers
 
 BoolArray = NDArray[np.bool_]
 _Steps = tuple[Vector, FloatArray, BoolArray, BoolArray, dict[str, Any]]

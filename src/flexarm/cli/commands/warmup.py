@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from flexarm.arguments import usable_cores
 from flexarm.cli.features import FEATURES, compile_feature
 from flexarm.cli.tables import console
 from flexarm.errors import InputError, Problem
 from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
+from flexarm.processes import process_pool, usable_cores
 
 
 def compile_everything() -> None:
@@ -30,7 +29,7 @@ def compile_everything() -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
     workers = min(usable_cores(), len(FEATURES))
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    pool = process_pool(workers, int)
     with bar, pool:
         task = bar.add_task("compiling", total=len(FEATURES))
         waiting = {pool.submit(compile_feature, name): name for name in FEATURES}
