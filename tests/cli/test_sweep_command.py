@@ -112,6 +112,17 @@ def test_check_counts_the_runs(path):
     assert "samples      3, grid: payload.mass" in call("check", path).output
 
 
+def test_sobol_samples_that_are_not_balanced_are_reported(path):
+    values = "{kind: values, values: [0.1, 0.2, -1.0]}"
+    sobol = STUDY.replace(values, "{kind: uniform, low: 0.0, high: 0.1}")
+    for count, heard in ((6, True), (4, False)):
+        path.write_text(sobol.replace("method: grid", f"method: sobol, count: {count}"))
+        done = call("sweep", path, "--workers", 1, "--out", path.with_name(f"{count}.zarr"))
+        assert done.exit_code == 0
+        text = "warning: samples.count 6 is not a power of two"
+        assert (text in done.output) == heard
+
+
 def test_limits_require_samples(path):
     path.write_text(STUDY.split("vary:")[0] + "run: {duration: 0.05, rate: 200}\n")
     done = call("compare", path, "--limit", "tip_error_rms=0.042")

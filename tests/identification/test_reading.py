@@ -228,3 +228,13 @@ def test_text_in_a_column_is_reported(tmp_path):
     path.write_text(head + "\n".join(f"{t:.2f},0.5,{t} deg" for t in TIMES[:20]))
     with pytest.raises(fa.InputError, match="'joint_angle_1', which has no numbers"):
         fa.read_record(path)
+
+
+def test_wrong_settings_are_reported_with_the_call(tmp_path):
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"t": TIMES, "tip_x": TIMES}).to_csv(path, index=False)
+    with pytest.raises(fa.InputError, match=r"^read_record: smoothing is not a known key"):
+        fa.read_record(path, smoothing=3)
+    record = fa.read_record(path)
+    with pytest.raises(fa.InputError, match=r"^MeasuredRecord: smoothing is not a known key"):
+        fa.MeasuredRecord(record.data, smoothing=3)

@@ -149,6 +149,7 @@ def simulate_batch(
         seeds=seeds,
     )
     acting = {name: given.pop(name) for name in _ACTING}
+    own.check_events(acting["events"])
     checked = run_options(duration, rate=rate, **given)
     first = own.arms[0]
     contacts = Environment.of(first, *(acting[name] for name in _ACTING[:4])).contacts

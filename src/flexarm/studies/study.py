@@ -13,9 +13,17 @@ import numpy as np
 from flexarm.arguments import check_count, check_flag, check_path
 from flexarm.arm import Arm
 from flexarm.engine.progress import Meter
-from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    public_call,
+    shown,
+    warn_caller,
+)
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
+from flexarm.model.checks import checked_arguments
 from flexarm.processes import check_workers
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
@@ -55,6 +63,9 @@ class Study:
         ModelError: if the study is not valid; it lists every problem.
         InputError: if a motion leaves the arm's reach, a drive does not fit the arm, or a path of
             ``vary`` leads to no number.
+
+    Warns:
+        FlexarmWarning: if the number of Sobol samples is not a power of two.
     """
 
     @public_call
@@ -63,6 +74,7 @@ class Study:
         self._text = file_text(spec)
         self._prepared = PreparedStudy(spec, place)
         self._executor = Executor(self._prepared, place)
+        _warn_of_unbalanced(spec)
         self.samples = self._executor.samples.count
         self.runs = self.samples * int(np.prod(self._executor.shape))
 
@@ -87,7 +99,8 @@ class Study:
             resume: whether a store that exists is continued; otherwise it is an error.
             workers: number of those processes, by default one for each core; 1 uses none but this.
             chunk: samples of a task; by default from the measured duration of the first ones.
-            progress: True or False shows or hides the bar.
+            progress: True or False shows or hides the bar. By default a terminal shows it, and
+                other streams get a line from time to time.
 
         Returns:
             Dataset (sample, controller, plant, reference) with the metrics of ``compare`` without
@@ -221,7 +234,7 @@ class Study:
     ) -> None:
         """Execute tasks in this process or on a cluster; ``done`` receives their results."""
         count = 0
-        with Meter("simulating", progress) as meter:
+        with Meter("simulating", progress, lines=True) as meter:
 
             def report(place: int, result: Any) -> None:
                 nonlocal count
@@ -267,6 +280,18 @@ def read_study(store: str | os.PathLike[str]) -> xr.Dataset:
     return kept.table()
 
 
+def _warn_of_unbalanced(study: StudySpec) -> None:
+    """Warn if the number of Sobol samples is not a power of two."""
+    plan = study.samples
+    if plan is None or plan.method != "sobol" or plan.count is None:
+        return
+    if plan.count & (plan.count - 1):
+        below = 2 ** (plan.count.bit_length() - 1)
+        text = f"samples.count {plan.count} is not a power of two: such parts of a Sobol sequence"
+        advice = f"cover their range unevenly. Use {below} or {2 * below}."
+        warn_caller(f"{text} {advice}", FlexarmWarning)
+
+
 def _located(study: object) -> tuple[StudySpec, Where]:
     if isinstance(study, StudySpec):
         return study, lambda _: "study"
@@ -276,5 +301,5 @@ def _located(study: object) -> tuple[StudySpec, Where]:
             raise InputError(Problem("study", "have text as keys", shown(content)))
         if isinstance(content.get("arm"), Arm):
             content["arm"] = content["arm"].spec
-        return StudySpec(**content), lambda _: "study"
+        return checked_arguments(StudySpec, **content), lambda _: "study"
     return locate_study(check_path("study", study))

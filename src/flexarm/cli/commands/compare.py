@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.cli.commands.sweep import draw_samples, limits_of, print_statistics
+from flexarm.cli.commands.sweep import (
+    draw_samples,
+    limits_of,
+    print_statistics,
+    read_study_file,
+)
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import FlexarmWarning, InputError, Problem
@@ -64,7 +69,7 @@ def compare_file(
     if plot is not None:
         check_place("--plot", plot, FIGURE_SUFFIXES)
     if located[0].samples is not None:
-        _compare_samples(Study(path), out, plot, workers, limits_of(limits))
+        _compare_samples(read_study_file(path), out, plot, workers, limits_of(limits))
         return
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))

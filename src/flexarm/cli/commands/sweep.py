@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from flexarm.arguments import check_choice
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, SimulationError, shown
+from flexarm.errors import FlexarmWarning, InputError, Problem, SimulationError, shown
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.studies.execution import RECORDED
 from flexarm.studies.statistics import study_statistics
@@ -69,7 +70,7 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         SimulationError: if a repeated sample differs.
     """
     limits = limits_of(options.limits)
-    study = Study(path)
+    study = read_study_file(path)
     if options.plot is not None:
         check_place("--plot", options.plot, FIGURE_SUFFIXES)
     out = options.out or path.with_suffix(".zarr")
@@ -86,6 +87,20 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
             names = ", ".join(map(str, different))
             raise SimulationError(0.0, f"samples {names} of the store differ when repeated.")
         screen.print(f"{min(_REPEATED, study.samples)} samples repeated: identical")
+
+
+def read_study_file(path: Path) -> Study:
+    """Read the file of a study; print the warnings.
+
+    Raises:
+        InputError: if the file is not valid.
+    """
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always", FlexarmWarning)
+        study = Study(path)
+    for one in found:
+        warn(str(one.message))
+    return study
 
 
 def print_statistics(
