@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
-from flexarm.batch.execution import usable_cores
+from flexarm.processes import usable_cores
 from flexarm.studies.execution import executor_of
 from flexarm.studies.store import create_store
 from flexarm.studies.study import outcomes_of, record_chunk

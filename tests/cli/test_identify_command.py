@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 import flexarm as fa
@@ -70,6 +71,20 @@ def test_problems_have_their_lines(old, new, line, text, tmp_path):
     assert done.exit_code == 2
     assert text in done.output
     assert f"study.yaml:{line}" in done.output or old in ("torque_1", "records:"), done.output
+
+
+def test_problems_of_records_name_the_key(tmp_path):
+    path = write(tmp_path)
+    record = next(iter(yaml.safe_load(path.read_text())["records"]))
+    angles = f"  {record}:\n    initial_angle: [0.1, 0.2, 0.3, 0.4]\n"
+    path.write_text(path.read_text().replace(f"  {record}:\n", angles))
+    done = invoke("identify", path)
+    assert done.exit_code == 2
+    assert f"records.{record}.initial_angle must have one angle for each of the" in done.output
+    assert "study.yaml:" in done.output
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(short.read_text().splitlines()[:3]))
+    assert f"records.{record} has fewer than 4 samples" in invoke("identify", path).output
 
 
 def test_wrong_parameters_name_the_key(tmp_path):

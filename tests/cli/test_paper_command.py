@@ -77,7 +77,7 @@ def no_processes(monkeypatch):
     def refuse(*_, **__):
         raise OSError("no semaphores")
 
-    monkeypatch.setattr(drawing, "ProcessPoolExecutor", refuse)
+    monkeypatch.setattr(drawing, "process_pool", refuse)
 
 
 def test_without_worker_processes_the_figures_are_the_same(done, tmp_path, monkeypatch):
@@ -98,7 +98,7 @@ def test_without_worker_processes_the_figures_are_the_same(done, tmp_path, monke
 def test_without_worker_processes_tasks_run_in_this_process(trouble, monkeypatch):
     """They run in order when the block ends. The test above draws all figures in that way."""
     if trouble == "one core":
-        monkeypatch.setattr(drawing.os, "cpu_count", lambda: 1)
+        monkeypatch.setattr(drawing, "usable_cores", lambda: 1)
     else:
         no_processes(monkeypatch)
     ran = []

@@ -79,13 +79,21 @@ def test_different_repetition_is_a_failure(path, monkeypatch):
     assert "samples 1 of the store differ" in done.output
 
 
-def test_compare_prints_the_same_statistics(path, tmp_path):
+def test_compare_prints_ratios_to_the_nominal_runs(path, tmp_path):
     out = tmp_path / "table.nc"
-    done = call("compare", path, "--workers", 1, "--out", out)
+    done = call("compare", path, "--workers", 1, "--out", out, "--limit", "tip_error_rms=0.042")
     assert done.exit_code == 0, done.output
-    assert "33 (0.84-91)" in done.output
-    swept = call("sweep", path, "--workers", 1)
-    assert done.output.split("table in")[0].split("warning")[0] in swept.output
+    study = fa.Study(path)
+    nominal = 1e3 * study.nominal()["tip_error_rms"].item()
+    errors = 1e3 * study.run(workers=1)["tip_error_rms"].values.ravel()[:2]
+    assert errors[0] == nominal  # the first mass is that of the file
+    median, high = np.quantile(errors, [0.5, 0.95])
+    row = done.output.split("torque alone")[1].split()
+    assert row[2:9] == [
+        *(f"{nominal:.3g}", f"{median:.3g}", "/", f"{high:.3g}"),
+        *(f"{median / nominal:.3g}", "/", f"{high / nominal:.3g}"),
+    ]
+    assert "67 (9.4-99)" in done.output  # the heavier payload exceeds the limit, and one run fails
     with xr.open_dataset(out) as table:
         assert np.isnan(table["tip_error_peak"].values.ravel()).tolist() == [False, False, True]
 
@@ -102,3 +110,21 @@ def test_wrong_paths_are_reported_with_their_lines(path):
 
 def test_check_counts_the_runs(path):
     assert "samples      3, grid: payload.mass" in call("check", path).output
+
+
+def test_sobol_samples_that_are_not_balanced_are_reported(path):
+    values = "{kind: values, values: [0.1, 0.2, -1.0]}"
+    sobol = STUDY.replace(values, "{kind: uniform, low: 0.0, high: 0.1}")
+    for count, heard in ((6, True), (4, False)):
+        path.write_text(sobol.replace("method: grid", f"method: sobol, count: {count}"))
+        done = call("sweep", path, "--workers", 1, "--out", path.with_name(f"{count}.zarr"))
+        assert done.exit_code == 0
+        text = "warning: samples.count 6 is not a power of two"
+        assert (text in done.output) == heard
+
+
+def test_limits_require_samples(path):
+    path.write_text(STUDY.split("vary:")[0] + "run: {duration: 0.05, rate: 200}\n")
+    done = call("compare", path, "--limit", "tip_error_rms=0.042")
+    assert done.exit_code == 2
+    assert "--limit requires a study with samples" in done.output

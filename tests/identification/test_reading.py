@@ -244,3 +244,13 @@ def test_units_have_their_definitions():
                 assert name[1:] == unit, name
                 wanted = prefixes[name[0]]
             assert factor == pytest.approx(wanted, rel=1e-15), name
+
+
+def test_wrong_settings_are_reported_with_the_call(tmp_path):
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"t": TIMES, "tip_x": TIMES}).to_csv(path, index=False)
+    with pytest.raises(fa.InputError, match=r"^read_record: smoothing is not a known key"):
+        fa.read_record(path, smoothing=3)
+    record = fa.read_record(path)
+    with pytest.raises(fa.InputError, match=r"^MeasuredRecord: smoothing is not a known key"):
+        fa.MeasuredRecord(record.data, smoothing=3)

@@ -334,6 +334,10 @@ PD = fa.JointPD(1.0, 1.0)
         ({"rtoll": 1e-3}, "Did you mean 'rtol'"),
         ({"integrator": "euler"}, "integrator must be one of"),
         ({"torque": lambda t: [0.0]}, "must be numbers of shape (2,)"),
+        (
+            {"parameters": {"payload.mass": [0.1, 0.2]}, "events": [fa.joint_event(ARM, 1, 0.5)]},
+            "events[0] cannot be combined with parameters. It was created for one arm.",
+        ),
     ],
 )
 def test_wrong_arguments(options, message):

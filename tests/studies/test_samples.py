@@ -85,6 +85,7 @@ def test_relative_values_are_factors():
         ({"samples": None}, "samples is required with vary"),
         ({"samples": {"method": "random"}}, "samples.count is required with method random"),
         ({"samples": {"method": "grid"}}, "is not supported with a grid"),
+        ({"vary": {}, "samples": {"count": 3}}, "Study: vary is required with 3 samples. All"),
         ({"samples": {"count": 2, "noise": "different"}}, "requires hardware"),
         ({"vary": {"payload.mass": {"kind": "uniform", "low": 1, "high": 1}}}, "greater than low"),
     ],

@@ -70,3 +70,17 @@ def test_wrong_tables_are_refused():
         fa.study_statistics(xr.Dataset())
     with pytest.raises(fa.InputError, match="has no varied numbers"):
         fa.sensitivity_indices(table(range(3)))
+
+
+def test_ratios_are_relative_to_the_nominal_runs():
+    given = table(range(1, 12))
+    nominal = table([4.0]).isel(sample=0).drop_vars("failure")
+    found = fa.study_statistics(given, [0.0, 1.0], nominal=nominal)
+    assert found["tip_error_rms_ratio"].values.ravel().tolist() == [0.25, 2.75]
+    zero = fa.study_statistics(given, [0.0, 1.0], nominal=0.0 * nominal)
+    assert np.isnan(zero["tip_error_rms_ratio"].values).all()
+    other = nominal.assign_coords(controller=["another"])
+    with pytest.raises(fa.InputError, match="nominal must have the same names of controller"):
+        fa.study_statistics(given, nominal=other)
+    with pytest.raises(fa.InputError, match=r"nominal must be a table of Study\.nominal"):
+        fa.study_statistics(given, nominal=xr.Dataset())

@@ -15,7 +15,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
 from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
-from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt, usable_cores
+from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.batch.lanes import OpenLanes, fits_lanes
 from flexarm.batch.recording import TAKEN, Recorder
 from flexarm.batch.reductions import Reduction, check_channel, check_reductions
@@ -33,6 +33,7 @@ from flexarm.errors import (
 )
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
+from flexarm.processes import check_workers
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import arm_text, package_version, software_versions
 from flexarm.simulation.run import simulate
@@ -135,7 +136,7 @@ def simulate_batch(
     started = time.perf_counter()
     # Code that is compiled in the middle of a run may differ in the last digits.
     given = OPTIONS | {"specialized": False} | _known(options)
-    threads = usable_cores() if threads is None else check_count("threads", threads, most=1024)
+    threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
@@ -151,6 +152,7 @@ def simulate_batch(
         seeds=seeds,
     )
     acting = {name: given.pop(name) for name in _ACTING}
+    own.check_events(acting["events"])
     checked = run_options(duration, rate=rate, **given)
     first = own.arms[0]
     contacts = Environment.of(first, *(acting[name] for name in _ACTING[:4])).contacts

@@ -74,6 +74,25 @@ class Variations:
         _check_structure("parameters", varied, arm)
         return varied
 
+    def check_events(self, events: Any) -> None:
+        """Raise if an event was created for one arm, but the runs simulate several.
+
+        Raises:
+            InputError: if there is such an event.
+        """
+        several = self.each_arm and any(arm.spec != self.arms[0].spec for arm in self.arms)
+        if not _is_list(events) or not (several or self.parameters):
+            return
+        rule = f"cannot be combined with {'parameters' if self.parameters else 'several arms'}"
+        hint = "It was created for one arm. Use Event with a function of t, q and qd."
+        problems = [
+            Problem(f"events[{k}]", rule, hint=hint)
+            for k, event in enumerate(events)
+            if hasattr(getattr(event, "function", None), "arm")
+        ]
+        if problems:
+            raise InputError(*problems)
+
     def state_of(self, k: int) -> tuple[FloatArray | None, FloatArray | None]:
         """Return coordinates and rates (dof,) at the start of run k; None for the default."""
         return _row(self.initial, k), _row(self.initial_rate, k)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
+
+from flexarm.processes import process_pool, usable_cores
 
 if TYPE_CHECKING:
     from flexarm.plot.paper.paper_data import Histories
@@ -49,14 +46,10 @@ class Drawing:
         self._tasks: list[tuple[Future[None] | None, _Task]] = []
 
     def __enter__(self) -> Drawing:
-        processes = min(_MOST_PROCESSES, os.cpu_count() or 1)
+        processes = min(_MOST_PROCESSES, usable_cores())
         if processes > 1:
             try:
-                # Use spawn, because forked copies of a process with compiled threads may hang.
-                self._pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
-                with _ctrl_c_ignored():
-                    for _ in range(processes):
-                        self._pool.submit(load_plotting)
+                self._pool = process_pool(processes, load_plotting)
             except (OSError, NotImplementedError, ImportError):  # no semaphores on this system
                 self._pool = None
         return self
@@ -97,16 +90,3 @@ def _finish(
         else:
             return
     function(*arguments)
-
-
-@contextmanager
-def _ctrl_c_ignored() -> Iterator[None]:
-    """Make processes started in this context ignore Ctrl-C; this process terminates them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread may set signal handlers
-        return
-    theirs = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, theirs)

@@ -166,13 +166,21 @@ def compare(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Processes for samples; by default all cores."),
+        typer.Option(metavar="N", min=1, help="Processes; by default one for each core."),
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            metavar="NAME=VALUE",
+            help="A run of random plants above it counts as failed; repeatable.",
+        ),
     ] = None,
 ) -> None:
     """Compare drives on plants along motions: errors, vibration, torque, computing time."""
     from flexarm.cli.commands.compare import compare_file
 
-    compare_file(study, out, plot, workers)
+    compare_file(study, out, plot, workers, limits or ())
 
 
 @app.command()

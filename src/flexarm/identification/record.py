@@ -14,6 +14,7 @@ from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
+from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.records import RecordSettings
 
 #: Fewest samples of a record.
@@ -61,7 +62,7 @@ class MeasuredRecord:
     ) -> None:
         check_dataset("data", data, ("time",), "a dataset with a channel over time")
         if settings is None:
-            settings = RecordSettings(**fields)
+            settings = checked_arguments(RecordSettings, **fields)
         elif fields:
             raise InputError(Problem("settings", f"cannot be combined with {next(iter(fields))}"))
         check_kind("settings", settings, RecordSettings)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from flexarm.arm import Arm
+from flexarm.errors import InputError, Problem
 from flexarm.identification.identify import identify
 from flexarm.identification.reading import record_of_file
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.result import Identification
 from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.model.wording import path_of
 from flexarm.scenarios.file_errors import problems_at
 
 
@@ -33,7 +36,7 @@ class PreparedIdentification:
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
         found = {}
         for name, description in getattr(self.study, key).items():
-            with problems_at(self._where, f"{key}.{name}", {"path": "file"}):
+            with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
                 found[name] = record_of_file(description, self._folder / description.file)
         return found
 
@@ -44,12 +47,23 @@ class PreparedIdentification:
             InputError, SimulationError: as ``identify``.
         """
         study, fit = self.study, self.study.fit
-        return identify(
-            self.arm,
-            self._records,
-            list(study.free),
-            validation=self._validation,
-            motors=study.motors,
-            progress=progress,
-            **dict(fit),
-        )
+        try:
+            return identify(
+                self.arm,
+                self._records,
+                list(study.free),
+                validation=self._validation,
+                motors=study.motors,
+                progress=progress,
+                **dict(fit),
+            )
+        except InputError as error:
+            raise InputError(*map(self._in_file, error.problems)) from None
+
+    def _in_file(self, problem: Problem) -> Problem:
+        """Return a problem with its key and its line if its place is a record."""
+        for key in ("records", "validation"):
+            if problem.where in getattr(self.study, key):
+                name = f"{key}.{problem.where}.{problem.name}"
+                return replace(problem, name=name, where=self._where(path_of(name)))
+        return problem

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, ModelError, Problem, shown
 from flexarm.model.checks import Record
 from flexarm.model.quantities import Names
 
@@ -57,9 +58,9 @@ def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
         checked: whether the copy is validated. Symbols require an unchecked copy.
 
     Raises:
-        ModelError: if the changed record is invalid.
+        ModelError: if the changed record is invalid; it names the path of the wrong value.
     """
-    changed: R = _with(record, parts_of(path), value, checked)
+    changed: R = _with(record, parts_of(path), value, checked, "")
     return changed
 
 
@@ -107,13 +108,24 @@ def _joined(walked: str, part: str | int) -> str:
     return f"{walked}.{part}" if walked else part
 
 
-def _with(value: Any, parts: list[str | int], number: Any, checked: bool) -> Any:
+def _with(value: Any, parts: list[str | int], number: Any, checked: bool, walked: str) -> Any:
     if not parts:
         return number
     first, *rest = parts
-    inside = _with(_inside(value, first), rest, number, checked)
+    inside = _with(_inside(value, first), rest, number, checked, _joined(walked, first))
     if isinstance(first, int):
         return (*value[:first], inside, *value[first + 1 :])
     if isinstance(value, Names):
         return Names({**value, first: inside})
-    return value.replace(**{first: inside}) if checked else value.model_copy(update={first: inside})
+    if not checked:
+        return value.model_copy(update={first: inside})
+    try:
+        return value.replace(**{first: inside})
+    except ModelError as error:  # name the path instead of the class
+        raise ModelError(*(_at(walked, problem, value) for problem in error.problems)) from None
+
+
+def _at(walked: str, problem: Problem, record: Record) -> Problem:
+    """Return a problem of the record at a path with its complete path."""
+    whole = problem.name == type(record).__name__
+    return replace(problem, where="", name=walked if whole else _joined(walked, problem.name))

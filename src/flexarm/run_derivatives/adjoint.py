@@ -7,7 +7,6 @@ recursion backwards in time then collects the gradient; theory page "separation"
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -22,6 +21,7 @@ from flexarm.integrate.memory import new_memory
 from flexarm.integrate.transfers import additive_transfers, explicit_transfers
 from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import DualRun, dual_inputs, dual_system
 from flexarm.run_derivatives.inputs import Inputs, no_change
@@ -66,7 +66,7 @@ def goal_gradient_of(
     ends = ends[(ends > 0.0) & (ends <= run.duration)]
     by = _directions(known, _POWERS[samples.interpolation])
     blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
-    with ThreadPoolExecutor(min(len(blocks), os.cpu_count() or 1)) as pool:
+    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
         found = list(pool.map(lambda block: _block(known, ends, block, weights), blocks))
     transfers = np.concatenate([block.transfers for block in found])
     goal = np.concatenate([block.goal for block in found])[: 2 * arm.dof]

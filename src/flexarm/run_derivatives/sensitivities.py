@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
@@ -23,6 +22,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.model import Contact, Load
+from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
 from flexarm.run_derivatives.inputs import Inputs
@@ -138,7 +138,7 @@ def _derivatives(
         found = run_in_duals(known.run, known.inputs, block)
         return channel_derivatives(known.run.arm, found, len(block), names)
 
-    threads = min(len(blocks), os.cpu_count() or 1)
+    threads = min(len(blocks), usable_cores())
     with ThreadPoolExecutor(threads) as pool:
         return [one for found in pool.map(of_block, blocks) for one in found]
 

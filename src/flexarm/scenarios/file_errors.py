@@ -19,7 +19,7 @@ def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> 
 
     Args:
         key: key that contains the values; empty if problems name it themselves.
-        names: keys of the file by argument, if the names differ.
+        names: keys of the file by argument, if the names differ; empty for ``key`` itself.
     """
     try:
         yield
@@ -27,7 +27,7 @@ def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> 
         placed = []
         for problem in error.problems:
             reported = (names or {}).get(problem.name, problem.name)
-            name = f"{key or problem.where}.{reported}"
+            name = ".".join(filter(None, (key or problem.where, reported)))
             placed.append(replace(problem, where=place(path_of(name)), name=name))
         raise InputError(*placed) from None
 

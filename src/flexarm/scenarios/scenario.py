@@ -90,6 +90,23 @@ class Prepared:
             options["duration"],
         )
 
+    def arguments(
+        self,
+        *,
+        plant: Arm | None = None,
+        loads: Sequence[Load] = (),
+        changes: Sequence[Change] = (),
+        **instead: Any,
+    ) -> dict[str, Any]:
+        """Return the arguments of ``simulate``; the arguments are those of ``run``."""
+        options = self.options | instead
+        if plant is not None:
+            options["plant"] = plant
+        for name, more in (("loads", loads), ("changes", changes)):
+            if more:
+                options[name] = [*options.get(name, ()), *more]
+        return options
+
     def run(
         self,
         *,
@@ -109,12 +126,7 @@ class Prepared:
             progress: True or False shows or hides the progress bar.
             instead: arguments of ``simulate`` in place of those of the scenario.
         """
-        options = self.options | instead
-        if plant is not None:
-            options["plant"] = plant
-        for name, more in (("loads", loads), ("changes", changes)):
-            if more:
-                options[name] = [*options.get(name, ()), *more]
+        options = self.arguments(plant=plant, loads=loads, changes=changes, **instead)
         if arm is not None:
             options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
             if "initial_rate" in options:

@@ -13,15 +13,24 @@ from flexarm.arguments import check_path
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.errors import InputError, Problem, public_call
+from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario, StudySpec, locate_study
 from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
+from flexarm.processes import in_processes
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference
 from flexarm.scenarios.references import Followed
 from flexarm.scenarios.scenario import Prepared, prepare
-from flexarm.simulation.compare import check_settling, comparison
+from flexarm.simulation.compare import (
+    Evaluation,
+    check_settling,
+    comparison,
+    evaluated,
+    runs_of,
+)
+from flexarm.simulation.metrics import Goal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,6 +53,7 @@ class PreparedStudy:
         self.arm = Arm(study.arm)
         self.plants = {name: Arm(plant_spec(study.arm, p)) for name, p in study.plants.items()}
         self._prepared: dict[tuple[str, str], Prepared] = {}
+        self._goals: dict[tuple[str, str], Goal] = {}
         # Reused, because pressed motions and tip inversions take seconds to create.
         made: dict[str, TaskReference | None] = {}
         followed: dict[tuple[str, str | None], Followed] = {}
@@ -75,12 +85,21 @@ class PreparedStudy:
             "reference": list(study.motions),
         }
 
-    def run(self, progress: bool | None = None) -> xr.Dataset:
-        """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
-        run = self.study.run
-        table = comparison(self.arm, self.names, self.one, run.settling, progress)
-        table.attrs["duration"] = run.duration
+    def run(self, progress: bool | None = None, workers: int = 1) -> xr.Dataset:
+        """Run the study once; return the table of ``flexarm.compare``, drives as controllers.
+
+        Args:
+            workers: number of processes for runs that take long.
+        """
+        evaluations = in_processes(self.evaluation, runs_of(self.names), workers)
+        table = comparison(self.names, evaluations, progress)
+        table.attrs["duration"] = self.study.run.duration
         return table
+
+    def evaluation(self, drive: str, plant: str, motion: str) -> Evaluation:
+        """Simulate one run; return its metrics, also if it fails."""
+        run = partial(self.one, drive, plant, motion)
+        return evaluated(run, self.arm, self.study.run.settling)
 
     def controlled(self, drive: str) -> bool:
         """Return whether a drive is a controller, which has instruments and motors."""
@@ -104,14 +123,35 @@ class PreparedStudy:
             simulated: arm in place of that of the plant, whose loads and changes act on it.
             instead: as in `Prepared.run`.
         """
-        prepared = self._prepared[drive, motion]
-        reference = prepared.followed.motion
-        assert reference is not None
-        arm, spec = simulated or self.plants[plant], self.study.plants[plant]
-        result = prepared.run(
-            plant=arm, loads=spec.loads, changes=spec.changes, progress=False, **instead
+        result = self._prepared[drive, motion].run(
+            **self._acting(plant, simulated), progress=False, **instead
         )
-        return result, reference
+        return result, self.reference(drive, motion)
+
+    def arguments(
+        self, drive: str, plant: str, motion: str, simulated: Arm | None = None
+    ) -> dict[str, Any]:
+        """Return the arguments of ``simulate`` for one run; the arguments are those of ``one``."""
+        return self._prepared[drive, motion].arguments(**self._acting(plant, simulated))
+
+    def reference(self, drive: str, motion: str) -> Reference:
+        """Return the motion of a drive, which depends on its kind of reference."""
+        reference = self._prepared[drive, motion].followed.motion
+        assert reference is not None
+        return reference
+
+    def goal(self, drive: str, motion: str, times: FloatArray) -> Goal:
+        """Return the goal of complete runs, which all have the same sample times (samples,), s."""
+        goal = self._goals.get((drive, motion))
+        if goal is None:
+            goal = Goal(self.arm, self.reference(drive, motion), times, self.study.run.settling)
+            self._goals[drive, motion] = goal
+        return goal
+
+    def _acting(self, plant: str, simulated: Arm | None) -> dict[str, Any]:
+        spec = self.study.plants[plant]
+        arm = simulated or self.plants[plant]
+        return {"plant": arm, "loads": spec.loads, "changes": spec.changes}
 
 
 #: Kind of the reference of drives without feedback, which share nothing.

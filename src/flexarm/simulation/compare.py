@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -119,7 +120,8 @@ def compare(
         return simulate(arm, duration, controller=chosen, **run), references[reference]
 
     names = {"controller": list(controllers), "plant": list(plants), "reference": list(references)}
-    table = comparison(arm, names, one, settling, progress)
+    evaluations = (evaluated(partial(one, *run), arm, settling) for run in runs_of(names))
+    table = comparison(names, evaluations, progress)
     table.attrs["duration"] = duration
     return table
 
@@ -160,18 +162,22 @@ def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load | Change]]
     raise InputError(Problem(f"plants[{name!r}]", rule, shown(plant)))
 
 
+def runs_of(names: Mapping[str, Sequence[str]]) -> list[tuple[str, ...]]:
+    """Return the controller, plant and reference of all runs, in the order of the table."""
+    return list(product(*(names[dim] for dim in _DIMS)))
+
+
 def comparison(
-    arm: Arm,
-    names: Mapping[str, Sequence[str]],
-    run: Callable[[str, str, str], tuple[xr.Dataset, Reference]],
-    settling: float,
-    progress: bool | None,
+    names: Mapping[str, Sequence[str]], evaluations: Iterable[Evaluation], progress: bool | None
 ) -> xr.Dataset:
-    """Create the table of ``compare`` from a function that simulates one combination.
+    """Create the table of ``compare``.
 
     Args:
         names: of controllers, plants and references.
-        run: function of one name of each that returns the result and its reference.
+        evaluations: of the runs ``runs_of(names)``.
+
+    Raises:
+        InputError: if the arguments of the first run are invalid.
     """
     import xarray as xr
 
@@ -179,10 +185,7 @@ def comparison(
     values = {metric.name: np.full(shape, np.nan) for metric in METRICS}
     failures, bent, unstable = np.full((3, *shape), "", dtype=object)
     with Meter("comparing", progress) as meter:
-        for done, index in enumerate(np.ndindex(shape)):
-            meter.update(done / int(np.prod(shape)))
-            chosen = [names[dim][k] for dim, k in zip(_DIMS, index, strict=True)]
-            found = evaluated(partial(run, *chosen), arm, settling)
+        for done, (index, found) in enumerate(zip(np.ndindex(shape), evaluations, strict=True)):
             # An invalid argument of the first run is invalid in all runs, a later one only in its
             # own run.
             if found.refusal is not None and done == 0:
@@ -191,6 +194,7 @@ def comparison(
             bent[index] = found.warning
             for name, value in found.metrics.items():
                 values[name][index] = value
+            meter.update((done + 1) / int(np.prod(shape)))
     table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
     for metric in METRICS:
         labels = {"units": metric.unit, "long_name": metric.meaning}

@@ -1,11 +1,11 @@
-"""Performance metrics of closed-loop runs."""
+"""Performance metrics of runs along a reference."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.control.base import Reference
@@ -42,6 +42,8 @@ METRICS = (
     ),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
+#: Channels from which metrics are computed; the last one exists for runs with contacts.
+MEASURED = ("tip", "joint_angle", "torque", "contact_force")
 
 
 def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArray:
@@ -60,45 +62,77 @@ def metrics_of(
     """Return ``METRICS`` of a closed-loop result; NaN if the run or the reference lacks the data.
 
     Args:
-        arm: arm whose rigid model the reference is for.
-        reference: with ``end_time`` (s), as motions have it, or moving to the end of the run.
-        settling: time (s) after the end of the motion to exclude from the metrics of the time
-            after it.
-
-    The first four are relative to the tip of the rigid model along the reference, so they include
-    the sag under gravity.
+        arm, reference, settling: as for ``Goal``.
     """
-    times = result["time"].values
-    start = float(getattr(reference, "start_time", 0.0))
-    end = float(getattr(reference, "end_time", np.inf))
-    moving = (times >= start) & (times <= end)
-    after = times >= end + settling
-    tip = result["tip"].values
-    missed = tip - tip_reference(arm, reference, times)
-    distance = np.hypot(*missed.T)
-    desired = _joint_angles(reference, times[moving], arm.joints)
-    joints = result["joint_angle"].values[moving] - desired
-    torque = result["torque"].values
-    values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
-    if moving.any():
-        values["tip_error_rms"] = _rms(distance[moving])
-        values["joint_error_rms"] = _rms(np.hypot.reduce(joints, axis=1))
-    values["tip_error_peak"] = float(distance.max())
-    if after.any():
-        values["tip_error_settled"] = float(np.hypot(*missed[after].mean(axis=0)))
-        about = tip[after] - tip[after].mean(axis=0)
-        values["residual_vibration"] = float(np.hypot(*about.T).max())
-    values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
-    values["torque_peak"] = float(abs(torque).max())
-    if moving.any():
-        missed_force = _force_error(result, reference, times, moving)
-        if missed_force is not None:
-            values["force_error_rms"] = _rms(missed_force)
-            values["force_error_peak"] = float(abs(missed_force).max())
+    channels = {name: result[name].values for name in MEASURED if name in result}
+    values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
     calls = result.attrs.get("controller_calls", 0)
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
     return values
+
+
+class Goal:
+    """Reference of runs at the times of their samples, from which their metrics are computed.
+
+    Args:
+        arm: arm whose rigid model the reference is for.
+        reference: with ``end_time`` (s), as motions have it, or moving to the end of the run.
+        times: (samples,) s.
+        settling: time (s) after the end of the motion to exclude from the metrics of the time
+            after it.
+
+    The first four metrics are relative to the tip of the rigid model along the reference, so they
+    include the sag under gravity.
+    """
+
+    def __init__(
+        self, arm: Arm, reference: Reference, times: FloatArray, settling: float = 0.0
+    ) -> None:
+        start = float(getattr(reference, "start_time", 0.0))
+        end = float(getattr(reference, "end_time", np.inf))
+        self._reference, self._times = reference, times
+        self._moving = (times >= start) & (times <= end)
+        self._after = times >= end + settling
+        self._tip = tip_reference(arm, reference, times)
+        self._joint_angle = _joint_angles(reference, times[self._moving], arm.joints)
+
+    def metrics(self, channels: Mapping[str, FloatArray]) -> dict[str, float]:
+        """Return the metrics of a run without controller, from its channels ``MEASURED``."""
+        moving, after = self._moving, self._after
+        tip, torque = channels["tip"], channels["torque"]
+        missed = tip - self._tip
+        distance = np.hypot(*missed.T)
+        joints = channels["joint_angle"][moving] - self._joint_angle
+        values = dict.fromkeys((metric.name for metric in METRICS), np.nan)
+        if moving.any():
+            values["tip_error_rms"] = _rms(distance[moving])
+            values["joint_error_rms"] = _rms(np.hypot.reduce(joints, axis=1))
+        values["tip_error_peak"] = float(distance.max())
+        if after.any():
+            values["tip_error_settled"] = float(np.hypot(*missed[after].mean(axis=0)))
+            about = tip[after] - tip[after].mean(axis=0)
+            values["residual_vibration"] = float(np.hypot(*about.T).max())
+        values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
+        values["torque_peak"] = float(abs(torque).max())
+        if moving.any() and "contact_force" in channels:
+            missed_force = self._force_error(channels["contact_force"])
+            if missed_force is not None:
+                values["force_error_rms"] = _rms(missed_force)
+                values["force_error_peak"] = float(abs(missed_force).max())
+        return values
+
+    def _force_error(self, contact_force: FloatArray) -> FloatArray | None:
+        """Return the error of the normal force during the motion, N; None without a reference."""
+        force = getattr(self._reference, "contact_force", None)
+        normal = getattr(self._reference, "normal", None)
+        if force is None or normal is None:
+            return None
+        now = self._times[self._moving]
+        desired = np.array([force(float(t)) for t in now])
+        across = np.array([normal(float(t)) for t in now])
+        missed: FloatArray = np.sum(across * contact_force[self._moving, 0], axis=1) - desired
+        return missed
 
 
 def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:
@@ -108,21 +142,6 @@ def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> Float
         return np.asarray(reference.joint_angle(times))
     angles = [np.asarray(reference.joint_angle(float(t))) for t in times]
     return np.array(angles).reshape(-1, joints)
-
-
-def _force_error(
-    result: xr.Dataset, reference: Reference, times: FloatArray, moving: NDArray[np.bool_]
-) -> FloatArray | None:
-    """Return the error of the normal contact force during the motion, N; None without one."""
-    force, normal = getattr(reference, "contact_force", None), getattr(reference, "normal", None)
-    if force is None or normal is None or "contact_force" not in result:
-        return None
-    now = times[moving]
-    on_arm = result["contact_force"].values[moving, 0]
-    desired = np.array([force(float(t)) for t in now])
-    across = np.array([normal(float(t)) for t in now])
-    missed: FloatArray = np.sum(across * on_arm, axis=1) - desired
-    return missed
 
 
 def _rms(values: FloatArray) -> float:

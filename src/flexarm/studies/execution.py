@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import lru_cache, partial
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache, partial
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexarm.arm import Arm
 from flexarm.errors import FlexarmError
 from flexarm.integrate.base import FloatArray
-from flexarm.model import StudySpec
+from flexarm.model import ArmSpec, StudySpec
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.paths import with_number
 from flexarm.model.scenarios.study import plant_spec
@@ -21,10 +21,13 @@ from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.simulation.compare import Evaluation, evaluated
 from flexarm.simulation.metrics import METRICS
+from flexarm.studies.batches import Case, evaluated_together
 from flexarm.studies.samples import Samples, in_study
 
 #: Recorded metrics. The computing time of controllers differs from run to run.
 RECORDED = tuple(metric for metric in METRICS if metric.name != "controller_time")
+#: Samples that are simulated together, in the lanes of ``simulate_batch`` where it has them.
+_TOGETHER = 128
 #: Code that is compiled in the middle of a run may differ in the last digits.
 _EXACT = {"specialized": False}
 
@@ -76,55 +79,98 @@ class Executor:
         )
         names = self._prepared.names
         runs = list(product(names["controller"], names["plant"], names["reference"]))
-        for k in range(count):
-            values = dict(zip(self.samples.paths, found.parameters[k].tolist(), strict=True))
+        for first in range(0, count, _TOGETHER):
+            rows = range(first, min(first + _TOGETHER, count))
+            samples = {k: self._sample(found.parameters[k]) for k in rows}
             for index, chosen in zip(np.ndindex(self.shape), runs, strict=True):
-                one = self._run(start + k, values, chosen)
-                place = (k, *index)
-                for j, metric in enumerate(RECORDED):
-                    found.metrics[(*place, j)] = one.metrics.get(metric.name, np.nan)
-                found.failure[place] = one.failure
-                found.warning[place] = one.warning or one.unstable
+                for k, one in self._evaluations(samples, start, chosen):
+                    place = (k, *index)
+                    for j, metric in enumerate(RECORDED):
+                        found.metrics[(*place, j)] = one.metrics.get(metric.name, np.nan)
+                    found.failure[place] = one.failure
+                    found.warning[place] = one.warning or one.unstable
         return found
 
-    def _run(self, k: int, values: Mapping[str, float], chosen: tuple[str, str, str]) -> Evaluation:
-        """Execute one run of sample k; ``chosen``: its drive, plant and motion."""
-        try:
-            prepared, simulated = self._varied(values, chosen[1])
-        except FlexarmError as error:  # impossible values, or no reference exists for them
-            return Evaluation(failure=str(error))
-        instead: dict[str, Any] = dict(_EXACT)
+    def _sample(self, values: FloatArray) -> _Sample:
+        named = dict(zip(self.samples.paths, values.tolist(), strict=True))
+        return _Sample(self._prepared, named)
+
+    def _evaluations(
+        self, samples: Mapping[int, _Sample], start: int, chosen: tuple[str, str, str]
+    ) -> Iterator[tuple[int, Evaluation]]:
+        """Execute one run of each sample; ``chosen``: its drive, plant and motion.
+
+        Args:
+            samples: by their numbers, counted from ``start``.
+        """
+        cases = []
+        for k, sample in samples.items():
+            try:
+                cases.append(Case(k, sample.prepared, sample.simulated(chosen[1])))
+            except FlexarmError as error:  # impossible values, or no reference exists for them
+                yield k, Evaluation(failure=str(error))
+        together = evaluated_together(cases, *chosen)
+        for case in cases:
+            k = case.number
+            yield k, together.get(k) or self._alone(start + k, case, chosen)
+
+    def _alone(self, k: int, case: Case, chosen: tuple[str, str, str]) -> Evaluation:
+        """Execute one run of sample k by ``simulate``."""
+        prepared, instead = case.prepared, dict[str, Any](_EXACT)
         seed, hardware = self.samples.noise_seed(k), prepared.study.hardware
         if seed is not None and hardware is not None and prepared.controlled(chosen[0]):
             instead["hardware"] = hardware.replace(seed=seed)
-        run = partial(prepared.one, *chosen, simulated, **instead)
+        run = partial(prepared.one, *chosen, case.simulated, **instead)
         return evaluated(run, prepared.arm, prepared.study.run.settling)
 
-    def _varied(self, values: Mapping[str, float], plant: str) -> tuple[PreparedStudy, Arm | None]:
-        """Return the study of a sample, and its simulated arm if that differs from the plant.
+
+class _Sample:
+    """One sample of a study: its file and its simulated arms, created when they are needed.
+
+    Args:
+        study: the study without variation.
+        values: of the varied numbers, by path.
+    """
+
+    def __init__(self, study: PreparedStudy, values: Mapping[str, float]) -> None:
+        self._study = study
+        self._own = {path: value for path, value in values.items() if in_study(path)}
+        self._of_arm = {path: value for path, value in values.items() if path not in self._own}
+        self._arms: dict[str, Arm] = {}
+
+    @cached_property
+    def prepared(self) -> PreparedStudy:
+        """The study with the numbers of its file.
 
         Raises:
-            InputError: if the values are not possible.
+            InputError: if the numbers are not possible.
             FlexarmError: if a reference or an equilibrium for them was not found.
         """
-        own = {path: value for path, value in values.items() if in_study(path)}
-        prepared = _changed(self._prepared, tuple(own.items())) if own else self._prepared
-        if len(own) == len(values):
-            return prepared, None
-        spec = prepared.study.arm
-        for path, value in values.items():
-            if path not in own:
-                spec = with_number(spec, path, value)
-        return prepared, Arm(plant_spec(spec, prepared.study.plants[plant]))
+        if not self._own:
+            return self._study
+        study: StudySpec = self._study.study
+        for path, value in self._own.items():
+            study = with_number(study, path, value)
+        return PreparedStudy(study)
 
+    def simulated(self, plant: str) -> Arm | None:
+        """Return the simulated arm if it differs from that of the plant in the file.
 
-@lru_cache(maxsize=2)
-def _changed(prepared: PreparedStudy, values: tuple[tuple[str, float], ...]) -> PreparedStudy:
-    """Return a study with other numbers in its file."""
-    study: StudySpec = prepared.study
-    for path, value in values:
-        study = with_number(study, path, value)
-    return PreparedStudy(study)
+        Raises:
+            InputError: if the numbers are not possible.
+        """
+        if not self._of_arm:
+            return None
+        if plant not in self._arms:
+            self._arms[plant] = Arm(plant_spec(self._spec, self.prepared.study.plants[plant]))
+        return self._arms[plant]
+
+    @cached_property
+    def _spec(self) -> ArmSpec:
+        spec = self.prepared.study.arm
+        for path, value in self._of_arm.items():
+            spec = with_number(spec, path, value)
+        return spec
 
 
 @lru_cache(maxsize=2)

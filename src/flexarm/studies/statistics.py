@@ -34,6 +34,7 @@ def study_statistics(
     quantiles: ArrayLike = (0.05, 0.5, 0.95),
     *,
     limits: Mapping[str, float] | None = None,
+    nominal: xr.Dataset | None = None,
     confidence: float = 0.95,
 ) -> xr.Dataset:
     """Return quantiles of the metrics of a study and the rate of its failures.
@@ -43,16 +44,20 @@ def study_statistics(
         quantiles: probabilities between 0 and 1.
         limits: largest acceptable values of metrics by name. A run that exceeds one, whose metric
             is NaN, or which failed, counts as a failure; by default only runs that failed.
+        nominal: metrics without variation, as returned by `Study.nominal`.
         confidence: probability that the interval of the failure rate contains the true one.
 
     Returns:
         Dataset over controller, plant and reference with each metric over ``quantile``, from the
         runs that did not fail; ``samples``, their number; ``failure_rate`` and its limits
         ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson.
+        With ``nominal`` also ``NAME_ratio`` for each metric: its quantiles divided by its nominal
+        value, NaN if that is zero or its run failed.
 
     Raises:
         InputError: if the table is not one of a study, a probability or a limit is not possible,
-            or a metric with a limit is NaN for all runs that did not fail.
+            a metric with a limit is NaN for all runs that did not fail, or ``nominal`` has other
+            controllers, plants or references.
 
     Quantiles of the metrics leave out runs that failed, so look at the rate of failures first. The
     interval assumes independent samples: it is exact for ``random`` and on the safe side for Latin
@@ -77,6 +82,8 @@ def study_statistics(
         of_metric = _quantiles(table[metric.name].transpose(*DIMS).values, probabilities)
         labels = {"units": metric.unit, "long_name": metric.meaning}
         found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
+    if nominal is not None:
+        found = found.assign(_ratios(found, nominal))
     count = table.sizes["sample"]
     intervals = np.array(
         [binomtest(int(k), count).proportion_ci(level) for k in failed.sum(axis=0).ravel()]
@@ -149,6 +156,28 @@ def sensitivity_indices(
     for name, array in found.items():
         made[name] = ((*DIMS[1:], "parameter"), array)
     return made
+
+
+def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
+    """Return the quantiles of metrics divided by their nominal values.
+
+    Raises:
+        InputError: if the runs have no nominal values.
+    """
+    known = check_dataset("nominal", nominal, DIMS[1:], "a table of Study.nominal")
+    for dim in DIMS[1:]:
+        own, other = found[dim].values.tolist(), known[dim].values.tolist()
+        if sorted(own) != sorted(other):
+            rule = f"have the same names of {dim} as the table"
+            raise InputError(Problem("nominal", rule, shown(other)))
+    ratios = {}
+    for metric in METRICS:
+        if metric.name in found and metric.name in known:
+            values = known[metric.name].where(known[metric.name] > 0.0)
+            ratio = (found[metric.name] / values).transpose("quantile", *DIMS[1:])
+            meaning = f"{metric.name}, divided by its nominal value"
+            ratios[f"{metric.name}_ratio"] = ratio.assign_attrs(units="1", long_name=meaning)
+    return ratios
 
 
 def _is_parameter(name: Any, item: xr.DataArray) -> bool:

@@ -12,10 +12,19 @@ import numpy as np
 
 from flexarm.arguments import check_count, check_flag, check_path
 from flexarm.arm import Arm
-from flexarm.batch.execution import usable_cores
 from flexarm.engine.progress import Meter
-from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
+from flexarm.model.checks import checked_arguments
+from flexarm.processes import check_workers
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.studies.execution import Executor, Outcomes, executor_of
@@ -37,6 +46,8 @@ if TYPE_CHECKING:
 #: tasks for each worker, so that all end at about the same time, unless they get too short.
 TASK_SECONDS, TASKS_PER_WORKER, LEAST_SECONDS = 1.0, 8, 0.2
 _MOST_CHUNK = 4096
+#: Duration of a sample (s) below which more of them are measured.
+_SHORT = 0.02
 
 
 class Study:
@@ -52,6 +63,9 @@ class Study:
         ModelError: if the study is not valid; it lists every problem.
         InputError: if a motion leaves the arm's reach, a drive does not fit the arm, or a path of
             ``vary`` leads to no number.
+
+    Warns:
+        FlexarmWarning: if the number of Sobol samples is not a power of two.
     """
 
     @public_call
@@ -60,6 +74,7 @@ class Study:
         self._text = file_text(spec)
         self._prepared = PreparedStudy(spec, place)
         self._executor = Executor(self._prepared, place)
+        _warn_of_unbalanced(spec)
         self.samples = self._executor.samples.count
         self.runs = self.samples * int(np.prod(self._executor.shape))
 
@@ -83,8 +98,9 @@ class Study:
                 ``"tcp://host:8786"``; None for processes of this computer.
             resume: whether a store that exists is continued; otherwise it is an error.
             workers: number of those processes, by default one for each core; 1 uses none but this.
-            chunk: samples of a task; by default from the measured duration of the first sample.
-            progress: True or False shows or hides the bar.
+            chunk: samples of a task; by default from the measured duration of the first ones.
+            progress: True or False shows or hides the bar. By default a terminal shows it, and
+                other streams get a line from time to time.
 
         Returns:
             Dataset (sample, controller, plant, reference) with the metrics of ``compare`` without
@@ -102,7 +118,7 @@ class Study:
         processes require the guard ``if __name__ == "__main__":``.
         """
         check_flag("resume", resume)
-        count = usable_cores() if workers is None else check_count("workers", workers, most=1024)
+        count = check_workers("workers", workers)
         chunk = None if chunk is None else check_count("chunk", chunk)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))
@@ -121,6 +137,22 @@ class Study:
         self._execute(record_chunk, tasks, lambda *_: None, client, count, progress)
         kept.clean()
         return kept.table()
+
+    @public_call
+    def nominal(self, *, workers: int = 1, progress: bool | None = None) -> xr.Dataset:
+        """Run the study once with the numbers of its file, without variation.
+
+        Args:
+            workers: number of processes if the runs take long; None for one for each core.
+            progress: True or False shows or hides the bar.
+
+        Returns:
+            The table of ``compare``, with the drives as controllers.
+
+        Raises:
+            InputError: if the first run cannot start.
+        """
+        return self._prepared.run(progress, check_workers("workers", workers))
 
     @public_call
     def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:
@@ -162,14 +194,20 @@ class Study:
         return kept
 
     def _measured_chunk(self, workers: int) -> int:
-        """Return the number of samples of a task, from the duration of the first sample."""
-        self._executor.outcomes(0, 1)  # compiles
-        started = time.perf_counter()
-        self._executor.outcomes(0, 1)
-        per_sample = max(time.perf_counter() - started, 1e-6)
+        """Return the number of samples of a task, from the duration of the first samples."""
+        per_sample = self._measured_seconds(1)
+        if per_sample < _SHORT:  # runs of several samples in lanes take less
+            per_sample = self._measured_seconds(min(LANES, self.samples))
         longest, least = TASK_SECONDS / per_sample, LEAST_SECONDS / per_sample
         size = min(longest, max(self.samples / (TASKS_PER_WORKER * workers), least))
         return int(2 ** np.floor(np.log2(min(max(size, 1.0), _MOST_CHUNK))))
+
+    def _measured_seconds(self, count: int) -> float:
+        """Return the duration of a sample, s, if ``count`` of them are executed together."""
+        self._executor.outcomes(0, count)  # compiles
+        started = time.perf_counter()
+        self._executor.outcomes(0, count)
+        return max((time.perf_counter() - started) / count, 1e-6)
 
     def _in_memory(
         self, chunk: int, client: Any, workers: int, progress: bool | None
@@ -196,7 +234,7 @@ class Study:
     ) -> None:
         """Execute tasks in this process or on a cluster; ``done`` receives their results."""
         count = 0
-        with Meter("simulating", progress) as meter:
+        with Meter("simulating", progress, lines=True) as meter:
 
             def report(place: int, result: Any) -> None:
                 nonlocal count
@@ -242,6 +280,18 @@ def read_study(store: str | os.PathLike[str]) -> xr.Dataset:
     return kept.table()
 
 
+def _warn_of_unbalanced(study: StudySpec) -> None:
+    """Warn if the number of Sobol samples is not a power of two."""
+    plan = study.samples
+    if plan is None or plan.method != "sobol" or plan.count is None:
+        return
+    if plan.count & (plan.count - 1):
+        below = 2 ** (plan.count.bit_length() - 1)
+        text = f"samples.count {plan.count} is not a power of two: such parts of a Sobol sequence"
+        advice = f"cover their range unevenly. Use {below} or {2 * below}."
+        warn_caller(f"{text} {advice}", FlexarmWarning)
+
+
 def _located(study: object) -> tuple[StudySpec, Where]:
     if isinstance(study, StudySpec):
         return study, lambda _: "study"
@@ -251,5 +301,5 @@ def _located(study: object) -> tuple[StudySpec, Where]:
             raise InputError(Problem("study", "have text as keys", shown(content)))
         if isinstance(content.get("arm"), Arm):
             content["arm"] = content["arm"].spec
-        return StudySpec(**content), lambda _: "study"
+        return checked_arguments(StudySpec, **content), lambda _: "study"
     return locate_study(check_path("study", study))

@@ -37,6 +37,19 @@ def test_checked_copy_validates_values(spec):
 
 
 @pytest.mark.parametrize(
+    ("path", "value", "name"),
+    [
+        ("payload.mass", -1.0, "payload.mass must be at least 0, got -1."),
+        ("links[0].length", -1.0, "links[0].length must be greater than 0, got -1."),
+    ],
+)
+def test_wrong_values_are_reported_with_their_path(spec, path, value, name):
+    with pytest.raises(fa.ModelError) as caught:
+        with_number(spec, path, value)
+    assert str(caught.value) == name
+
+
+@pytest.mark.parametrize(
     ("path", "hint"),
     [
         ("link[0].length", "The arm has no link; did you mean links?"),

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arguments import check_count
 from flexarm.arm import Arm
-from flexarm.batch.execution import usable_cores
 from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.batch.plants import LanePlants, Places
 from flexarm.bridges.gymnasium_env.base import ArmEnv
@@ -24,6 +23,7 @@ from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.observe import channels_of
+from flexarm.processes import check_workers
 
 BoolArray = NDArray[np.bool_]
 _Steps = tuple[Vector, FloatArray, BoolArray, BoolArray, dict[str, Any]]
@@ -75,7 +75,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             rule = "must have no joint limits in a vector environment"
             raise InputError(Problem("the arm", rule, hint=_SYNC))
         self.num_envs = check_count("num_envs", num_envs)
-        threads = usable_cores() if threads is None else check_count("threads", threads, most=1024)
+        threads = check_workers("threads", threads)
         self._mode = _checked_mode(autoreset_mode)
         self.metadata = {**task.metadata, "autoreset_mode": self._mode}
         self.render_mode = task.render_mode

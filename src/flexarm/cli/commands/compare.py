@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.cli.commands.sweep import draw_samples, print_statistics
+from flexarm.cli.commands.sweep import (
+    draw_samples,
+    limits_of,
+    print_statistics,
+    read_study_file,
+)
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import FlexarmWarning
+from flexarm.errors import FlexarmWarning, InputError, Problem
 from flexarm.model import locate_study
 from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
+from flexarm.processes import check_workers
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.studies.study import Study
 from flexarm.writing.places import check_place, write_text, write_whole
@@ -41,14 +48,17 @@ _PRESSING = (
 )
 
 
-def compare_file(path: Path, out: Path | None, plot: Path | None, workers: int | None) -> None:
+def compare_file(
+    path: Path, out: Path | None, plot: Path | None, workers: int | None, limits: Sequence[str] = ()
+) -> None:
     """Run the study in a file.
 
     The file and the output paths are validated before the runs. If numbers of the study vary, the
     table has their statistics.
 
     Args:
-        workers: number of processes for the samples; None for one for each core.
+        workers: number of processes; None for one for each core.
+        limits: largest acceptable metrics of samples, as ``NAME=VALUE``.
 
     Raises:
         InputError: if the file is not valid or an output path cannot be written.
@@ -59,12 +69,14 @@ def compare_file(path: Path, out: Path | None, plot: Path | None, workers: int |
     if plot is not None:
         check_place("--plot", plot, FIGURE_SUFFIXES)
     if located[0].samples is not None:
-        _compare_samples(Study(path).run(workers=workers), out, plot)
+        _compare_samples(read_study_file(path), out, plot, workers, limits_of(limits))
         return
+    if limits:
+        raise InputError(Problem("--limit", "requires a study with samples"))
     prepared = PreparedStudy(*located)
     with warnings.catch_warnings():  # printed below with the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
-        table = prepared.run()
+        table = prepared.run(workers=check_workers("--workers", workers))
     screen = console()
     for reference in table["reference"].values:
         screen.print(_printed(table.sel(reference=reference), str(reference)), soft_wrap=True)
@@ -81,9 +93,20 @@ def compare_file(path: Path, out: Path | None, plot: Path | None, workers: int |
         screen.print(f"plot in {plot}", soft_wrap=True)
 
 
-def _compare_samples(table: xr.Dataset, out: Path | None, plot: Path | None) -> None:
+def _compare_samples(
+    study: Study,
+    out: Path | None,
+    plot: Path | None,
+    workers: int | None,
+    limits: dict[str, float],
+) -> None:
     """Print the statistics of samples, and write the requested files."""
-    print_statistics(table)
+    workers = check_workers("--workers", workers)
+    with warnings.catch_warnings():  # those of the samples are printed
+        warnings.simplefilter("ignore", FlexarmWarning)
+        nominal = study.nominal(workers=workers)
+    table = study.run(workers=workers)
+    print_statistics(table, limits, nominal)
     if out is not None:
         _save(table, out)
         console().print(f"table in {out}", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from flexarm.arguments import check_choice
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, SimulationError, shown
+from flexarm.errors import FlexarmWarning, InputError, Problem, SimulationError, shown
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.studies.execution import RECORDED
 from flexarm.studies.statistics import study_statistics
@@ -29,6 +30,8 @@ _COLUMNS = (
     ("force_error_rms", "RMS N", 1.0),
     ("torque_peak", "peak N m", 1.0),
 )
+#: The same for a comparison with the runs without variation.
+_ROBUSTNESS = (_COLUMNS[0], ("tip_error_rms_ratio", "ratio", 1.0), _COLUMNS[2])
 _QUANTILES = (0.5, 0.95)
 #: Samples that ``--verify`` repeats.
 _REPEATED = 10
@@ -66,8 +69,8 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         InputError: if the file or an option is not valid, or the store exists.
         SimulationError: if a repeated sample differs.
     """
-    limits = dict(map(_limit, options.limits))
-    study = Study(path)
+    limits = limits_of(options.limits)
+    study = read_study_file(path)
     if options.plot is not None:
         check_place("--plot", options.plot, FIGURE_SUFFIXES)
     out = options.out or path.with_suffix(".zarr")
@@ -86,9 +89,31 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         screen.print(f"{min(_REPEATED, study.samples)} samples repeated: identical")
 
 
-def print_statistics(table: xr.Dataset, limits: dict[str, float] | None = None) -> None:
-    """Print the statistics of a study, and the first failure and the first warning of each run."""
-    found = study_statistics(table, _QUANTILES, limits=limits)
+def read_study_file(path: Path) -> Study:
+    """Read the file of a study; print the warnings.
+
+    Raises:
+        InputError: if the file is not valid.
+    """
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always", FlexarmWarning)
+        study = Study(path)
+    for one in found:
+        warn(str(one.message))
+    return study
+
+
+def print_statistics(
+    table: xr.Dataset, limits: dict[str, float], nominal: xr.Dataset | None = None
+) -> None:
+    """Print the statistics of a study, and the first failure and the first warning of each run.
+
+    Args:
+        nominal: table without variation, for the ratios to it.
+    """
+    found = study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
+    if nominal is not None:
+        found["nominal"] = 1e3 * nominal["tip_error_rms"]
     screen = console()
     for reference in found["reference"].values:
         screen.print(_printed(found.sel(reference=reference), str(reference)), soft_wrap=True)
@@ -105,6 +130,15 @@ def draw_samples(table: xr.Dataset, plot: Path) -> None:
     console().print(f"plot in {plot}", soft_wrap=True)
 
 
+def limits_of(texts: Sequence[str]) -> dict[str, float]:
+    """Return limits of metrics from texts ``NAME=VALUE``.
+
+    Raises:
+        InputError: if a text is not such a limit.
+    """
+    return dict(map(_limit, texts))
+
+
 def _limit(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     name = check_choice("--limit", name.strip(), [metric.name for metric in RECORDED])
@@ -116,12 +150,15 @@ def _limit(text: str) -> tuple[str, float]:
 
 
 def _printed(found: xr.Dataset, reference: str) -> object:
-    shown_columns = [c for c in _COLUMNS if np.isfinite(found[c[0]].values).any()]
+    compared = "nominal" in found
+    columns = _ROBUSTNESS if compared else _COLUMNS
+    shown_columns = [c for c in columns if np.isfinite(found[c[0]].values).any()]
     rows = []
     for drive in found["controller"].values:
         for k, plant in enumerate(found["plant"].values):
             one = found.sel(controller=drive, plant=plant)
-            cells = [
+            cells = [f"{one['nominal'].item():.3g}"] if compared else []
+            cells += [
                 " / ".join(f"{factor * value:.3g}" for value in one[name].values)
                 for name, _, factor in shown_columns
             ]
@@ -131,8 +168,10 @@ def _printed(found: xr.Dataset, reference: str) -> object:
             cells.append(f"{rate} ({low}-{high})")
             rows.append([str(drive) if k == 0 else "", str(plant), *cells])
     title = f"Along {reference}: median / 95 % quantile; failures with their 95 % interval"
-    heads = ["drive", "plant", *(head for _, head, _ in shown_columns), "failed %"]
-    return numbers(title, heads, rows)
+    if compared:
+        title += "; ratio: to the RMS without variation"
+    heads = ["drive", "plant", *["nominal"] * compared, *(c[1] for c in shown_columns)]
+    return numbers(title, [*heads, "failed %"], rows)
 
 
 def _percent(fraction: float) -> str:

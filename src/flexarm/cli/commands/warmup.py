@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -13,6 +11,7 @@ from flexarm.cli.features import FEATURES, compile_feature
 from flexarm.cli.tables import console
 from flexarm.errors import InputError, Problem
 from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
+from flexarm.processes import process_pool, usable_cores
 
 
 def compile_everything() -> None:
@@ -29,8 +28,8 @@ def compile_everything() -> None:
     compiled = 0.0
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
-    workers = min(os.cpu_count() or 1, len(FEATURES))
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    workers = min(usable_cores(), len(FEATURES))
+    pool = process_pool(workers, int)
     with bar, pool:
         task = bar.add_task("compiling", total=len(FEATURES))
         waiting = {pool.submit(compile_feature, name): name for name in FEATURES}

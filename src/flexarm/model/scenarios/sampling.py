@@ -85,7 +85,7 @@ class SamplePlan(Record):
 
     method: Literal["latin_hypercube", "sobol", "random", "grid"] = Field(
         default="latin_hypercube",
-        description="ListedValues of the samples; a grid has all combinations.",
+        description="Choice of the samples; a grid has all combinations.",
     )
     count: Count | None = Field(
         default=None, description="Number of samples; a grid has its own number."
@@ -121,6 +121,9 @@ def sampling_faults(given: Given) -> Iterator[Fault]:
         yield Fault(("vary",), "is required with a grid")
     if plan.noise == "different" and given.absent("hardware"):
         yield Fault(("samples", "noise"), "requires hardware, whose noise it is")
+    elif not vary and plan.noise == "same" and (plan.count or 1) > 1:
+        hint = "All samples would be equal. Give each its own noise with `noise: different`."
+        yield Fault(("vary",), f"is required with {plan.count} samples", hint=hint)
     count = plan.count or 1
     for name, item in vary.items() if plan.method == "grid" else ():
         if isinstance(item, NormalDistribution):

@@ -1,0 +1,117 @@
+"""Samples that are simulated together have the numbers of single runs, to the last bit."""
+
+import numpy as np
+import pytest
+from small_study import PD, content
+
+import flexarm as fa
+from flexarm.batch import lanes
+from flexarm.model import StudySpec, file_text
+from flexarm.scenarios.study import PreparedStudy
+from flexarm.simulation.metrics import metrics_of
+from flexarm.studies import batches
+from flexarm.studies.execution import RECORDED, Executor
+
+MASS = content()["vary"]["payload.mass"]
+#: A motion that is slow enough for a quasi-static reference.
+SLOW = {"kind": "joint", "start": [0.2, -0.4], "end": [0.2001, -0.3999], "duration": 0.04}
+#: Studies by what differs from sample to sample.
+VARIED = {
+    "arm": {},
+    "torque": {"vary": {"payload.mass": MASS, "motions.move.duration": {**MASS, "low": 0.03}}},
+    "duration": {"vary": {"run.duration": {"kind": "values", "values": [0.05, 0.06]}}},
+    "believed arm": {"vary": {"arm.payload.mass": MASS}},
+    "failing": {"vary": {"payload.mass": {"kind": "values", "values": [0.1, -1.0, 1e40]}}},
+    "plants": {
+        "plants": {
+            "softer": {"flexural_rigidity_factor": 0.7},
+            "loaded": {"loads": [{"link": 2, "force": [0.0, -0.5]}]},
+            "changed": {"changes": [{"path": "payload.mass", "at": 0.02, "to": 0.4}]},
+        }
+    },
+    "drives": {
+        "drives": {
+            "none": {"kind": "none"},
+            "bent": {"kind": "quasi_static"},
+            "samples": {"kind": "torque", "rate": 100.0, "values": [[0.1, 0.0]] * 5},
+            "PD": PD,
+        },
+        "motions": {"slow": SLOW},
+    },
+}
+
+
+def executor(**changes):
+    return Executor(PreparedStudy(StudySpec(**content(**changes))))
+
+
+@pytest.mark.parametrize("changes", VARIED.values(), ids=VARIED)
+def test_chunks_do_not_change_numbers(changes, monkeypatch):
+    study = executor(**changes)
+    whole = study.outcomes(0, 12)
+    monkeypatch.setattr(batches, "_MEMORY", 5000)  # of three runs or less
+    parts = [study.outcomes(k, min(k + 5, 12)) for k in range(0, 12, 5)]
+    monkeypatch.setattr(batches, "_OWN", ())  # no argument fits: each run by `simulate`
+    alone = study.outcomes(0, 12)
+    for name in whole._fields:
+        expected = getattr(alone, name)
+        joined = np.concatenate([getattr(part, name) for part in parts])
+        for found in (getattr(whole, name), joined):
+            np.testing.assert_array_equal(found, expected, err_msg=name)
+    succeeded = whole.failure == ""
+    assert succeeded.any()
+    assert np.isfinite(whole.metrics[..., 0][succeeded]).all()
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # of links that bend far
+def test_numbers_equal_those_of_a_scenario():
+    """The metrics of a sample are those of the result of `simulate` for its arm."""
+    study = executor()
+    found = study.outcomes(0, 3)
+    for k in range(3):
+        mass, rigidity = study.samples.values(k, k + 1)[0]
+        prepared = PreparedStudy(StudySpec(**content()))
+        first, second = prepared.arm.spec.links
+        arm = fa.Arm(
+            links=[first.replace(flexural_rigidity=rigidity), second],
+            joints=prepared.arm.spec.joints,
+            payload=fa.Payload(mass=mass),
+        )
+        result, reference = prepared.one("torque", "as believed", "move", arm, specialized=False)
+        expected = metrics_of(result, prepared.arm, reference)
+        for j, metric in enumerate(RECORDED):
+            value = found.metrics[k, 0, 0, 0, j]
+            np.testing.assert_array_equal(value, expected[metric.name], err_msg=metric.name)
+
+
+@pytest.mark.compiled
+def test_open_loops_are_simulated_in_lanes(monkeypatch):
+    """Of two drives on two plants, 12 runs each, only those of the torque are in lanes."""
+    calls, runs = [], []
+    together, outcome = batches.simulate_batch, lanes.Lanes._outcome
+
+    def counted(arms, *given, **named):
+        calls.append(len(arms))
+        return together(arms, *given, **named)
+
+    def executed(self, *arguments):
+        found = outcome(self, *arguments)
+        runs.extend(found.runs)
+        return found
+
+    monkeypatch.setattr(batches, "simulate_batch", counted)
+    monkeypatch.setattr(lanes.Lanes, "_outcome", executed)
+    drives = {"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}
+    executor(drives=drives, plants={"one": {}, "two": {"mass_factor": 1.5}}).outcomes(0, 12)
+    assert calls == [12, 12]
+    assert len(runs) == 24
+
+
+def test_verified_samples_are_executed_alone(tmp_path):
+    """They repeat the numbers of chunks with several samples in lanes."""
+    study = fa.Study(content(drives={"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}))
+    study.run(tmp_path / "a.zarr", workers=1, chunk=12)
+    assert study.verify(tmp_path / "a.zarr", 12) == []
+    again = fa.Study(content(drives={"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}))
+    assert file_text(StudySpec(**content())) != again._text
+    assert again.verify(tmp_path / "a.zarr", 5, seed=1) == []
