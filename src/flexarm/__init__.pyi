@@ -17,6 +17,7 @@ from .bridges.symbolic.jax_model import to_jax as to_jax
 from .control.base import Controller as Controller
 from .control.requirements import ControllerRequirements as ControllerRequirements
 from .control_design.input_shaping import shaped as shaped
+from .control_design.input_shaping import shaper_sensitivity as shaper_sensitivity
 from .controllers import LQG as LQG
 from .controllers import MPC as MPC
 from .controllers import Adaptive as Adaptive
