@@ -27,8 +27,10 @@ from .controllers import ComputedTorque as ComputedTorque
 from .controllers import DisturbanceObserver as DisturbanceObserver
 from .controllers import HybridForce as HybridForce
 from .controllers import Impedance as Impedance
+from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
+from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback

@@ -44,6 +44,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Hardware", "Instrument", "Motors"),
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
+        *("PositivePositionFeedback", "IntegralResonantControl"),
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
     ),

@@ -81,7 +81,8 @@ def impulses(method: str, damping_ratio: float, tolerance: float, insensitivity:
         return specified_insensitivity(damping_ratio, tolerance, insensitivity)
     left = float(np.exp(-np.pi * _slope(damping_ratio)))
     parts = np.array(SHAPERS[method](left, tolerance))
-    return Impulses(parts / parts.sum(), np.pi * np.arange(len(parts)))
+    phases: Floats = np.pi * np.arange(len(parts), dtype=np.float64)
+    return Impulses(parts / parts.sum(), phases)
 
 
 def residual(shaper: Impulses, damping_ratio: float, frequency_ratio: Floats) -> Floats:
