@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control.base import (
@@ -17,6 +18,7 @@ from flexarm.control.base import (
     report_of,
     requirements_of,
 )
+from flexarm.control.feedforward import SampledFeedforward
 from flexarm.control.parametrised import OfArm
 from flexarm.control.requirements import JOINTS
 from flexarm.control_design.flexible_model import FlexibleModel
@@ -26,7 +28,7 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
-from flexarm.loop_analysis.linear_controller import memory_of
+from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
 from flexarm.model.drives.around import StrainDampingParameters
 
 #: Smallest singular value, relative to the largest one, at which strains distinguish modes and
@@ -70,12 +72,27 @@ class ShiftedReference:
         return 0.0 * self._angle if self._outer is None else self._outer.joint_acceleration(t)
 
 
+class StrainsAlong:
+    """Strains (gauges,) of the bent arm along a reference that computes its bending."""
+
+    vectorized = True
+
+    def __init__(self, reference: Any, strains: FloatArray) -> None:
+        self._reference, self._strains = reference, strains
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        times = np.asarray(t, dtype=np.float64)
+        found: FloatArray = self._reference.coordinates(times.reshape(-1))[0] @ self._strains.T
+        return found.reshape(*times.shape, -1)
+
+
 class StrainDamping(StrainDampingParameters, OfArm, Controller):
     """Base of controllers that damp the lowest modes by strain feedback around a joint loop.
 
-    Strains that differ from those of the statically bent arm along the reference give the modal
-    signals, (C.17). A subclass converts them to a motion of the joints, which is added to
-    the reference of ``inner``.
+    Strains that differ from those along the reference give the modal signals, (C.17). A subclass
+    converts them to a motion of the joints, which is added to the reference of ``inner``. Along a
+    reference of the flexible arm the strains are its own; along others, and without a reference,
+    those of the statically bent arm.
     """
 
     inner: Controller
@@ -136,6 +153,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         # Tustin's rule, because a zero-order hold of the strain would delay the feedback.
         self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
         self._state = np.zeros(len(law.A))
+        self._followed: Reference | None = None
+        self._along: SampledFeedforward | None = None
         self._nominal = PreviewedReference(
             self._model, self._sag, self.sample_time, 1, self._static_strain
         )
@@ -150,13 +169,25 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         nominal = self._nominal.at(t, measurement.joint_angle, reference)
-        strain = measurement.strain - nominal.shown - self._bend.dot(nominal.missing)
+        if reference is not self._followed:
+            self._followed, self._along = reference, self._strains_along(reference)
+        if self._along is None:
+            strain = measurement.strain - nominal.shown - self._bend.dot(nominal.missing)
+        else:
+            strain = measurement.strain - self._along(t)
         motion = self._C.dot(self._state) + self._D.dot(strain)
         self._state = self._A.dot(self._state) + self._B.dot(strain)
         m = self.arm.joints
         rate = nominal.qd[self.arm.joint_index] + motion[m:]
         shifted = ShiftedReference(nominal.angle + motion[:m], rate, reference)
         return np.asarray(self.inner.update(t, measurement, shifted), dtype=np.float64)
+
+    def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
+        """Return the strains of a reference that computes them, as a function of time."""
+        # For small deviations from a constant reference it does not matter which strains it has.
+        if isinstance(reference, FrozenReference) or not hasattr(reference, "coordinates"):
+            return None
+        return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
 
     def _static_strain(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the strains (T, gauges) at q (T, dof)."""
