@@ -61,6 +61,8 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
     "estimator": _estimator,
+    "positive_position_feedback": lambda arm: fa.PositivePositionFeedback(arm, fa.JointPD(*_PD)),
+    "integral_resonant_control": lambda arm: fa.IntegralResonantControl(arm, fa.JointPD(*_PD)),
 }
 #: Conditions in which controllers take longer. Without limits, LQG requests up to 28 and 9 N m.
 CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {

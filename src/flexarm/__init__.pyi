@@ -17,6 +17,7 @@ from .bridges.symbolic.jax_model import to_jax as to_jax
 from .control.base import Controller as Controller
 from .control.requirements import ControllerRequirements as ControllerRequirements
 from .control_design.input_shaping import shaped as shaped
+from .control_design.input_shaping import shaper_sensitivity as shaper_sensitivity
 from .controllers import LQG as LQG
 from .controllers import MPC as MPC
 from .controllers import Adaptive as Adaptive
@@ -26,8 +27,10 @@ from .controllers import ComputedTorque as ComputedTorque
 from .controllers import DisturbanceObserver as DisturbanceObserver
 from .controllers import HybridForce as HybridForce
 from .controllers import Impedance as Impedance
+from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
+from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback

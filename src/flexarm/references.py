@@ -49,6 +49,37 @@ _ENTRIES = {
   title = {Applied Optimal Control},
   publisher = {Hemisphere}, address = {Washington}, year = {1975}
 }""",
+    "GohCaughey1985": """@article{GohCaughey1985,
+  author = {Goh, C. J. and Caughey, T. K.},
+  title = {On the stability problem caused by finite actuator dynamics in the collocated control
+    of large space structures},
+  journal = {International Journal of Control},
+  volume = {41}, number = {3}, pages = {787--802}, year = {1985}
+}""",
+    "FansonCaughey1990": """@article{FansonCaughey1990,
+  author = {Fanson, J. L. and Caughey, T. K.},
+  title = {Positive position feedback control for large space structures},
+  journal = {AIAA Journal}, volume = {28}, number = {4}, pages = {717--724}, year = {1990}
+}""",
+    "AphaleEtAl2007": """@article{AphaleEtAl2007,
+  author = {Aphale, S. S. and Fleming, A. J. and Moheimani, S. O. R.},
+  title = {Integral resonant control of collocated smart structures},
+  journal = {Smart Materials and Structures},
+  volume = {16}, number = {2}, pages = {439--446}, year = {2007}
+}""",
+    "PereiraEtAl2011": """@article{PereiraEtAl2011,
+  author = {Pereira, E. and Aphale, S. S. and Feliu, V. and Moheimani, S. O. R.},
+  title = {Integral resonant control for vibration damping and precise tip-positioning of a
+    single-link flexible manipulator},
+  journal = {IEEE/ASME Transactions on Mechatronics},
+  volume = {16}, number = {2}, pages = {232--240}, year = {2011}
+}""",
+    "NamavarEtAl2014": """@article{NamavarEtAl2014,
+  author = {Namavar, M. and Fleming, A. J. and Aleyaasin, M. and Nakkeeran, K. and Aphale, S. S.},
+  title = {An analytical approach to integral resonant control of second-order systems},
+  journal = {IEEE/ASME Transactions on Mechatronics},
+  volume = {19}, number = {2}, pages = {651--659}, year = {2014}
+}""",
     "DoyleStein1981": """@article{DoyleStein1981,
   author = {Doyle, J. C. and Stein, G.},
   title = {Multivariable feedback design: concepts for a classical/modern synthesis},

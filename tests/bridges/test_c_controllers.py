@@ -86,7 +86,9 @@ REFUSED = {
     "estimator",
     "hybrid_force",
     "impedance",
+    "integral_resonant_control",
     "mpc",
+    "positive_position_feedback",
     "rbf_adaptive",
 }
 

@@ -52,10 +52,12 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "estimator": {"estimator": kalman_filter, "inner": joint_pd},
     "hybrid_force": {"frequency": 1.5},
     "impedance": {"posture_frequency": 1.5},
+    "integral_resonant_control": {"inner": joint_pd},
     "joint_pd": _GAINS,
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "arm": two_links, "sag": True},
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
+    "positive_position_feedback": {"inner": joint_pd, "damping_ratio": 0.2},
     "rbf_adaptive": {
         "bandwidth": 8.0,
         "damping": [0.8, 0.3],
@@ -102,7 +104,9 @@ _READ = [{"signal": "joint_angle", "noise": 1e-4}, {"signal": "strain", "noise":
 DIFFERENT: dict[str, dict[str, Any]] = {
     "disturbance_observer": {"inner": _PD, "cutoff": 0.2},
     "estimator": {"inner": _PD, "estimator": {"instruments": _READ}},
+    "integral_resonant_control": {"inner": _PD},
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
+    "positive_position_feedback": {"inner": _PD, "damping_ratio": 0.2},
     "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
 }
 #: The same controllers as drives of a scenario, without kind and sample time.

@@ -21,6 +21,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "motions": (
         *("line_motion", "via_point_motion", "spline_motion", "circle_motion", "joint_motion"),
         *("inverse_kinematics", "rigid_torque", "shaped", "smoothed"),
+        "shaper_sensitivity",
         *("quasi_static_reference", "QuasiStaticReference", "pressed_motion", "PressedMotion"),
         *("tip_inversion", "TipInversion", "flexible_torque", "FlexibleTorque"),
         *("optimal_motion", "MotionLimits", "OptimalMotion"),
@@ -43,6 +44,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Hardware", "Instrument", "Motors"),
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
+        *("PositivePositionFeedback", "IntegralResonantControl"),
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
     ),

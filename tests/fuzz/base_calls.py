@@ -234,6 +234,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "save_arm": {"arm": arm, "path": lambda: folder() / "saved.yaml"},
     "save_linear": {"model": lambda: fa.linearize(arm()), "path": lambda: folder() / "m.json"},
     "shaped": {"motion": motion, "arm": arm},
+    "shaper_sensitivity": {"frequency_ratio": [0.9, 1.0]},
     "simulate": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "simulate_batch": {"arm": arm, "duration": 0.01, "rate": 500.0, "initial": [Q, Q]},
     "goal_gradient": {

@@ -46,6 +46,7 @@ def printed_impulses(method, tolerance=0.05):
     return {
         "zv": [1 / 2, 1 / 2],
         "zvd": [1 / 4, 1 / 2, 1 / 4],
+        "zvdd": [1 / 8, 3 / 8, 3 / 8, 1 / 8],
         "ei": [(1 + V) / 4, (1 - V) / 2, (1 + V) / 4],
     }[method]
 
@@ -61,7 +62,7 @@ def residual(amplitudes, detuned, ratio=0.0):
     return abs(np.sum(amplitudes * np.exp(-pole * times)))
 
 
-@pytest.mark.parametrize("method", ["zv", "zvd", "ei"])
+@pytest.mark.parametrize("method", ["zv", "zvd", "zvdd", "ei"])
 def test_residual_over_frequency_error_is_the_closed_form(method):
     arm = one_mode()
     hertz = float(fa.modes(arm).frequency_hz[0])
@@ -102,9 +103,12 @@ def test_properties_of_the_three_shapers():
         assert left("ei", 2.0 - side, tolerance=tolerance) < 1e-5
 
 
-@pytest.mark.parametrize("method", ["zv", "zvd", "ei"])
+@pytest.mark.parametrize("method", ["zv", "zvd", "zvdd", "ei"])
 def test_damped_modes(method):
-    """ZV and ZVD by the printed K = exp(-zeta pi / sqrt(1 - zeta^2)); EI leaves the tolerance."""
+    """ZV, ZVD, ZVDD by the printed K = exp(-zeta pi / sqrt(1 - zeta^2)).
+
+    EI leaves the tolerance.
+    """
     ratio = 0.12
     arm = one_mode(ratio)
     found = fa.modes(arm)
@@ -121,9 +125,32 @@ def test_damped_modes(method):
         assert left * K**2 == pytest.approx(0.05, abs=1e-5)
         assert residual(made.amplitudes, 1.0, ratio) == pytest.approx(left, rel=1e-3)
         return
-    printed = {"zv": [1.0, K], "zvd": [1.0, 2 * K, K**2]}[method]
+    printed = {
+        "zv": [1.0, K],
+        "zvd": [1.0, 2 * K, K**2],
+        "zvdd": [1.0, 3 * K, 3 * K**2, K**3],
+    }[method]
     np.testing.assert_allclose(made.amplitudes, np.array(printed) / np.sum(printed), rtol=1e-12)
     assert left < 1e-5
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.1])
+def test_specified_insensitivity_limits_the_vibration_in_its_range(ratio):
+    """The arm vibrates as the sensitivity of the shaper predicts, within the tolerance."""
+    arm = one_mode(ratio)
+    hertz = float(fa.modes(arm).frequency_hz[0])
+    motion = small_move(arm)
+    plain = abs(amplitude(arm, motion, hertz, ratio))
+    given = {"method": "si", "tolerance": 0.08, "insensitivity": 0.6, "damping_ratio": ratio}
+    for other in (0.7, 0.85, 1.0, 1.2, 1.3, 1.4):
+        made = fa.shaped(motion, frequency_hz=hertz / other, **given)
+        # (C.3) counts from the first impulse, so the decay until the last one is not a reduction.
+        decay = np.exp(-2.0 * np.pi * hertz * ratio * (made.end_time - motion.end_time))
+        left = decay * abs(amplitude(arm, made, hertz, ratio)) / plain
+        wanted = fa.shaper_sensitivity(other, **given)[0]
+        # The centrifugal term and the tolerance of the run.
+        assert left == pytest.approx(wanted, abs=2e-5), other
+        assert (wanted < 1.001 * 0.08) == (other < 1.35)
 
 
 def test_two_modes_are_at_rest_after_the_motion():

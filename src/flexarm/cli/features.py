@@ -105,6 +105,7 @@ def _adaptive_control() -> None:
     _controlled(fa.RBFAdaptive(_arm(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=_SAMPLE_TIME))
     held = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME)
     _controlled(fa.DisturbanceObserver(_arm(), held, 0.2))
+    _controlled(fa.IntegralResonantControl(_arm(), held))
 
 
 def _contacts() -> None:

@@ -7,15 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_each, check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.linear.vibration.held import Joints
 from flexarm.linear.vibration.tracking import track_modes
 from flexarm.model.checks import checked_arguments
 from flexarm.model.scenarios.shaping import ShapingSpec
+from flexarm.motion.impulses import Impulses, impulses, residual
 from flexarm.motion.motion import Motion, check_motion
-from flexarm.motion.shaping import Clock, ShapedMotion, impulses
+from flexarm.motion.shaping import Clock, ShapedMotion
 
 FloatArray = NDArray[np.float64]
 
@@ -37,16 +38,19 @@ def shaped(
     frequency_hz: ArrayLike | None = None,
     damping_ratio: ArrayLike | None = None,
     tolerance: float = 0.05,
+    insensitivity: float = 0.5,
 ) -> ShapedMotion:
     """Shape a motion to cancel residual vibration, by a sum of delayed copies.
 
     Args:
         motion: the original motion.
         arm: the arm whose modes are to be cancelled.
-        method: "zv" for zero vibration at the design frequencies; "zvd" for small vibration near
-            them as well; "ei" for at most ``tolerance`` over a wider range.
+        method: "zv" for zero vibration at the design frequencies; "zvd", and more so "zvdd", for
+            small vibration near them as well; "ei" for at most ``tolerance`` over a wider range;
+            "si" for at most ``tolerance`` in the range ``insensitivity``.
         modes: number of the lowest modes, or mode numbers counted from 1. Each mode lengthens the
-            motion by half a period (zv) or a period (zvd, ei).
+            motion by half a period (zv), a period (zvd, ei), one and a half (zvdd), or as long as
+            the range requires (si).
         joints: condition of the joints, as in `flexarm.modes`, for example the gains of the
             controller.
         frequency_hz: natural frequencies in Hz, one or several, that replace those of the arm's
@@ -54,7 +58,9 @@ def shaped(
         damping_ratio: below 1, one number or one for each mode; by default the mean damping ratio
             of each mode along the motion, or zero if frequencies are given.
         tolerance: for "ei": residual vibration at the design frequency, relative to that after a
-            single impulse; between 0 and 1.
+            single impulse; for "si": largest one in the range; between 0 and 1.
+        insensitivity: for "si": width of the range of frequencies, relative to the design
+            frequency in its middle; at most 1.
 
     Returns:
         The shaped motion. Its tip deviates from the path, because the joint angles are summed and
@@ -62,7 +68,7 @@ def shaped(
 
     Raises:
         InputError: if an argument has the wrong value, neither an arm nor frequencies are given, or
-            both ``modes`` and frequencies.
+            both ``modes`` and frequencies; or if the search for the impulses of "si" fails.
 
     Impulse times follow the phase of the vibration along the shaped motion, (C.7). Several modes
     are shaped one after another.
@@ -75,6 +81,7 @@ def shaped(
         frequency_hz=frequency_hz,
         damping_ratio=damping_ratio,
         tolerance=tolerance,
+        insensitivity=insensitivity,
     )
     if arm is not None and check_kind("arm", arm, Arm).joints != motion.joints:
         rule = f"have the number of joints of the motion ({motion.joints})"
@@ -88,7 +95,7 @@ def shaped(
     for hertz, ratio in zip(frequencies, ratios, strict=True):
         rates = np.full(6, 2.0 * np.pi * hertz * np.sqrt(1.0 - ratio**2))
         times = np.linspace(motion.start_time, motion.end_time, 6)
-        motion = ShapedMotion(motion, _impulses(options, ratio), Clock(times, rates))
+        motion = ShapedMotion(motion, *_impulses(options, ratio), Clock(times, rates))
     assert isinstance(motion, ShapedMotion)
     return motion
 
@@ -108,14 +115,49 @@ def _by_modes(motion: Motion, arm: Arm, options: ShapingSpec, joints: Joints) ->
         before, motion = hertz, unshaped
         for column, ratio in zip(hertz.T, ratios, strict=True):
             clock = Clock(along.parameter, 2.0 * np.pi * column * np.sqrt(1.0 - ratio**2))
-            motion = ShapedMotion(motion, _impulses(options, ratio), clock)
+            motion = ShapedMotion(motion, *_impulses(options, ratio), clock)
         made = motion
     assert isinstance(made, ShapedMotion)
     return made
 
 
-def _impulses(options: ShapingSpec, ratio: float) -> FloatArray:
-    return impulses(options.method, ratio, options.tolerance)
+@public_call
+def shaper_sensitivity(
+    frequency_ratio: ArrayLike,
+    method: str = "zvd",
+    *,
+    damping_ratio: float = 0.0,
+    tolerance: float = 0.05,
+    insensitivity: float = 0.5,
+) -> FloatArray:
+    """Return the vibration that a shaper leaves at other frequencies than its design frequency.
+
+    Args:
+        frequency_ratio: (k,) frequencies of the arm over the design frequency, positive.
+        method, tolerance, insensitivity: of the shaper, as in `shaped`.
+        damping_ratio: of the design and of the arm, below 1.
+
+    Returns:
+        (k,) amplitudes relative to the initial one after a single impulse; (C.3).
+
+    Raises:
+        InputError: if an argument has the wrong value, or the search for the impulses of "si"
+            fails.
+    """
+    ratios = np.atleast_1d(check_each("frequency_ratio", frequency_ratio, positive=True))
+    ratio = check_number("damping_ratio", damping_ratio)
+    options = checked_arguments(
+        ShapingSpec,
+        method=method,
+        damping_ratio=ratio,
+        tolerance=tolerance,
+        insensitivity=insensitivity,
+    )
+    return residual(_impulses(options, ratio), ratio, ratios)
+
+
+def _impulses(options: ShapingSpec, ratio: float) -> Impulses:
+    return impulses(options.method, float(ratio), options.tolerance, options.insensitivity)
 
 
 def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:

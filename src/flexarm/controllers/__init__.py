@@ -19,6 +19,8 @@ from flexarm.controllers.uncertain.adaptive import Adaptive
 from flexarm.controllers.uncertain.disturbance_observer import DisturbanceObserver
 from flexarm.controllers.uncertain.rbf_adaptive import RBFAdaptive
 from flexarm.controllers.uncertain.sliding_mode import SlidingMode
+from flexarm.controllers.vibration.integral_resonant import IntegralResonantControl
+from flexarm.controllers.vibration.positive_position import PositivePositionFeedback
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
@@ -36,10 +38,12 @@ CONTROLLERS: dict[str, type[Controller]] = {
         EstimatorController,
         HybridForce,
         Impedance,
+        IntegralResonantControl,
         JointPD,
         JointPID,
         LQG,
         MPC,
+        PositivePositionFeedback,
         RBFAdaptive,
         SlidingMode,
         StrainFeedback,
@@ -63,10 +67,12 @@ __all__ = [
     "HybridForce",
     "Impedance",
     "Instrument",
+    "IntegralResonantControl",
     "JointPD",
     "JointPID",
     "Measurement",
     "Motors",
+    "PositivePositionFeedback",
     "RBFAdaptive",
     "Reference",
     "SlidingMode",

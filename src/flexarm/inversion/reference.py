@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
@@ -45,7 +45,8 @@ class InversionReference(Motion):
     initial: FloatArray
     start_time: float
     duration: float
-    _angles: BSpline = field(repr=False)
+    _coordinates: BSpline = field(repr=False)
+    _joints: NDArray[np.intp] = field(repr=False)
     chain: RigidChain = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -63,10 +64,14 @@ class InversionReference(Motion):
 
     def at(self, times: FloatArray) -> JointState:
         """See `Motion.at`."""
+        return JointState(*(part[:, self._joints] for part in self.coordinates(times)))
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
         inside = np.clip(times, self.start_time, self.end_time)
         moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
-        rate, acceleration = (self._angles(inside, nu) * moving for nu in (1, 2))
-        return JointState(self._angles(inside), rate, acceleration)
+        rate, acceleration = (self._coordinates(inside, nu) * moving for nu in (1, 2))
+        return [self._coordinates(inside), rate, acceleration]
 
 
 def inversion_reference(
@@ -108,10 +113,13 @@ def inversion_reference(
     after = torque.motion.end_time - start
     u = np.clip((times - after) / (times[-1] - after), 0.0, 1.0)
     ease = u**3 * (_EASE[0] + u * (_EASE[1] + u * _EASE[2]))
-    angles = angles + np.outer(ease, arm.joint_angles(final) - angles[-1])
-    still = [(1, np.zeros(arm.joints)), (2, np.zeros(arm.joints))]
-    spline = make_interp_spline(times + start, angles, k=5, bc_type=(still, still))
-    return InversionReference(torque.motion, torque, initial, start, end - start, spline)
+    q = np.array(result.q.values)
+    q[:, arm.joint_index] += np.outer(ease, arm.joint_angles(final) - angles[-1])
+    still = [(1, np.zeros(arm.dof)), (2, np.zeros(arm.dof))]
+    spline = make_interp_spline(times + start, q, k=5, bc_type=(still, still))
+    return InversionReference(
+        torque.motion, torque, initial, start, end - start, spline, arm.joint_index
+    )
 
 
 @dataclass(frozen=True)

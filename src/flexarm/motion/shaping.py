@@ -1,16 +1,11 @@
 """Input shaping: a motion as a sum of delayed copies of another one that cancels a vibration.
 
 Delays are measured in the phase of the vibration, whose frequency may change: theory page
-"position control", (C.3) to (C.8).
-
-References:
-    N. C. Singer and W. P. Seering, J. Dynamic Systems, Measurement, and Control 112 (1990) 76-82.
-    W. E. Singhose, W. P. Seering and N. C. Singer, J. Mechanical Design 116 (1994) 654-659.
+"position control", (C.7) and (C.8).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -27,39 +22,6 @@ if TYPE_CHECKING:
 
 #: Largest number of Newton steps for the inverse of the phase.
 _NEWTON_STEPS = 50
-
-
-def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return two impulses without residual vibration at the design frequency; (C.4)."""
-    return 1.0, K
-
-
-def zero_vibration_and_derivative(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses: the derivative of the residual by frequency is zero, too; (C.5)."""
-    return 1.0, 2.0 * K, K * K
-
-
-def extra_insensitive(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses with the residual ``tolerance`` at the design frequency; (C.6)."""
-    middle = (2.0 * K * K - tolerance * (1.0 + K * K)) / (K + tolerance)
-    return 1.0, middle, K * K
-
-
-#: Impulses, half a period of the vibration apart, up to a common factor. ``K`` is the amplitude of
-#: a vibration after half a period relative to its start.
-SHAPERS: dict[str, Callable[[float, float], tuple[float, ...]]] = {
-    "zv": zero_vibration,
-    "zvd": zero_vibration_and_derivative,
-    "ei": extra_insensitive,
-}
-
-
-def impulses(method: str, damping_ratio: float, tolerance: float) -> Floats:
-    """Return the amplitudes (k,) of a shaper's impulses, half a period apart, with sum 1."""
-    left = float(np.exp(-np.pi * damping_ratio / np.sqrt(1.0 - damping_ratio**2)))
-    parts = np.array(SHAPERS[method](left, tolerance))
-    shares: Floats = parts / parts.sum()
-    return shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,16 +84,18 @@ class ShapedMotion(DerivedMotion):
     """A motion convolved with impulses.
 
     Attributes:
-        amplitudes: amplitudes of the impulses (k,), with sum 1, half a period apart.
+        amplitudes: amplitudes of the impulses (k,), with sum 1.
+        phases: phases of the vibration at the impulses (k,), rad, ascending from 0.
         clock: phase of the vibration as a function of time.
     """
 
     amplitudes: Floats
+    phases: Floats
     clock: Clock
 
     def _times(self) -> tuple[float, float]:
         start, own = self.motion.start_time, np.array([self.motion.end_time])
-        last = self.clock.phase(own) + np.pi * (len(self.amplitudes) - 1)
+        last = self.clock.phase(own) + self.phases[-1]
         return start, float(self.clock.time(last)[0]) - start
 
     @property
@@ -149,7 +113,7 @@ class ShapedMotion(DerivedMotion):
     def _images(self) -> Floats:
         """Times of the breaks of the original in each copy, (k, breaks), s."""
         own = np.array(self.motion.breaks)
-        turned = self.clock.phase(own) + np.pi * np.arange(len(self.amplitudes))[:, None]
+        turned = self.clock.phase(own) + self.phases[:, None]
         images = self.clock.time(turned.reshape(-1)).reshape(turned.shape)
         images[0], images[-1, -1] = own, self.end_time  # without rounding errors
         return images
@@ -161,7 +125,7 @@ class ShapedMotion(DerivedMotion):
         finite = np.isfinite(times)
         phase = self.clock.phase(np.where(finite, times, 0.0))
         for k, share in enumerate(self.amplitudes[1:], start=1):
-            own = np.where(finite, self.clock.time(phase - k * np.pi), times)
+            own = np.where(finite, self.clock.time(phase - self.phases[k]), times)
             own = self._beside_breaks(times, own, k)
             then = self.clock.rate(own)
             speed = now / then

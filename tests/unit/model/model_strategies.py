@@ -240,7 +240,7 @@ def initial_states(draw, each):
 
 shapings = st.builds(
     ShapingSpec,
-    method=st.sampled_from(["zv", "zvd", "ei"]),
+    method=st.sampled_from(["zv", "zvd", "zvdd", "ei", "si"]),
     modes=st.sampled_from([1, 2, [1, 3]]),
     joints=st.sampled_from(["locked", "free", ["free", [1.0, 0.5]]]),
     damping_ratio=st.none() | st.floats(0.0, 0.99),

@@ -183,8 +183,8 @@ def test_drives_state_whether_they_balance_the_weight(drive, expected):
             "prescribed[0].kind motion is not supported with a pressed motion.",
         ),
         (
-            {"motion": {**LINE, "shaping": {"method": "zvdd"}}},
-            "motion.shaping.method must be one of 'zv', 'zvd', 'ei', got 'zvdd'. Did you mean",
+            {"motion": {**LINE, "shaping": {"method": "zvddd"}}},
+            "motion.shaping.method must be one of 'zv', 'zvd', 'zvdd', 'ei', 'si', got 'zvddd'.",
         ),
         (
             {"motion": {**LINE, "shaping": {"frequency_hz": []}}},

@@ -31,6 +31,7 @@ MOTIONS = {
     "zvd, damped": lambda: fa.shaped(way(), frequency_hz=2.0, damping_ratio=0.1),
     "ei, two modes": lambda: fa.shaped(line(), method="ei", frequency_hz=[2.0, 7.0]),
     "zv of trapezoids": lambda: fa.shaped(way("trapezoidal"), method="zv", frequency_hz=1.1),
+    "si, damped": lambda: fa.shaped(way(), method="si", frequency_hz=2.0, damping_ratio=0.1),
     "zvd along modes": lambda: changing_frequency("zvd"),
     "zv along two modes": lambda: changing_frequency("zv", modes=[2, 1]),
     "moving average": lambda: fa.smoothed(line(), 0.3, "moving_average"),

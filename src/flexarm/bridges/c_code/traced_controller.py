@@ -30,7 +30,9 @@ from flexarm.controllers import (
     EstimatorController,
     HybridForce,
     Impedance,
+    IntegralResonantControl,
     JointPID,
+    PositivePositionFeedback,
     RBFAdaptive,
 )
 from flexarm.controllers.joint.follower import JointFollower
@@ -42,6 +44,7 @@ from flexarm.loop_analysis.linear_controller import Memory, memory_of
 _PACKAGES = ("flexarm.controllers", "flexarm.control_design")
 _TIP = "It differentiates the tip by complex numbers and branches on the contact."
 _LEARNS = "Its estimates are updated by compiled code that branches on values."
+_STATIC = "It computes the static bending along the reference in advance."
 #: Reasons why the law of a controller cannot be exported.
 _REFUSED: dict[type[Controller], str] = {
     Adaptive: _LEARNS,
@@ -50,6 +53,8 @@ _REFUSED: dict[type[Controller], str] = {
     HybridForce: _TIP,
     Impedance: _TIP,
     EstimatorController: "Its filter adds and merges hypotheses.",
+    IntegralResonantControl: _STATIC,
+    PositivePositionFeedback: _STATIC,
     MPC: "It solves an optimisation problem at every sample.",
 }
 _REFERENCE = ("reference_angle", "reference_rate", "reference_acceleration")

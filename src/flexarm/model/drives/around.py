@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from flexarm.model.drives.base import ControllerParameters, drive_of
 from flexarm.model.drives.parameters import Parameters, parameters_of, record_of
-from flexarm.model.drives.registry import ALONE, one_of
+from flexarm.model.drives.registry import ALONE, GROUPS, one_of
 from flexarm.model.hardware import Instrument
-from flexarm.model.quantities import Fraction, Listed, NonNegative, PerJoint, Positive, Typed
+from flexarm.model.quantities import (
+    Count,
+    Finite,
+    Fraction,
+    Listed,
+    ListPerJoint,
+    NonNegative,
+    Number,
+    PerJoint,
+    Positive,
+    Typed,
+    plain,
+)
+
+_Damping = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 
 
 class DisturbanceObserverParameters(ControllerParameters):
@@ -69,6 +83,43 @@ FilterSpec = record_of(
     parameters_of(FilterParameters),
 )
 _OBSERVED = drive_of(DisturbanceObserverParameters)
+_OF_JOINTS = (*GROUPS["joint control"], *GROUPS["uncertain arms"])
+
+
+class StrainDampingParameters(ControllerParameters):
+    """Parameters of controllers that damp vibration by strain feedback around a joint loop."""
+
+    inner: Annotated[Any, Typed(one_of(_OF_JOINTS))] = Field(
+        description="The controller of the joint angles; both have the same sample time."
+    )
+    damping_ratio: _Damping = Field(
+        default=0.3,
+        description="Damping ratio of the modes for joints that follow their reference exactly; "
+        "above 0 and below 1.",
+    )
+    modes: Count = Field(
+        default=1,
+        description="Number of lowest modes with locked joints to damp; at most one for each joint "
+        "and each gauge.",
+    )
+    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
+        default=None, description="Joint angles of the design; zero by default (rad)."
+    )
+
+
+class PositivePositionFeedbackParameters(StrainDampingParameters):
+    """Positive position feedback: resonant filters of the strains move the joints of an inner loop.
+
+    Higher modes are hardly affected.
+    """
+
+    name = "positive_position_feedback"
+
+
+class IntegralResonantControlParameters(StrainDampingParameters):
+    """Integral resonant control: integrals of the strains move the joints of an inner loop."""
+
+    name = "integral_resonant_control"
 
 
 class EstimatorParameters(ControllerParameters):
@@ -84,4 +135,9 @@ class EstimatorParameters(ControllerParameters):
 
 
 #: Controllers that contain another one.
-AROUND = (_OBSERVED, drive_of(EstimatorParameters))
+AROUND = (
+    _OBSERVED,
+    drive_of(EstimatorParameters),
+    drive_of(PositivePositionFeedbackParameters),
+    drive_of(IntegralResonantControlParameters),
+)

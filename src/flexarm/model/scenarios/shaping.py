@@ -13,6 +13,7 @@ from flexarm.model.wording import Fault
 
 Ratio = Annotated[Finite, Field(ge=0, lt=1), BeforeValidator(plain)]
 Part = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
+_Width = Annotated[Finite, Field(gt=0, le=1), BeforeValidator(plain)]
 
 
 def _word_or_list(value: Any) -> str:
@@ -36,11 +37,12 @@ class ShapingSpec(Record):
     The shaped motion takes longer.
     """
 
-    method: Literal["zv", "zvd", "ei"] = Field(
+    method: Literal["zv", "zvd", "zvdd", "ei", "si"] = Field(
         default="zvd",
         description=(
             "zv cancels vibration at the design frequencies, zvd also reduces it "
-            "near them, ei limits it to the tolerance over a wider range."
+            "near them, zvdd in a wider range, ei limits it to the tolerance over a wider range, "
+            "si in the range insensitivity."
         ),
     )
     modes: OneOrMany[Count] = Field(
@@ -69,7 +71,13 @@ class ShapingSpec(Record):
         default=0.05,
         description=(
             "For ei: residual vibration at the design frequency, relative to that of "
-            "a single impulse."
+            "a single impulse; for si: largest one in the range."
+        ),
+    )
+    insensitivity: _Width = Field(
+        default=0.5,
+        description=(
+            "For si: width of the range of frequencies, relative to the design frequency."
         ),
     )
 

@@ -78,7 +78,10 @@ _NAMES = {
 }
 #: Parts of words that are not in lower case: abbreviations and names.
 _WRITTEN = {
-    **{word: word.upper() for word in ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "ei")},
+    **{
+        word: word.upper()
+        for word in ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "zvdd", "ei", "si")
+    },
     **{word: word.capitalize() for word in ("rayleigh", "timoshenko")},
     "euler bernoulli": "Euler-Bernoulli",
 }

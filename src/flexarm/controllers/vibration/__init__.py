@@ -1,0 +1,1 @@
+"""Controllers that damp vibration around another controller."""

@@ -1,0 +1,292 @@
+"""Positive position feedback and integral resonant control against published closed forms.
+
+The sampled law is read from ``update`` around an inner controller that returns its reference, and
+is closed by python-control around the modal signal of (C.17).
+"""
+
+import control
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.control.base import Controller
+from flexarm.hardware.measurement import Measurement
+from flexarm.loop_analysis.linear_controller import linear_controller
+from flexarm.loop_analysis.margins import loop_at
+
+TICK = 1e-4
+LAWS = [fa.PositivePositionFeedback, fa.IntegralResonantControl]
+every = pytest.mark.parametrize("law", LAWS)
+
+
+class Echo(Controller):
+    """Inner controller whose torques are the angles of its reference."""
+
+    memory = ()
+    sample_time = TICK
+
+    def update(self, t, measurement, reference):
+        return reference.joint_angle(t)
+
+
+def one_link(modes=1, **changes):
+    gauge = fa.Gauge(station=0.05, distance=0.005)
+    link = {"length": 1.0, "flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2}
+    joint = fa.Joint(hub_inertia=5.0)
+    return fa.Arm(links=[fa.Link(**link, modes=modes, gauges=[gauge])], joints=[joint], **changes)
+
+
+def strain_rows(arm):
+    """Return the derivative (gauges, dof) of the strains by q."""
+    return fa.linearize(arm, outputs=["strain"]).C[:, : arm.dof]
+
+
+def modal_law(law, **options):
+    """Return the law from the modal signal y to the motion u, sampled, and the frequency, rad/s."""
+    arm = one_link()
+    controller = law(arm, Echo(), **options)
+    zero = {"joint_angle": np.zeros(1), "joint_rate": np.zeros(1), "strain": np.zeros(1)}
+    found = linear_controller(controller, zero)
+    mode = fa.modes(arm)
+    shape = mode.shapes[0]
+    strain = float((strain_rows(arm) @ shape)[0])
+    driven = float(shape @ arm.mass_matrix(arm.rest([0.0]))[:, 0])
+    B, D = found.B[:, 2:] * -strain, driven * found.D[:, 2:] * -strain
+    sampled = control.ss(found.A, B, driven * found.C, D, TICK)
+    return sampled, 2.0 * np.pi * float(mode.frequency_hz[0])
+
+
+def continuous(sampled):
+    """Return the continuous law whose Tustin equivalent is ``sampled``."""
+    A, B, C, D = (np.asarray(part) for part in (sampled.A, sampled.B, sampled.C, sampled.D))
+    one = np.eye(len(A))
+    inverse = np.linalg.inv(one + A)
+    slow = 2.0 / TICK * inverse @ (A - one)
+    return control.ss(slow, 2.0 / TICK * inverse @ B, 2.0 * C @ inverse, D - C @ inverse @ B)
+
+
+def closed_poles(law, plant):
+    """Return the poles of u = law y, y = plant u, with positive feedback."""
+    found = control.feedback(plant, law, sign=1).poles()
+    return found[np.argsort(abs(found))]
+
+
+def base_driven(omega):
+    """Return the modal signal of a link whose base moves, (C.17)."""
+    return control.tf([1.0, 0.0, 0.0], [1.0, 0.0, omega**2])
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.7])
+def test_positive_position_gives_two_equal_pairs_of_poles(ratio):
+    sampled, omega = modal_law(fa.PositivePositionFeedback, damping_ratio=ratio)
+    found = closed_poles(continuous(sampled), base_driven(omega))
+    wanted = np.poly([omega * (-ratio + 1j * np.sqrt(1 - ratio**2) * s) for s in (1, -1)])
+    # The law is read by differences of strains, whose rounding is 1e-8 of it.
+    np.testing.assert_allclose(np.poly(found).real, np.polymul(wanted, wanted).real, rtol=1e-6)
+
+
+def test_filter_has_the_stability_condition_of_fanson_and_caughey():
+    """Fanson and Caughey (1990): a structure driven by a force is stable for gains below 1."""
+    sampled, omega = modal_law(fa.PositivePositionFeedback, damping_ratio=0.15)
+    law = continuous(sampled)
+    structure = control.tf([omega**2], [1.0, 0.0, omega**2])
+    filtered = law / float(np.real(law(0.0)))  # the filter with unit gain for constant strains
+    for gain, stable in ((0.05, True), (0.5, True), (0.99, True), (1.01, False), (1.5, False)):
+        poles = closed_poles(gain * filtered, structure)
+        assert (poles.real.max() < 0.0) == stable, gain
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.7])
+def test_integral_resonant_has_the_largest_damping_of_namavar(ratio):
+    """Namavar et al. (2014): (pole / zero - 1) / 2, at the gain pole sqrt(pole / zero)."""
+    sampled, omega = modal_law(fa.IntegralResonantControl, damping_ratio=ratio)
+    law = continuous(sampled)
+    plant = base_driven(omega)
+    found = closed_poles(law, plant)
+    radius = omega / np.sqrt(1.0 + 2.0 * ratio)
+    np.testing.assert_allclose(abs(found), radius, rtol=1e-6)
+    pair = found[found.imag > 0.0]
+    np.testing.assert_allclose(-pair.real / abs(pair), [ratio], rtol=1e-6)
+    # Another integral gain k in u = -k (y + f u) / s gives less damping.
+    k, leak = -float(law.B[0, 0] * law.C[0, 0]), -float(law.A[0, 0])
+    for factor in (0.8, 0.95, 1.05, 1.2):
+        other = control.tf([-factor * k], [1.0, factor * leak])
+        poles = closed_poles(other, plant)
+        pair = poles[poles.imag > 1e-6 * omega]
+        assert -pair.real[0] / abs(pair[0]) < ratio
+
+
+@every
+@pytest.mark.parametrize("modes", [1, 3])
+def test_stiff_joint_gives_the_designed_damping(law, modes):
+    """A joint loop of 240 Hz around a mode of 3.6 Hz, with higher modes that are not designed."""
+    arm, w = one_link(modes), 1500.0
+    inner = fa.JointPD(5.0 * w**2, 7.0 * w, sample_time=TICK)
+    poles = loop_at(law(arm, inner, damping_ratio=0.3), arm, np.zeros(1)).poles()
+    poles = poles[poles.imag > 0.0]
+    lowest = poles[np.argsort(abs(poles))][: 1 if law is fa.IntegralResonantControl else 2]
+    # Higher modes yield quasi-statically to the motion of the joint and change the damping a bit.
+    ratio = np.mean(-lowest.real / abs(lowest))
+    assert ratio == pytest.approx(0.3, abs=0.002 if modes == 1 else 0.006)
+    assert poles.real.max() < 0.0
+
+
+@every
+def test_run_is_the_response_of_the_closed_form(law):
+    """A bent link is released: s / (s^2 + w^2) in the loop of the law, by python-control."""
+    sampled, omega = modal_law(law, damping_ratio=0.2)
+    loop = continuous(sampled) * base_driven(omega)
+    released = control.tf([1.0, 0.0], [1.0, 0.0, omega**2]) * control.feedback(1.0, loop, sign=1)
+    arm = one_link()
+    inner = fa.JointPD(5.0 * 400.0**2, 10.0 * 0.7 * 400.0)
+    start = arm.rest([0.0])
+    start[1] = 1e-6 / strain_rows(arm)[0, 1]
+    run = fa.simulate(
+        arm, 1.0, controller=law(arm, inner, damping_ratio=0.2), initial=start, rate=500.0
+    )
+    wanted = control.impulse_response(released, run.time.values).outputs
+    found = run.strain.values[:, 0] / run.strain.values[0, 0]
+    # Within the delay of the joint loop, 2 * 0.7 / (400 rad/s), of a vibration of 22.6 rad/s.
+    np.testing.assert_allclose(found, wanted, atol=0.08)
+    assert abs(wanted).max() == pytest.approx(1.0, abs=1e-6)
+
+
+@every
+def test_links_in_equilibrium_request_no_motion(law):
+    """Under gravity the torque at rest is that of the inner controller."""
+    arm = one_link(gravity=(0.0, -0.5))
+    rest = fa.equilibrium(arm, [0.4])
+    reading = Measurement(
+        joint_angle=np.array([0.4]), joint_rate=np.zeros(1), strain=strain_rows(arm) @ rest.q
+    )
+    # Rounding of strains, which the law converts to angles.
+    controller = law(arm, Echo(), posture=[0.4])
+    for k in range(20):
+        torque = controller.update(k * TICK, reading, None)
+    np.testing.assert_allclose(torque, [0.4], atol=1e-12)
+    # At other angles, too: the stiffness under gravity is that of the design posture.
+    controller = law(arm, Echo())
+    for k in range(20):
+        torque = controller.update(k * TICK, reading, None)
+    np.testing.assert_allclose(torque, [0.4], atol=1e-3 * np.ptp(rest.q))
+
+
+@every
+def test_static_bending_along_the_reference_is_not_fed_back(law):
+    """A slow motion is followed as by the inner controller."""
+    arm = one_link()
+    motion = fa.joint_motion(arm, [0.0], [1.0], 4.0)
+    inner = fa.JointPD(5.0 * 200.0**2, 10.0 * 0.7 * 200.0, feedforward=fa.rigid_torque(arm, motion))
+    errors, strains = [], []
+    for controller in (inner, law(arm, inner)):
+        run = fa.simulate(arm, 4.0, controller=controller, reference=motion, rate=100.0)
+        errors.append(abs(run.joint_angle.values - motion.joint_angle(run.time.values)).max())
+        strains.append(abs(run.strain.values).max())
+    # Strains along the motion, as angles of the joint by the law, would be a hundred times larger.
+    assert errors[1] < errors[0] + 2e-4
+
+
+def two_links():
+    gauge = fa.Gauge(station=0.05, distance=0.005)
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.6, "elements": 1, "gauges": [gauge]}
+    joints = [fa.Joint(hub_inertia=0.2), fa.Joint(mass=0.5, hub_inertia=0.1, housing_inertia=0.02)]
+    return fa.Arm(links=[fa.Link(length=1.4, **rod), fa.Link(length=1.0, **rod)], joints=joints)
+
+
+@pytest.mark.parametrize("kind", ["quasi_static", "inversion"])
+@every
+def test_bending_of_a_flexible_reference_is_not_fed_back(law, kind):
+    """The tip follows a fast motion as with the inner controller, and a soft arm swings less."""
+    arm = two_links()
+    line = fa.line_motion(arm, (1.8, 1.0), (1.0, 1.8), 1.2, start_time=0.4)
+    if kind == "quasi_static":
+        followed = fa.quasi_static_reference(arm, line)
+        torque = followed.torque
+    else:
+        inverse = fa.tip_inversion(arm, line)
+        followed, torque = inverse.reference, inverse.torque
+    inner = fa.JointPD([200.0, 50.0], [40.0, 6.0], feedforward=torque)
+    soft = fa.varied(arm, flexural_rigidity_factor=0.7)
+    peaks, swings = [], []
+    for controller in (inner, law(arm, inner, 0.3, posture=line.joint_angle(1.0))):
+        run = fa.simulate(arm, 2.5, controller=controller, reference=followed, rate=100.0)
+        peaks.append(np.hypot(*(run.tip.values - line.tip(run.time.values)).T).max())
+        run = fa.simulate(soft, 3.5, controller=controller, reference=followed, rate=100.0)
+        late = run.link_tip_deflection.sel(link=1, time=slice(2.5, 3.5))
+        swings.append(np.ptp(late.values))
+    # Static bending alone, of the same motion, would be a deviation of several centimetres.
+    assert peaks[1] < peaks[0] + 5e-4
+    assert swings[1] < 0.7 * swings[0]
+
+
+def test_coordinates_of_the_inversion_are_those_of_the_run():
+    arm = two_links()
+    line = fa.line_motion(arm, (1.8, 1.0), (1.0, 1.8), 1.2, start_time=0.4)
+    inverse = fa.tip_inversion(arm, line)
+    run = fa.simulate(arm, 1.5, torque=inverse.torque, initial=inverse.initial, rate=100.0)
+    q, qd, _ = inverse.reference.coordinates(run.time.values)
+    np.testing.assert_allclose(q, run.q.values, atol=2e-5)  # the spline, and the run's tolerance
+    np.testing.assert_allclose(qd, run.qd.values, atol=1e-3)
+
+
+def printed_law(law, ratio, omega, s):
+    """Return u / y of (C.18) or (C.19)."""
+    if law is fa.PositivePositionFeedback:
+        return -((2 * ratio) ** 2) * omega**2 / (s**2 + 4 * ratio * omega * s + omega**2)
+    zero = omega / (1 + 2 * ratio)
+    f = zero**2 / (omega**2 - zero**2)
+    k = omega * np.sqrt(omega / zero) / (1 + f)
+    return -k / (s + k * f)
+
+
+@every
+def test_two_modes_of_two_links_are_separate_loops(law):
+    """Joints move two modes, and gauges read them, as if each had its own joint and gauge."""
+    arm, posture, ratio = two_links(), [0.1, 0.4], 0.2
+    found = fa.modes(arm, posture)
+    shapes, omega = found.shapes[:2], 2.0 * np.pi * found.frequency_hz[:2]
+    seen = strain_rows(arm) @ shapes.T
+    moved = shapes @ arm.mass_matrix(arm.rest(posture))[:, arm.joint_index]
+    rest = {
+        "joint_angle": np.array(posture), "joint_rate": np.zeros(2), "strain": np.zeros(2)
+    }  # fmt: skip
+    sampled = linear_controller(law(arm, Echo(), ratio, modes=2, posture=posture), rest)
+    for w in (2.0, 7.0, 20.0, 50.0):
+        z = np.exp(1j * w * TICK)
+        n = len(sampled.A)
+        answer = sampled.C @ np.linalg.solve(z * np.eye(n) - sampled.A, sampled.B) + sampled.D
+        plant = seen @ np.diag(w**2 / (omega**2 - w**2)) @ moved
+        loops = np.linalg.eigvals(answer[:, 4:] @ plant)
+        tustin = 2.0 / TICK * (z - 1.0) / (z + 1.0)
+        wanted = printed_law(law, ratio, omega, tustin) * -(w**2) / (omega**2 - w**2)
+        # Differences of strains have an error of 1e-8 of the law.
+        np.testing.assert_allclose(np.sort_complex(loops), np.sort_complex(wanted), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"damping_ratio": 1.0}, "damping_ratio must be less than 1"),
+        ({"damping_ratio": 0.0}, "damping_ratio must be greater than 0"),
+        ({"modes": 2}, "modes must be at most 1"),
+        ({"posture": [0.0, 1.0]}, "posture must have length 1"),
+        ({"inner": "PD"}, "inner must have the method reset"),
+        ({"inner": fa.LQG(one_link())}, "inner must be a controller of the joint angles"),
+        ({"arm": fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0)])},
+         "modes must be at most 0"),
+    ],
+)  # fmt: skip
+@every
+def test_wrong_arguments_are_rejected(law, options, words):
+    with pytest.raises(fa.InputError, match=words):
+        law(**{"arm": one_link(), "inner": fa.JointPD(1.0, 1.0), **options})
+
+
+@every
+def test_gauges_at_one_place_do_not_distinguish_two_modes(law):
+    gauges = [fa.Gauge(station=0.05, distance=distance) for distance in (0.005, -0.005)]
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 1}
+    links = [fa.Link(length=1.0, gauges=gauges, **rod), fa.Link(length=1.0, **rod)]
+    arm = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=1.0)] * 2)
+    with pytest.raises(fa.InputError, match="modes must be observed by the gauges, got 2"):
+        law(arm, fa.JointPD(1.0, 1.0), modes=2)
