@@ -45,6 +45,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
+        *("iterative_learning", "LearnedMotion"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),
