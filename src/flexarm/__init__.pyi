@@ -29,6 +29,7 @@ from .controllers import Impedance as Impedance
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import RBFAdaptive as RBFAdaptive
+from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback
 from .engine.events import Event as Event

@@ -63,6 +63,12 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
         "lower": -1.0,
         "upper": 1.0,
     },
+    "repetitive": {
+        "inner": joint_pd,
+        "period": 0.4,
+        "proportional": [2.0, 0.8],
+        "derivative": 0.1,
+    },
     "sliding_mode": {
         "bandwidth": 2.0,
         "boundary_layer": 0.5,
@@ -103,6 +109,7 @@ DIFFERENT: dict[str, dict[str, Any]] = {
     "disturbance_observer": {"inner": _PD, "cutoff": 0.2},
     "estimator": {"inner": _PD, "estimator": {"instruments": _READ}},
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
+    "repetitive": {"inner": _PD, "period": 0.4, "proportional": [2.0, 0.8], "derivative": 0.1},
     "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
 }
 #: The same controllers as drives of a scenario, without kind and sample time.

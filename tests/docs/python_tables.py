@@ -43,6 +43,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Hardware", "Instrument", "Motors"),
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
+        "RepetitiveControl",
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
         *("iterative_learning", "LearnedMotion"),

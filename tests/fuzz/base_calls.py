@@ -379,6 +379,11 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
+METHODS["RepetitiveControl"] = (
+    METHODS["RepetitiveControl"][0],
+    {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},
+)
+
 #: Results that only flexarm creates, and the abstract controller, whose methods are those of every
 #: controller.
 MADE_BY_FLEXARM = {

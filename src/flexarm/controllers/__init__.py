@@ -18,6 +18,7 @@ from flexarm.controllers.linear.mpc import MPC
 from flexarm.controllers.uncertain.adaptive import Adaptive
 from flexarm.controllers.uncertain.disturbance_observer import DisturbanceObserver
 from flexarm.controllers.uncertain.rbf_adaptive import RBFAdaptive
+from flexarm.controllers.uncertain.repetitive import RepetitiveControl
 from flexarm.controllers.uncertain.sliding_mode import SlidingMode
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
@@ -41,6 +42,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         LQG,
         MPC,
         RBFAdaptive,
+        RepetitiveControl,
         SlidingMode,
         StrainFeedback,
     )
@@ -69,6 +71,7 @@ __all__ = [
     "Motors",
     "RBFAdaptive",
     "Reference",
+    "RepetitiveControl",
     "SlidingMode",
     "StrainFeedback",
     "loop_margins",
