@@ -47,6 +47,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "strain_feedback": lambda arm: fa.StrainFeedback(*_PD, 10.0, 0.1),
     "computed_torque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.5),
     "disturbance_observer": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(*_PD), 2.0),
+    "repetitive": lambda arm: fa.RepetitiveControl(fa.JointPD(*_PD), 0.4, [100.0, 30.0]),
     "adaptive": lambda arm: fa.Adaptive(arm, 10.0, [30.0, 8.0], 0.5, _ADAPTED),
     "sliding_mode": lambda arm: fa.SlidingMode(
         arm, 10.0, 0.3, {"payload.mass": 0.8}, reaching=[1.0, 0.5], damping=[30.0, 8.0]

@@ -32,6 +32,7 @@ from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import RBFAdaptive as RBFAdaptive
+from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback
 from .engine.events import Event as Event
@@ -62,6 +63,8 @@ from .inversion.flexible_torque import flexible_torque as flexible_torque
 from .inversion.tip_inversion import InversionError as InversionError
 from .inversion.tip_inversion import TipInversion as TipInversion
 from .inversion.tip_inversion import tip_inversion as tip_inversion
+from .learning.iterative import iterative_learning as iterative_learning
+from .learning.learned_motion import LearnedMotion as LearnedMotion
 from .linear import Equilibrium as Equilibrium
 from .linear import EquilibriumError as EquilibriumError
 from .linear import LinearModel as LinearModel

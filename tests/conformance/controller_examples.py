@@ -65,6 +65,12 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
         "lower": -1.0,
         "upper": 1.0,
     },
+    "repetitive": {
+        "inner": joint_pd,
+        "period": 0.4,
+        "proportional": [2.0, 0.8],
+        "derivative": 0.1,
+    },
     "sliding_mode": {
         "bandwidth": 2.0,
         "boundary_layer": 0.5,
@@ -107,6 +113,7 @@ DIFFERENT: dict[str, dict[str, Any]] = {
     "integral_resonant_control": {"inner": _PD},
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
     "positive_position_feedback": {"inner": _PD, "damping_ratio": 0.2},
+    "repetitive": {"inner": _PD, "period": 0.4, "proportional": [2.0, 0.8], "derivative": 0.1},
     "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
 }
 #: The same controllers as drives of a scenario, without kind and sample time.

@@ -45,8 +45,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
         *("PositivePositionFeedback", "IntegralResonantControl"),
+        "RepetitiveControl",
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
+        *("iterative_learning", "LearnedMotion"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),

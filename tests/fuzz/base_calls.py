@@ -215,6 +215,13 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
+    "iterative_learning": {
+        "arm": arm,
+        "reference": motion,
+        "controller": lambda: controller(),
+        "duration": 0.04,
+        "trials": 1,
+    },
     "joint_event": {"arm": arm, "joint": 1, "angle": 0.2},
     "linearize": {"arm": arm},
     "linearize_along": {**_MOVE, "rate": 3.0},
@@ -383,6 +390,11 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
+METHODS["RepetitiveControl"] = (
+    METHODS["RepetitiveControl"][0],
+    {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},
+)
+
 #: Results that only flexarm creates, and the abstract controller, whose methods are those of every
 #: controller.
 MADE_BY_FLEXARM = {
@@ -390,6 +402,7 @@ MADE_BY_FLEXARM = {
     "Controller",
     "FlexibleTorque",
     "Identification",
+    "LearnedMotion",
     "LinearModel",
     "ModeTracks",
     "Modes",

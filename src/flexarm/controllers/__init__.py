@@ -18,6 +18,7 @@ from flexarm.controllers.linear.mpc import MPC
 from flexarm.controllers.uncertain.adaptive import Adaptive
 from flexarm.controllers.uncertain.disturbance_observer import DisturbanceObserver
 from flexarm.controllers.uncertain.rbf_adaptive import RBFAdaptive
+from flexarm.controllers.uncertain.repetitive import RepetitiveControl
 from flexarm.controllers.uncertain.sliding_mode import SlidingMode
 from flexarm.controllers.vibration.integral_resonant import IntegralResonantControl
 from flexarm.controllers.vibration.positive_position import PositivePositionFeedback
@@ -45,6 +46,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         MPC,
         PositivePositionFeedback,
         RBFAdaptive,
+        RepetitiveControl,
         SlidingMode,
         StrainFeedback,
     )
@@ -75,6 +77,7 @@ __all__ = [
     "PositivePositionFeedback",
     "RBFAdaptive",
     "Reference",
+    "RepetitiveControl",
     "SlidingMode",
     "StrainFeedback",
     "loop_margins",

@@ -23,7 +23,8 @@ from flexarm.model import Instrument, Sensor
 
 #: Largest accepted reading, mass and covariance, in SI units.
 LARGEST = 1e9
-_SIGNALS = ("joint_angle", "joint_rate", "strain")
+#: Signals that are linear in the state.
+LINEAR_SIGNALS = ("joint_angle", "joint_rate", "strain")
 
 
 class Predicted(NamedTuple):
@@ -52,7 +53,7 @@ class PredictedReadings:
         self._check(instruments)
         self._sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
         self.linear = not self._sensors
-        rows = [_linear(arm, item) for item in instruments]
+        rows = [reading_rows(arm, item) for item in instruments]
         self.size = sum(len(row) for row in rows)
         self._linear = np.concatenate(rows)
         variances = [
@@ -82,8 +83,8 @@ class PredictedReadings:
     def _check(self, instruments: Sequence[Instrument]) -> None:
         problems = []
         for item in instruments:
-            if not (isinstance(item.output, Sensor) or item.signal in _SIGNALS):
-                rule = "measure a Sensor or one of " + ", ".join(map(repr, _SIGNALS))
+            if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):
+                rule = "measure a Sensor or one of " + ", ".join(map(repr, LINEAR_SIGNALS))
                 problems.append(Problem("instruments", rule, shown(item.signal)))
             elif item.signal == "strain" and not self._arm.gauges:
                 problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
@@ -175,7 +176,7 @@ class PredictedReadings:
         )
 
 
-def _linear(arm: Arm, item: Instrument) -> FloatArray:
+def reading_rows(arm: Arm, item: Instrument) -> FloatArray:
     """Return the derivative (readings, 2 dof) of a linear reading; zeros for a `Sensor`."""
     count = arm.dof
     if isinstance(item.output, Sensor):

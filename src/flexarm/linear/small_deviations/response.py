@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from flexarm.arm import Arm
@@ -40,6 +42,27 @@ def torque_response(
             state = A @ state + force
             answer[k + 1] = rows[k + 1] @ state[:dof]
     return answer.reshape(count, rows.shape[1], shapes.shape[2], arm.joints)
+
+
+def held_step_maps(
+    arm: Arm, step: float, q: FloatArray, qd: FloatArray
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Yield the linear maps of the steps of a run under zero-order-hold torques, in chunks.
+
+    Args:
+        step: s. q, qd: (T, dof), a run of the arm at evenly spaced times.
+
+    Yields:
+        Number of the first step of the chunk, and the derivatives of the state [q, qd] after each
+        step by that before it (N, 2 dof, 2 dof) and by its torque (N, 2 dof, joints), with the
+        accuracy of `torque_response`.
+    """
+    count = len(q)
+    for first in range(0, count - 1, _CHUNK):
+        by_state, by_force = _step_maps(
+            arm, step, q, qd, slice(first, min(first + _CHUNK, count - 1))
+        )
+        yield first, by_state, by_force.sum(axis=2)
 
 
 def _step_maps(

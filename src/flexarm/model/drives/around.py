@@ -49,6 +49,39 @@ class DisturbanceObserverParameters(ControllerParameters):
     )
 
 
+class RepetitiveParameters(ControllerParameters):
+    """Repetitive control: learns the torque of a periodic motion or disturbance in every period.
+
+    The learned torque is added to that of an inner controller.
+    """
+
+    name = "repetitive"
+    inner: Annotated[Any, Typed(one_of(ALONE))] = Field(
+        description="The controller to whose torque the learned one is added; both have the same "
+        "sample time."
+    )
+    period: Positive = Field(
+        description="Period of the motion or the disturbance, a multiple of the sample time (s)."
+    )
+    proportional: Annotated[Any, PerJoint(NonNegative)] = Field(
+        description="Learned torque per angle error of the last period, one for all joints or one "
+        "for each, such as half of the gain of the inner controller (N m/rad)."
+    )
+    derivative: Annotated[Any, PerJoint(NonNegative)] = Field(
+        default=0.0, description="Learned torque per rate error, likewise (N m s/rad)."
+    )
+    cutoff: Positive = Field(
+        default=5.0,
+        description="Cutoff of the filter of the learned torque, which has no phase shift; it "
+        "should be below the frequency at which the motion opposes the torque (Hz).",
+    )
+    lead: NonNegative = Field(
+        default=0.0,
+        description="Time by which the learned torque precedes the error; about the delay of the "
+        "closed loop (s).",
+    )
+
+
 class FilterParameters(Parameters):
     """An extended Kalman filter for the bending of the arm and its payload."""
 
@@ -83,6 +116,7 @@ FilterSpec = record_of(
     parameters_of(FilterParameters),
 )
 _OBSERVED = drive_of(DisturbanceObserverParameters)
+_REPETITIVE = drive_of(RepetitiveParameters)
 _OF_JOINTS = (*GROUPS["joint control"], *GROUPS["uncertain arms"])
 
 
@@ -137,6 +171,7 @@ class EstimatorParameters(ControllerParameters):
 #: Controllers that contain another one.
 AROUND = (
     _OBSERVED,
+    _REPETITIVE,
     drive_of(EstimatorParameters),
     drive_of(PositivePositionFeedbackParameters),
     drive_of(IntegralResonantControlParameters),

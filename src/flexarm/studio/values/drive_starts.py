@@ -129,6 +129,7 @@ _STARTS: dict[str, _Start] = {
     "lower": lambda of, _: of.each(np.minimum(*of.ends) - 0.2),
     "upper": lambda of, _: of.each(np.maximum(*of.ends) + 0.2),
     "posture": lambda of, _: of.each(0.5 * (of.ends[0] + of.ends[1])),
+    "period": _if_required(lambda of: max(1.0, short(20.0 * np.pi / of.slowest))),
     "inner": lambda of, _: drive_of_kind(of.scenario, "joint_pd"),
     "estimator": lambda of, _: None if of.instruments else {"instruments": _instruments(of.arm)},
 }

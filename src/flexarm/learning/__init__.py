@@ -1,0 +1,1 @@
+"""Learning of a repeated motion from trial to trial."""

@@ -1,0 +1,140 @@
+"""Trials of a motion that is learned, by simulation or on a bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arguments import check_positive
+from flexarm.arm import Arm
+from flexarm.control.base import Controller, Reference
+from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.hardware.measurement import FloatArray
+from flexarm.learning.added_torque import AddedTorque
+from flexarm.learning.lifted import Window, lifted_model
+from flexarm.model import Hardware
+from flexarm.motion.geometry.chain import rigid_chain
+from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.simulation.metrics import tip_reference
+from flexarm.simulation.run import simulate
+from flexarm.user_functions import call
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Intervals by default, and largest number of learned torques: the model is a dense matrix, and its
+#: eigenvalues take the third power of that number, a minute for the largest.
+_INTERVALS, _MOST = 400, 4000
+#: Difference from a whole number that is rounding.
+_ROUNDING = 1e-6
+
+
+class Bench:
+    """Trials of a motion, by simulation or on a bench, and the linear model of a trial."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        reference: Reference,
+        window: Window,
+        output: str,
+        plant: Arm | None,
+        hardware: Hardware | None,
+        trial: Callable[[Controller], ArrayLike] | None,
+        options: dict[str, Any],
+    ) -> None:
+        self.arm, self.reference, self.window, self.output = arm, reference, window, output
+        self._plant, self._hardware, self._trial = plant, hardware, trial
+        self._options = options
+        self._count = 0
+        if output == "tip":
+            self._wanted = tip_reference(arm, reference, window.ends)
+        else:
+            self._wanted = np.array([reference.joint_angle(float(t)) for t in window.ends])
+        self.result: xr.Dataset | None = None
+
+    def model(self, controller: AddedTorque) -> FloatArray:
+        """Return the lifted model (N p, N joints) of the chosen output."""
+        # Loads and changes are not part of the model.
+        result = self._simulate(controller, None, None, {})
+        tip, angle = lifted_model(self.arm, controller, self.reference, result, self.window)
+        chosen = tip if self.output == "tip" else angle
+        size = self.window.intervals
+        return chosen.reshape(size * chosen.shape[1], size * self.arm.joints)
+
+    def errors(self, controller: AddedTorque) -> FloatArray:
+        """Return the errors (N, p) of the next trial."""
+        if self._trial is not None:
+            given = call("trial", self._trial, controller)
+            return self._wanted - check_array("trial", given, self._wanted.shape)
+        hardware = self._hardware
+        if hardware is not None:
+            hardware = hardware.replace(seed=hardware.seed + self._count)
+        self._count += 1
+        self.result = result = self._simulate(controller, self._plant, hardware, self._options)
+        reading = f"measured_{self.output}"
+        values = result[reading if reading in result else self.output].values
+        ends = self.window.stride * np.arange(1, self.window.intervals + 1)
+        found: FloatArray = self._wanted - values[ends, : self._wanted.shape[1]]
+        return found
+
+    def _simulate(
+        self,
+        controller: AddedTorque,
+        plant: Arm | None,
+        hardware: Hardware | None,
+        options: dict[str, Any],
+    ) -> xr.Dataset:
+        # One sample more than the trial, because the readings of its end are taken there.
+        sample_time = self.window.sample_time
+        return simulate(
+            self.arm,
+            (self.window.intervals * self.window.stride + 1) * sample_time,
+            controller=controller,
+            reference=self.reference,
+            plant=plant,
+            hardware=hardware,
+            rate=1.0 / sample_time,
+            **{"progress": False, **options},
+        )
+
+
+def window_of(
+    arm: Arm,
+    reference: Reference,
+    controller: Controller,
+    duration: float | None,
+    interval: float | None,
+) -> Window:
+    """Divide a trial into intervals."""
+    sample_time = check_positive("controller.sample_time", controller.sample_time)
+    until = getattr(reference, "end_time", None) if duration is None else duration
+    if until is None:
+        raise InputError(Problem("duration", "is required, because the reference has no end_time"))
+    samples = check_positive("duration", until) / sample_time
+    if interval is None:
+        stride = max(1, math.ceil(samples / _INTERVALS * (1.0 - _ROUNDING)))
+    else:
+        given = check_positive("interval", interval) / sample_time
+        stride = round(given)
+        if stride < 1 or abs(given - stride) > _ROUNDING * stride:
+            rule = f"be a multiple of the controller's sample time of {sample_time:.6g} s"
+            raise InputError(Problem("interval", rule, shown(interval)))
+    count = math.floor(samples / stride * (1.0 + _ROUNDING))
+    if count < 2 or count * arm.joints > _MOST:
+        rule = f"be divided into 2 to {_MOST // arm.joints} intervals"
+        raise InputError(Problem("duration", rule, str(count), "Choose another interval."))
+    return Window(sample_time, stride, count)
+
+
+def joint_errors(arm: Arm, reference: Reference, window: Window, output: str) -> FloatArray:
+    """Return the joint errors per error of the output, (N, joints, p)."""
+    if output == "joint_angle":
+        return np.broadcast_to(np.eye(arm.joints), (window.intervals, arm.joints, arm.joints))
+    chain = rigid_chain(arm)
+    angles = np.array([reference.joint_angle(float(t)) for t in window.ends])
+    return np.asarray(np.linalg.pinv(tip_jacobian(chain.lengths, angles + chain.offset)))
