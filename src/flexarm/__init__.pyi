@@ -28,6 +28,7 @@ from .controllers import HybridForce as HybridForce
 from .controllers import Impedance as Impedance
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
+from .controllers import LoopShaping as LoopShaping
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback
@@ -77,6 +78,8 @@ from .linear.small_deviations.along import Separation as Separation
 from .linear.small_deviations.along import linearize_along as linearize_along
 from .linear.step_derivatives.step_jacobian import StepJacobian as StepJacobian
 from .linear.step_derivatives.step_jacobian import step_jacobian as step_jacobian
+from .loop_analysis.loop_models import SampledModel as SampledModel
+from .loop_analysis.loop_models import loop_models as loop_models
 from .loop_analysis.margins import loop_margins as loop_margins
 from .model import Box as Box
 from .model import Change as Change

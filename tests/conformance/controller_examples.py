@@ -54,6 +54,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "impedance": {"posture_frequency": 1.5},
     "joint_pd": _GAINS,
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "arm": two_links, "sag": True},
+    "loop_shaping": {"posture": [0.4, 0.1], "bandwidth": 8.0, "integral": 0.8},
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
     "rbf_adaptive": {

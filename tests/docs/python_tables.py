@@ -45,6 +45,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
+        *("LoopShaping", "loop_models", "SampledModel"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),
