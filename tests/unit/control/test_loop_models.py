@@ -80,3 +80,24 @@ def test_wrong_arguments_are_rejected():
     slow = fa.Hardware([fa.Instrument("joint_angle", sample_time=4e-3, rate_cutoff=20.0)])
     with pytest.raises(fa.InputError, match="sample_time"):
         fa.loop_models(controller, arm, hardware=slow)
+
+
+def test_recovery_makes_the_loop_that_of_the_state_feedback():
+    """Loop-transfer recovery (Maciejowski 1985): the loop opened at the motors, over frequency."""
+    arm, errors = robust_arm(), []
+    omega = np.geomspace(0.1, 200.0, 200)
+    z = np.exp(1e-3j * omega)[:, None, None]
+    for recovery in (0.0, 10.0, 100.0, 1000.0):
+        made = fa.LQG(arm, POSTURE, recovery=recovery)
+        plant, controller = fa.loop_models(made)
+        loop = -controller.frequency_response(omega) @ plant.frequency_response(omega)
+        item = made.designs[0]
+        shifted = z * np.eye(len(item.A)) - item.A
+        wanted = item.gain @ np.linalg.solve(shifted, item.B + 0.0 * shifted[:, :, :2])
+        sizes = [np.linalg.norm(part, 2, axis=(1, 2)) for part in (loop - wanted, wanted)]
+        errors.append(float((sizes[0] / sizes[1]).max()))
+    # The deviation decreases in inverse proportion to the assumed torque noise.
+    assert errors[0] > 1.0
+    assert errors[1] < 0.05
+    assert errors[2] < 0.11 * errors[1]
+    assert errors[3] < 0.11 * errors[2]
