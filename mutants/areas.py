@@ -171,6 +171,7 @@ AREAS: dict[str, Area] = {
                 tests=(
                     "unit/control/test_loop_margins.py",
                     "unit/control/test_loop_models.py",
+                    "unit/control/test_robustness.py",
                     "simulate/test_loop_check.py",
                 ),
             ),

@@ -81,6 +81,7 @@ from .linear.step_derivatives.step_jacobian import step_jacobian as step_jacobia
 from .loop_analysis.loop_models import SampledModel as SampledModel
 from .loop_analysis.loop_models import loop_models as loop_models
 from .loop_analysis.margins import loop_margins as loop_margins
+from .loop_analysis.robustness import robustness as robustness
 from .model import Box as Box
 from .model import Change as Change
 from .model import Circle as Circle

@@ -45,7 +45,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("SlidingMode", "Adaptive", "RBFAdaptive", "DisturbanceObserver"),
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
-        *("LoopShaping", "loop_models", "SampledModel"),
+        *("LoopShaping", "loop_models", "SampledModel", "robustness"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),

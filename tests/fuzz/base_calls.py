@@ -170,6 +170,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "loop_models": {"controller": controller, "plant": arm, "posture": start},
+    "robustness": {"controller": controller, "plants": arm, "posture": start},
     "Arm": {
         "links": [LINK],
         "joints": [{"hub_inertia": 0.1}],

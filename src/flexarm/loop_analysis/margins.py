@@ -35,7 +35,7 @@ _FREQUENCIES, _AROUND = 300, 15
 _LOWEST = 1e-6
 _HALVINGS = 40
 #: Largest growth (1/s) of a stable loop. Integrators without effect grow by rounding errors.
-_MARGINAL = 1e-4
+MARGINAL = 1e-4
 #: Gain factors below this are zero except for rounding: the loop is stable when it is open.
 _SMALLEST = 1e-6
 
@@ -164,7 +164,7 @@ def loop_margins(
             bent += kept
             check_single_rate(loop)
             growth[i, k] = loop.poles()[0].real
-            margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
+            margins = _margins_of(loop, bool(growth[i, k] < MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
     warn_of_first(bent)
@@ -282,7 +282,7 @@ def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
     joints = loop.plant.B.shape[1]
     if not stable:
         return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
-    angles = _grid(loop)
+    angles = frequency_grid(loop)
     S = np.diagonal(_at(loop, angles), axis1=1, axis2=2)
     every = [_of_joint(loop, k, angles, S[:, k]) for k in range(joints)]
     return [np.array(column) for column in zip(*every, strict=True)]
@@ -340,7 +340,7 @@ def _crossings(
     return 0.5 * (low + high)
 
 
-def _grid(loop: SampledLoop) -> FloatArray:
+def frequency_grid(loop: SampledLoop) -> FloatArray:
     """Return frequencies (f,) in rad per sample, with a dense grid around every pole."""
     everywhere = np.pi * np.geomspace(_LOWEST, 1.0, _FREQUENCIES)
     z = np.concatenate([loop.multipliers(), np.linalg.eigvals(loop.plant.A[0])])
