@@ -59,6 +59,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "impedance": lambda arm: fa.Impedance(arm, posture_frequency=1.5),
     "admittance": lambda arm: fa.Admittance(arm, frequency=1.5),
     "composite": lambda arm: fa.Composite(arm, torque_limit=_LIMIT),
+    "loop_shaping": lambda arm: fa.LoopShaping(arm),
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
     "estimator": _estimator,

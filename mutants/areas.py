@@ -168,7 +168,12 @@ AREAS: dict[str, Area] = {
             ),
             Group(
                 sources=("loop_analysis/**/*.py",),
-                tests=("unit/control/test_loop_margins.py", "simulate/test_loop_check.py"),
+                tests=(
+                    "unit/control/test_loop_margins.py",
+                    "unit/control/test_loop_models.py",
+                    "unit/control/test_robustness.py",
+                    "simulate/test_loop_check.py",
+                ),
             ),
             Group(
                 sources=("loop/**/*.py",),

@@ -44,15 +44,16 @@ CONTROLLERS = {
     ),
     "Composite": (fa.Composite, {}),
     "Composite, uncertain": (fa.Composite, {"rigidity_uncertainty": 1.0, "recovery": 1.0}),
+    "Loop shaping": (fa.LoopShaping, {"bandwidth": 12.0}),
+    "Loop shaping, uncertain": (fa.LoopShaping, {"bandwidth": 12.0, "rigidity_uncertainty": 0.3}),
 }
 
 
 def growth(kind, options, change):
     """Largest real part (1/s) of the poles of the sampled loop, over the postures."""
     arm, plant = arm_of(), arm_of(**change)
-    return max(
-        kind(arm, posture, **options).loop_poles(plant, posture)[0].real for posture in POSTURES
-    )
+    found = (fa.loop_margins(kind(arm, at, **options), plant, at) for at in POSTURES)
+    return max(float(one.growth.max()) for one in found)
 
 
 def main():

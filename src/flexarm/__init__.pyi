@@ -31,6 +31,7 @@ from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import PositivePositionFeedback as PositivePositionFeedback
+from .controllers import LoopShaping as LoopShaping
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
@@ -83,7 +84,10 @@ from .linear.small_deviations.along import Separation as Separation
 from .linear.small_deviations.along import linearize_along as linearize_along
 from .linear.step_derivatives.step_jacobian import StepJacobian as StepJacobian
 from .linear.step_derivatives.step_jacobian import step_jacobian as step_jacobian
+from .loop_analysis.loop_models import SampledModel as SampledModel
+from .loop_analysis.loop_models import loop_models as loop_models
 from .loop_analysis.margins import loop_margins as loop_margins
+from .loop_analysis.robustness import robustness as robustness
 from .model import Box as Box
 from .model import Change as Change
 from .model import Circle as Circle

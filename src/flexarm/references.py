@@ -98,6 +98,25 @@ _ENTRIES = {
   journal = {IEEE Transactions on Automatic Control},
   volume = {32}, number = {9}, pages = {793--801}, year = {1987}
 }""",
+    "McFarlaneGlover1992": """@article{McFarlaneGlover1992,
+  author = {McFarlane, D. C. and Glover, K.},
+  title = {A loop shaping design procedure using {H-infinity} synthesis},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {37}, number = {6}, pages = {759--769}, year = {1992}
+}""",
+    "HydeGlover1993": """@article{HydeGlover1993,
+  author = {Hyde, R. A. and Glover, K.},
+  title = {The application of scheduled {H-infinity} controllers to a {VSTOL} aircraft},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {38}, number = {7}, pages = {1021--1039}, year = {1993}
+}""",
+    "CollinsKingBernstein1992": """@article{CollinsKingBernstein1992,
+  author = {Collins, E. G. and King, J. A. and Bernstein, D. S.},
+  title = {Application of maximum entropy/optimal projection design synthesis to a benchmark
+           problem},
+  journal = {Journal of Guidance, Control, and Dynamics},
+  volume = {15}, number = {5}, pages = {1094--1102}, year = {1992}
+}""",
     "SicilianoBook1988": """@article{SicilianoBook1988,
   author = {Siciliano, B. and Book, W. J.},
   title = {A singular perturbation approach to control of lightweight flexible manipulators},

@@ -55,6 +55,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "integral_resonant_control": {"inner": joint_pd},
     "joint_pd": _GAINS,
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "arm": two_links, "sag": True},
+    "loop_shaping": {"posture": [0.4, 0.1], "bandwidth": 8.0, "integral": 0.8},
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
     "positive_position_feedback": {"inner": joint_pd, "damping_ratio": 0.2},

@@ -49,6 +49,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("HybridForce", "Impedance", "Admittance"),
         *("ExtendedKalmanFilter", "EstimatorController", "compare", "loop_margins"),
         *("iterative_learning", "LearnedMotion"),
+        *("LoopShaping", "loop_models", "SampledModel", "robustness"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),

@@ -179,6 +179,8 @@ _MOVE = {"arm": arm, "motion": motion}
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
+    "loop_models": {"controller": controller, "plant": arm, "posture": start},
+    "robustness": {"controller": controller, "plants": arm, "posture": start},
     "Arm": {
         "links": [LINK],
         "joints": [{"hub_inertia": 0.1}],
@@ -349,6 +351,10 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         },
     ),
     "Sensor": (lambda: fa.Sensor("acceleration", 1), {"labels": {}}),
+    "SampledModel": (
+        lambda: fa.loop_models(controller(), arm()).plant,
+        {"frequency_response": {"omega": [1.0, 10.0]}, "to_control": {}},
+    ),
     "Separation": (
         separation,
         {
@@ -409,6 +415,7 @@ MADE_BY_FLEXARM = {
     "OptimalMotion",
     "PressedMotion",
     "QuasiStaticReference",
+    "SampledModel",
     "Separation",
     "StepJacobian",
     "TipInversion",

@@ -11,6 +11,7 @@ from flexarm.controllers.force.impedance import Impedance
 from flexarm.controllers.joint.computed_torque import ComputedTorque
 from flexarm.controllers.joint.joint_pd import JointPD
 from flexarm.controllers.joint.joint_pid import JointPID
+from flexarm.controllers.joint.loop_shaping import LoopShaping
 from flexarm.controllers.joint.strain_feedback import StrainFeedback
 from flexarm.controllers.linear.composite import Composite
 from flexarm.controllers.linear.lqg import LQG
@@ -43,6 +44,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         JointPD,
         JointPID,
         LQG,
+        LoopShaping,
         MPC,
         PositivePositionFeedback,
         RBFAdaptive,
@@ -72,6 +74,7 @@ __all__ = [
     "IntegralResonantControl",
     "JointPD",
     "JointPID",
+    "LoopShaping",
     "Measurement",
     "Motors",
     "PositivePositionFeedback",

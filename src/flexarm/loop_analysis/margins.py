@@ -35,7 +35,7 @@ _FREQUENCIES, _AROUND = 300, 15
 _LOWEST = 1e-6
 _HALVINGS = 40
 #: Largest growth (1/s) of a stable loop. Integrators without effect grow by rounding errors.
-_MARGINAL = 1e-4
+MARGINAL = 1e-4
 #: Gain factors below this are zero except for rounding: the loop is stable when it is open.
 _SMALLEST = 1e-6
 
@@ -150,23 +150,21 @@ def loop_margins(
     contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
         check_reference(reference)
-    arms = _plants(controller, plants)
-    places = _places(controller, next(iter(arms.values())), postures, reference)
+    arms = plants_of(controller, plants)
+    places = places_of(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth = np.zeros(shape[:2])
     bent: list[str] = []
-    bare = [contact.replace(friction=0.0) for contact in contacts]
+    bare = without_friction(contacts)
     for i, arm in enumerate(arms.values()):
         for k, (t, posture) in enumerate(places):
             with one_warning() as kept:
                 loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
             bent += kept
-            if len(loop.plant.A) > 1:
-                rule = "has instruments with their own sample_time, which is not supported"
-                raise InputError(Problem("hardware", rule))
+            check_single_rate(loop)
             growth[i, k] = loop.poles()[0].real
-            margins = _margins_of(loop, bool(growth[i, k] < _MARGINAL))
+            margins = _margins_of(loop, bool(growth[i, k] < MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
     warn_of_first(bent)
@@ -184,8 +182,26 @@ def loop_margins(
     return table
 
 
-def _plants(
-    controller: Controller, plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None
+def without_friction(contacts: Sequence[Contact]) -> list[Contact]:
+    """Return contacts without friction, whose linearisation at rest is a strong damper."""
+    return [contact.replace(friction=0.0) for contact in contacts]
+
+
+def check_single_rate(loop: SampledLoop) -> None:
+    """Raise if an instrument of a loop has its own sample time.
+
+    Raises:
+        InputError: in this case, because the loop is periodic.
+    """
+    if len(loop.plant.A) > 1:
+        rule = "has instruments with their own sample_time, which is not supported"
+        raise InputError(Problem("hardware", rule))
+
+
+def plants_of(
+    controller: Controller,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None,
+    name: str = "plants",
 ) -> dict[str, Arm]:
     """Return the arms by name, after checking them and the controller.
 
@@ -198,7 +214,8 @@ def _plants(
         raise InputError(Problem("controller", rule))
     own = getattr(controller, "arm", None)
     if plants is None and not isinstance(own, Arm):
-        raise InputError(Problem("plants", "are required with a controller that has no arm"))
+        rule = "be given, because the controller has no arm"
+        raise InputError(Problem(name, rule, "None"))
     named = named_arms(own if plants is None else plants)
     joints = [arm.joints for arm in named.values()]
     if len(set(joints)) > 1:
@@ -234,25 +251,29 @@ def named_arms(plants: object) -> dict[str, Arm]:
     return named
 
 
-def _places(
-    controller: Controller, arm: Arm, postures: ArrayLike | None, reference: Reference | None
+def places_of(
+    controller: Controller,
+    arm: Arm,
+    postures: ArrayLike | None,
+    reference: Reference | None,
+    name: str = "postures",
 ) -> list[tuple[float, FloatArray]]:
     """Return the times (s) of the reference and the postures (joints,) of the linearisations."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
-        times = np.atleast_1d(check_each("postures", given))
+        times = np.atleast_1d(check_each(name, given))
         if not times.size:
-            raise InputError(Problem("postures", "are empty"))
+            raise InputError(Problem(name, "are empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
         listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
         return [(0.0, posture) for posture in listed]
-    angles = check_numbers("postures", postures, "be numbers of shape (any, joints)")
+    angles = check_numbers(name, postures, "be numbers of shape (any, joints)")
     if not angles.size:
-        raise InputError(Problem("postures", "are empty"))
+        raise InputError(Problem(name, "are empty"))
     angles = angles[None] if angles.ndim == 1 else angles
-    checked = check_array("postures", angles, (-1, arm.joints))
+    checked = check_array(name, angles, (-1, arm.joints))
     return [(0.0, posture) for posture in checked]
 
 
@@ -261,7 +282,7 @@ def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
     joints = loop.plant.B.shape[1]
     if not stable:
         return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
-    angles = _grid(loop)
+    angles = frequency_grid(loop)
     S = np.diagonal(_at(loop, angles), axis1=1, axis2=2)
     every = [_of_joint(loop, k, angles, S[:, k]) for k in range(joints)]
     return [np.array(column) for column in zip(*every, strict=True)]
@@ -319,7 +340,7 @@ def _crossings(
     return 0.5 * (low + high)
 
 
-def _grid(loop: SampledLoop) -> FloatArray:
+def frequency_grid(loop: SampledLoop) -> FloatArray:
     """Return frequencies (f,) in rad per sample, with a dense grid around every pole."""
     everywhere = np.pi * np.geomspace(_LOWEST, 1.0, _FREQUENCIES)
     z = np.concatenate([loop.multipliers(), np.linalg.eigvals(loop.plant.A[0])])

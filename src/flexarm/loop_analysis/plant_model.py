@@ -28,11 +28,15 @@ _RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 
 
 
 class Signal(NamedTuple):
-    """Linear signal of an arm: value + C x + D (acting torque)."""
+    """Linear signal of an arm: value + C x + D (acting torque).
+
+    ``components`` are the ends of the names of its components, such as ``[1]``; empty if unused.
+    """
 
     value: FloatArray
     C: FloatArray
     D: FloatArray
+    components: tuple[str, ...] = ()
 
 
 class PlantModel(NamedTuple):
@@ -136,7 +140,8 @@ def model_at(
             for k, label in enumerate(model.outputs)
             if any(label == name or label.startswith(f"{name}[") for name in names)
         ]
-        found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows])
+        ends = tuple("".join(model.outputs[k].rpartition("[")[1:]) for k in rows)
+        found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows], ends)
     return PlantModel(model.A, model.B, found)
 
 
@@ -174,10 +179,7 @@ def loop_of(
         if len(labels) > 1:
             measured[labels[1]] = np.zeros_like(value)
     motors = hardware.motors if hardware is not None else None
-    readings = [
-        Reading(item, model.signals[item.output].C, model.signals[item.output].D)
-        for item in instruments
-    ]
+    readings = [Reading(item, *model.signals[item.output][1:]) for item in instruments]
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
     if rate == 0.0 or reference is None:
         return SampledLoop(plant, linear_controller(controller, measured, reference, t))

@@ -66,13 +66,13 @@ class SampledLoop:
         requires instruments with the sample time of the controller.
         """
         A, B, C, D = self.controller
-        plant = _response(self.plant.A[0], self.plant.B, self.plant.C[0], z)
-        loop = -(_response(A, B, C, z) + D) @ plant
+        plant = response(self.plant.A[0], self.plant.B, self.plant.C[0], z)
+        loop = -(response(A, B, C, z) + D) @ plant
         found: ComplexArray = np.linalg.inv(np.eye(len(D)) + loop)
         return found
 
 
-def _response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> ComplexArray:
+def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> ComplexArray:
     """Return C (z - A)^-1 B at points z (f,)."""
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)

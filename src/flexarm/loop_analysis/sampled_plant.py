@@ -22,11 +22,15 @@ _GRID = 1e-9
 
 
 class Reading(NamedTuple):
-    """Instrument and its reading of the linear model without errors: C x + D (acting torque)."""
+    """Instrument and its reading of the linear model without errors: C x + D (acting torque).
+
+    ``components`` are the ends of the names of its components; empty if unused.
+    """
 
     instrument: Instrument
     C: FloatArray
     D: FloatArray
+    components: tuple[str, ...] = ()
 
 
 class SampledPlant(NamedTuple):
@@ -34,13 +38,14 @@ class SampledPlant(NamedTuple):
 
     The state X consists of the states of the arm, the motors and the instruments. A and C are
     periodic sequences of matrices; they have one entry unless an instrument has its own sample
-    time.
+    time. ``outputs`` are the names of the components of y.
     """
 
     A: list[FloatArray]
     B: FloatArray
     C: list[FloatArray]
     sample_time: float
+    outputs: tuple[str, ...] = ()
 
 
 def sampled_plant(
@@ -97,7 +102,13 @@ def sampled_plant(
             shown.append(_read(reading, exact, now, int(start), count, width, k, sample_time))
         steps.append(now)
         outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
-    return SampledPlant(steps, push, outputs, sample_time)
+    names = tuple(
+        label + end
+        for reading in readings
+        for label in reading.instrument.labels
+        for end in reading.components
+    )
+    return SampledPlant(steps, push, outputs, sample_time, names)
 
 
 def _delay(delay: float, sample_time: float) -> tuple[int, float]:

@@ -18,6 +18,32 @@ if TYPE_CHECKING:
     import control
 
 
+def control_system(model: Any, **options: Any) -> control.StateSpace:
+    """Convert a linear model to a state-space system of python-control with the same names.
+
+    Args:
+        model: object with A, B, C, D and the names ``inputs`` and ``outputs``.
+        options: further arguments of ``control.StateSpace``.
+
+    Raises:
+        InputError: if python-control is not installed.
+    """
+    try:
+        import control
+    except ImportError:
+        raise library_missing("python-control", "control") from None
+    return control.StateSpace(
+        model.A,
+        model.B,
+        model.C,
+        model.D,
+        inputs=list(model.inputs),
+        outputs=list(model.outputs),
+        remove_useless_states=False,
+        **options,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class LinearModel:
     """Linear model of small deviations: x' = A x + B u, y = C x + D u; (S.1), (S.2).
@@ -113,20 +139,7 @@ class LinearModel:
         Raises:
             InputError: if python-control is not installed.
         """
-        try:
-            import control
-        except ImportError:
-            raise library_missing("python-control", "control") from None
-        return control.StateSpace(
-            self.A,
-            self.B,
-            self.C,
-            self.D,
-            states=list(self.states),
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
-            remove_useless_states=False,
-        )
+        return control_system(self, states=list(self.states))
 
     def arrays(self) -> dict[str, Any]:
         """Return all arrays and names in a dictionary for ``scipy.io.savemat`` or JSON."""

@@ -1,4 +1,4 @@
-"""Controllers designed on linear models of the flexible arm: LQG, MPC, composite."""
+"""Controllers designed on linear models of the flexible arm."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.model.drives.base import ControllerParameters, SampleTime
+from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
 from flexarm.model.quantities import (
     Finite,
     Flag,
     Listed,
     ListPerJoint,
     Named,
+    NonNegative,
     Number,
     OneOrEach,
     PerJoint,
@@ -42,6 +43,8 @@ _Integral = Annotated[
 # Beyond the upper bound rounding errors dominate a design.
 _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
 _Preview = Annotated[Finite, Field(ge=0, le=60), BeforeValidator(plain)]
+# At 1 the matrix L of (C.144) is singular.
+_Suboptimality = Annotated[Finite, Field(ge=1.001, le=100), BeforeValidator(plain)]
 _Horizon = Annotated[int, Field(strict=True, ge=1, le=500), BeforeValidator(plain)]
 
 
@@ -152,3 +155,46 @@ class CompositeParameters(LinearParameters):
         description="Acceptable deviations of outputs that depend on bending only, by name; by "
         "default 10 mm of link_tip_deflection and 0.1 m/s of link_tip_deflection_rate.",
     )
+
+
+class LoopShapingParameters(ControllerParameters):
+    """H-infinity loop shaping: robust feedback of joint angles and rates."""
+
+    name = "loop_shaping"
+    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
+        default=None, description="Joint angles of the design; zero by default (rad)."
+    )
+    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
+        default=8.0,
+        description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
+        "joints or one for each (rad/s).",
+    )
+    _: KW_ONLY
+    integral: Annotated[Any, PerJoint(NonNegative)] = Field(
+        default=0.0,
+        description="Frequency below which the feedback is integral, one for all joints or one "
+        "for each; 0 for none, otherwise a tenth of the bandwidth or less (rad/s).",
+    )
+    rigidity_uncertainty: _Robustness = Field(
+        default=0.0,
+        description="Relative error of the stiffness of the links for which the design is robust, "
+        "such as 0.3: a third of it is added to the damping ratios of the design model, so that "
+        "the controller does not rely on the frequencies of the links (Collins, King and "
+        "Bernstein 1992). The arm must have damping, too.",
+    )
+    suboptimality: _Suboptimality = Field(
+        default=1.1,
+        description="Ratio of the largest possible stability margin to that of the design.",
+    )
+    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = Field(
+        default=None,
+        description="For each joint nothing, or increasing angles: designs on the grid of these "
+        "angles, between which the controllers are interpolated (rad).",
+    )
+    sample_time: SampleTime = 0.001
+
+
+class LoopShapingKeys(LoopShapingParameters):
+    """Keys of the drive `loop_shaping`."""
+
+    feedforward: Feedforward = None

@@ -20,7 +20,12 @@ from flexarm.model.drives.joint import (
     JointPIDKeys,
     StrainFeedbackKeys,
 )
-from flexarm.model.drives.linear import CompositeParameters, LQGParameters, MPCParameters
+from flexarm.model.drives.linear import (
+    CompositeParameters,
+    LoopShapingKeys,
+    LQGParameters,
+    MPCParameters,
+)
 from flexarm.model.drives.uncertain import (
     AdaptiveParameters,
     RBFAdaptiveParameters,
@@ -29,7 +34,12 @@ from flexarm.model.drives.uncertain import (
 
 _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
     "joint control": (JointPDKeys, JointPIDKeys, ComputedTorqueKeys, StrainFeedbackKeys),
-    "linear models of the flexible arm": (LQGParameters, MPCParameters, CompositeParameters),
+    "linear models of the flexible arm": (
+        LQGParameters,
+        MPCParameters,
+        CompositeParameters,
+        LoopShapingKeys,
+    ),
     "uncertain arms": (AdaptiveParameters, SlidingModeParameters, RBFAdaptiveParameters),
     "tip position and contact force": (
         HybridForceParameters,
