@@ -26,6 +26,7 @@ from flexarm.identification.record import FEWEST, MeasuredRecord
 from flexarm.identification.tables import Table, attributes_of, read_table
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
+from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.records import Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
@@ -85,7 +86,7 @@ def read_record(
         **own,
         **settings,
     }
-    description = RecordFile(**fields)
+    description = checked_arguments(RecordFile, **fields)
     return record_of_file(description, file, controller, reference, hardware)
 
 

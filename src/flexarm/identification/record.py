@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_dataset, check_kind
+from flexarm.arguments import check_dataset, check_kind, check_mapping
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
+from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.records import RecordSettings
 
 #: Fewest samples of a record.
@@ -61,7 +63,7 @@ class MeasuredRecord:
     ) -> None:
         check_dataset("data", data, ("time",), "a dataset with a channel over time")
         if settings is None:
-            settings = RecordSettings(**fields)
+            settings = checked_arguments(RecordSettings, **fields)
         elif fields:
             raise InputError(Problem("settings", f"cannot be combined with {next(iter(fields))}"))
         check_kind("settings", settings, RecordSettings)
@@ -172,6 +174,47 @@ class MeasuredRecord:
 
 #: Channels of a prescribed joint, which agree by construction.
 _FOLLOWED = ("joint_angle", "joint_rate")
+
+
+Records = (
+    MeasuredRecord
+    | xr.Dataset
+    | Sequence[MeasuredRecord | xr.Dataset]
+    | Mapping[str, MeasuredRecord | xr.Dataset]
+)
+
+
+def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
+    """Return records by name, from a record, a dataset over time, a list or a dictionary of them.
+
+    Raises:
+        InputError: if the value is not a record, or a list or dictionary of them.
+    """
+    if isinstance(given, MeasuredRecord | xr.Dataset):
+        given = [given]
+    if isinstance(given, list | tuple):
+        word = "record" if name == "records" else name
+        given = {f"{word} {k}": item for k, item in enumerate(given, start=1)}
+    check_mapping(name, given, "records by name, a list of them, or a record")
+    records = {}
+    for key, item in given.items():
+        if isinstance(item, xr.Dataset):
+            item = MeasuredRecord(item)
+        what = "a MeasuredRecord, or a dataset over time"
+        records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
+    return records
+
+
+def check_some_records(given: Any) -> dict[str, MeasuredRecord]:
+    """Return the argument ``records``, which must not be empty.
+
+    Raises:
+        InputError: as ``check_records``, or if there is no record.
+    """
+    records = check_records("records", given)
+    if not records:
+        raise InputError(Problem("records", "must not be empty"))
+    return records
 
 
 def _time_problems(times: FloatArray) -> list[Problem]:
