@@ -118,6 +118,16 @@ def test_delays_and_recorded_filters_are_removed(shaken):
     assert np.abs(wrong.response[-1, 1, 0] / plain.response[-1, 1, 0] - 1.0) > 0.5
 
 
+def test_a_drift_from_period_to_period_is_removed(shaken):
+    """A joint without friction keeps turning."""
+    _, _, result = shaken
+    turning = result[["torque", "joint_angle", "strain"]].copy(deep=True)
+    turning["joint_angle"][:, 0] += 0.4 + 0.02 * turning["time"].values
+    found = fa.frequency_response(measured(turning), period=4.0, start=20.0)
+    plain = fa.frequency_response(measured(result), period=4.0, start=20.0)
+    np.testing.assert_allclose(found.response, plain.response, rtol=1e-6)
+
+
 def noisy(result, seed, deviations):
     random = np.random.default_rng(seed)
     data = result[["torque", *deviations]].copy(deep=True)
@@ -305,7 +315,9 @@ def test_multisines_of_own_coefficients():
     for wrong in ([[1.0]], np.full((2, 1), np.nan * 1j), "x", np.zeros((2, 0))):
         with pytest.raises(fa.InputError, match="coefficients"):
             fa.Multisine(2.0, [1, 3], wrong)
-    with pytest.raises(fa.InputError, match="positive whole numbers"):
+    with pytest.raises(fa.InputError, match="whole numbers from 1"):
         fa.Multisine(2.0, [0.5], [[1.0]])
+    with pytest.raises(fa.InputError, match="the highest one 100000"):
+        fa.multisine(2.0, (1e9, 2e9), 0.1)
     with pytest.raises(fa.InputError, match="rate must be greater than 3 Hz"):
         own.samples(2.0, 1.0)

@@ -24,8 +24,10 @@ from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.histories.piecewise import FloatArray
 from flexarm.model.scenarios.scenario import sample_fault
 
-#: Most sines of a multisine, and points per period of the highest one at which peaks are found.
-_MOST, _POINTS = 10_000, 16
+#: Highest harmonic, and points per period of it at which peaks are found.
+_HIGHEST, _POINTS = 100_000, 16
+#: Most values of sines that are computed together, which bounds the memory.
+_TOGETHER = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Multisine:
 
     Args:
         period: s.
-        harmonics: (lines,) positive whole numbers: the frequencies are harmonics / period.
+        harmonics: (lines,) whole numbers from 1 to 100000: the frequencies are harmonics / period.
         coefficients: (lines, joints) complex amplitudes, N m.
         rise: s; 0 for a start at full amplitude.
 
@@ -56,8 +58,10 @@ class Multisine:
     @public_call
     def __post_init__(self) -> None:
         lines = check_array("harmonics", self.harmonics, (-1,))
-        if not lines.size or np.any(lines != np.rint(lines)) or np.any(lines < 1.0):
-            raise InputError(Problem("harmonics", "be positive whole numbers", shown(lines)))
+        fits = (lines == np.rint(lines)) & (lines >= 1.0) & (lines <= _HIGHEST)
+        if not lines.size or not fits.all():
+            rule = f"be whole numbers from 1 to {_HIGHEST}"
+            raise InputError(Problem("harmonics", rule, shown(self.harmonics)))
         shape = lines.size, -1
         given = self.coefficients
         if isinstance(given, np.ndarray) and given.dtype.kind == "c":
@@ -101,8 +105,10 @@ class Multisine:
     @property
     def peak(self) -> FloatArray:
         """Largest magnitude (joints,) within a period, N m."""
-        grid = np.arange(_POINTS * int(self.harmonics.max())) / (_POINTS * self.harmonics.max())
-        return np.asarray(np.abs(self._steady(self.period * grid)).max(axis=0))
+        points = _POINTS * int(self.harmonics.max())
+        spectrum = np.zeros((points // 2 + 1, self.joints), dtype=np.complex128)
+        np.add.at(spectrum, self.harmonics, 0.5 * points * self.coefficients)
+        return np.asarray(np.abs(np.fft.irfft(spectrum, points, axis=0)).max(axis=0))
 
     @public_call
     def __call__(self, t: ArrayLike) -> FloatArray:
@@ -134,8 +140,13 @@ class Multisine:
 
     def _steady(self, times: FloatArray) -> FloatArray:
         """Return the torques (T, joints) without the rise."""
-        turns = np.outer(np.mod(times / self.period, 1.0), self.harmonics)
-        return np.asarray((np.exp(2j * np.pi * turns) @ self.coefficients).real)
+        values = np.empty((times.size, self.joints))
+        block = max(1, _TOGETHER // self.harmonics.size)
+        for first in range(0, times.size, block):
+            part = slice(first, first + block)
+            turns = np.outer(np.mod(times[part] / self.period, 1.0), self.harmonics)
+            values[part] = (np.exp(2j * np.pi * turns) @ self.coefficients).real
+        return values
 
     @public_call
     def scaled(self, factor: ArrayLike) -> Multisine:
@@ -180,10 +191,10 @@ def multisine(
     """
     period = check_positive("period", period, "s")
     low, high = check_array("band", band, (2,)).tolist()
-    first = max(1, int(np.ceil(low * period * (1.0 - 1e-9))))
+    first = max(1, int(np.ceil(min(low * period * (1.0 - 1e-9), 1e15))))
     last = int(np.floor(min(high * period * (1.0 + 1e-9), 1e15)))
-    if not first <= last < first + _MOST:
-        rule = f"contain 1 to {_MOST} multiples of 1/period, {1.0 / period:.6g} Hz"
+    if not first <= last <= _HIGHEST:
+        rule = f"contain multiples of 1/period, {1.0 / period:.6g} Hz, the highest one {_HIGHEST}"
         raise InputError(Problem("band", rule, shown([low, high])))
     peaks = check_each("peak", peak, positive=True)
     count = peaks.size if peaks.ndim else check_count("joints", joints)
