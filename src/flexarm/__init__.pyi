@@ -53,8 +53,15 @@ from .errors import UnstableLoopWarning as UnstableLoopWarning
 from .estimation.estimator_controller import EstimatorController as EstimatorController
 from .estimation.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from .hardware.measurement import Measurement as Measurement
+from .histories.multisine import Multisine as Multisine
+from .histories.multisine import multisine as multisine
 from .histories.prescribed import PrescribedAngle as PrescribedAngle
+from .identification.frequency.measured_modes import MeasuredModes as MeasuredModes
+from .identification.frequency.response import FrequencyResponse as FrequencyResponse
+from .identification.frequency.response import frequency_response as frequency_response
 from .identification.identify import identify as identify
+from .identification.planning.identifiability import Identifiability as Identifiability
+from .identification.planning.identifiability import identifiability as identifiability
 from .identification.reading import read_record as read_record
 from .identification.record import MeasuredRecord as MeasuredRecord
 from .identification.result import Identification as Identification
@@ -124,6 +131,8 @@ from .motion import rigid_torque as rigid_torque
 from .motion import smoothed as smoothed
 from .motion import spline_motion as spline_motion
 from .motion import via_point_motion as via_point_motion
+from .optimize.excitation import OptimalExcitation as OptimalExcitation
+from .optimize.excitation import optimal_excitation as optimal_excitation
 from .optimize.limits import MotionLimits as MotionLimits
 from .optimize.optimal_motion import optimal_motion as optimal_motion
 from .optimize.solution import OptimalMotion as OptimalMotion

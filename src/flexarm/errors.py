@@ -190,7 +190,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 #: Methods for which the name of the class stands for the call.
-_NAMELESS = ("__init__", "__post_init__", "__call__")
+_NAMELESS = ("__init__", "__post_init__", "__call__", "__getitem__")
 
 
 def public_call(function: Callable[P, R]) -> Callable[P, R]:

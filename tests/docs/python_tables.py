@@ -38,6 +38,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "identification": (
         *("read_record", "MeasuredRecord", "Filter"),
         *("identify", "FreeParameter", "Identification"),
+        *("identifiability", "Identifiability", "optimal_excitation", "OptimalExcitation"),
+        *("multisine", "Multisine"),
+        *("frequency_response", "FrequencyResponse", "MeasuredModes"),
     ),
     "controllers": (
         *("Controller", "ControllerRequirements", "Measurement"),

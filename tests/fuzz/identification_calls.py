@@ -29,12 +29,69 @@ def identified() -> fa.Identification:
         return fa.identify(two_links(), measured(), FREE, iterations=1, progress=False)
 
 
+@cache
+def one_link() -> fa.Arm:
+    """Return an arm with one joint and a gauge."""
+    gauges = [fa.Gauge(station=0.05, distance=0.002)]
+    link = {"length": 0.8, "flexural_rigidity": 8.0, "mass_per_length": 0.4, "elements": 1}
+    return fa.Arm(links=[fa.Link(**link, gauges=gauges)], joints=[fa.Joint(hub_inertia=0.02)])
+
+
+def shaker() -> fa.Multisine:
+    return fa.multisine(0.5, (2.0, 40.0), 0.1, rise=0.1)
+
+
+@cache
+def shaken() -> fa.MeasuredRecord:
+    """Return a planned record of two periods."""
+    result = fa.simulate(one_link(), 1.0, torque=shaker().samples(200.0, 1.0), rate=200.0)
+    noise = {"joint_angle": 1e-4, "strain": 1e-6}
+    return fa.MeasuredRecord(result, outputs=["joint_angle", "strain"], noise=noise)
+
+
+@cache
+def response() -> fa.FrequencyResponse:
+    return fa.frequency_response(shaken(), period=0.5)
+
+
 IDENTIFICATION: dict[str, dict[str, Any]] = {
     "identify": {"arm": two_links, "records": measured, "free": FREE, "iterations": 1},
+    "identifiability": {"arm": one_link, "records": shaken, "free": FREE},
+    "frequency_response": {"records": shaken, "period": 0.5},
+    "multisine": {"period": 0.5, "band": (2.0, 40.0), "peak": 0.1},
+    "Multisine": {"period": 0.5, "harmonics": [1, 2], "coefficients": [[1.0], [0.5]]},
+    "optimal_excitation": {
+        "arm": one_link,
+        "free": FREE,
+        "limits": lambda: fa.MotionLimits(torque=0.1),
+        "noise": {"strain": 1e-6},
+        "period": 0.2,
+        "band": (5.0, 20.0),
+        "lines": 2,
+        "duration": 0.2,
+        "iterations": 1,
+    },
     "MeasuredRecord": {"data": turned, "outputs": ["joint_angle"]},
 }
 #: Methods of a result.
 RESULT: dict[str, Any] = {
+    "FrequencyResponse": (response, {"modes": {"count": 1}}),
+    "Identifiability": (
+        lambda: fa.identifiability(one_link(), shaken(), FREE),
+        {"rows": {}},
+    ),
+    "MeasuredModes": (
+        lambda: response().modes(1),
+        {"compare": {"modes": lambda: fa.modes(one_link(), joints="free")}},
+    ),
+    "Multisine": (
+        shaker,
+        {
+            "orthogonal": {},
+            "samples": {"rate": 200.0, "duration": 0.5},
+            "scaled": {"factor": 2.0},
+        },
+    ),
     "Identification": (
         identified,
         {

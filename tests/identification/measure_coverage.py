@@ -1,4 +1,4 @@
-"""Coverage of the stated intervals: ``python tests/identification/measure_coverage.py [SEEDS]``.
+"""Coverage of the stated intervals: ``python tests/identification/measure_coverage.py --help``.
 
 For every bench and every seed of the noise, the arm starts with parameters that are wrong by up to
 20 %. The script prints the share of 95 % intervals that contain the true value, for each parameter
@@ -7,6 +7,7 @@ and for all of them, and the time of a fit.
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -23,14 +24,14 @@ from identification.benches import FREE, believed, record, truth
 ENDS = {ONE.name: 3.0, TWO.name: 3.0}
 
 
-def main(seeds: int, names: list[str]) -> None:
+def main(seeds: range, names: list[str], elements: int) -> None:
     """Print the coverage for each bench."""
     for bench in (ONE, TWO):
         if names and bench.name not in names:
             continue
         free, scores, seconds, determined = FREE[bench.name], [], [], 0
-        for seed in range(seeds):
-            arm = believed(bench, seed)
+        for seed in seeds:
+            arm = believed(bench, seed, elements)
             measured = record(bench.name, seed, end=ENDS[bench.name])
             started = time.perf_counter()
             found = fa.identify(arm, measured, free, progress=False)
@@ -50,4 +51,11 @@ def main(seeds: int, names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50, sys.argv[2:])
+    parser = argparse.ArgumentParser(description="Coverage of the stated intervals.")
+    parser.add_argument("seeds", nargs="?", type=int, default=50, help="number of seeds")
+    parser.add_argument("benches", nargs="*", help="bench_one_link, bench_two_links; both")
+    parser.add_argument("--elements", type=int, default=3, help="of each link")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    given = parser.parse_args()
+    chosen = range(given.first, given.first + given.seeds)
+    main(chosen, given.benches, given.elements)

@@ -350,3 +350,11 @@ def test_a_record_in_wrong_units_is_reported():
     wrong["joint_angle"] = np.rad2deg(wrong["joint_angle"])
     with pytest.warns(fa.AccuracyWarning, match=r"joint_angle_1 of record 1 .*Check units"):
         fa.identify(arm, wrong, free=["links[0].flexural_rigidity"])
+
+
+def test_an_unknown_parameter_of_a_result_names_the_nearest():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.identify(arm_of(ONE), short(end=0.1), ["payload.mass"], iterations=1)
+    with pytest.raises(fa.InputError, match=r"have no 'payload.mas'. Did you mean 'payload.mass'"):
+        found["payload.mas"]

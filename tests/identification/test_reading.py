@@ -188,8 +188,18 @@ def test_unreadable_files(name, content, text, tmp_path):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(fa.InputError, match=text):
         fa.read_record(tmp_path / name)
-    with pytest.raises(fa.InputError, match=r"does not exist|suffixes"):
+    with pytest.raises(fa.InputError, match=rf"no-{name}', which does not exist|suffixes"):
         fa.read_record(tmp_path / f"no-{name}")
+
+
+def test_messages_name_the_call_and_the_argument(tmp_path):
+    with pytest.raises(fa.InputError, match=r"^read_record: chanels .*channels"):
+        fa.read_record(tmp_path / "bench.csv", chanels={})
+    with pytest.raises(fa.InputError, match=r"^read_record: rate must be greater than 0"):
+        fa.read_record(tmp_path / "bench.csv", rate=-1.0)
+    data = xr.Dataset({"joint_angle": (("time", "joint"), ANGLE[:, None])}, {"time": TIMES})
+    with pytest.raises(fa.InputError, match=r"^MeasuredRecord: delays"):
+        fa.MeasuredRecord(data, delays={"joint_angle": -1.0})
 
 
 def test_gaps_in_an_input_are_refused():

@@ -64,3 +64,14 @@ def test_wrong_arguments(change, text):
     arguments = {"weights": {"tip": np.zeros((3, 2))}, "torque": np.zeros((2, 2)), "rate": 200.0}
     with pytest.raises(fa.InputError, match=text):
         fa.goal_gradient(an_arm(), 0.01, **(arguments | change))
+
+
+@pytest.mark.parametrize("function", [fa.sensitivities, fa.goal_gradient])
+def test_arguments_of_simulate_that_are_not_supported_are_named(function):
+    with pytest.raises(fa.InputError) as error:
+        function(
+            None, 0.1, [], torque=[], changes=[fa.Change("payload.mass", at=0.1, to=0.5)], lods=()
+        )
+    changes, lods = map(str, error.value.problems)
+    assert changes == f"{function.__name__}: changes is not supported with derivatives of runs."
+    assert lods.endswith("lods is not an argument. Did you mean 'loads'?")

@@ -37,7 +37,7 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
     Each sentence names parameters that the data do not determine.
     """
     slots, scale = problem.space.slots, problem.space.scale
-    columns = _columns(problem, fit)
+    columns = columns_of_fit(problem, fit)
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
     covariance = covariance_of(columns, priors)
     physical = np.array([not slot.initial for slot in slots])
@@ -51,7 +51,7 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
     return tables[0], tables[1], without
 
 
-def _columns(problem: FitProblem, fit: Fit) -> list[Column]:
+def columns_of_fit(problem: FitProblem, fit: Fit) -> list[Column]:
     """Return weighted residuals and their derivatives of all channels of all records."""
     columns = []
     derivatives = problem.derivatives(fit.vector)
@@ -71,7 +71,8 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     slots = [problem.space.slots[k] for k in places]
     own = covariance[np.ix_(places, places)]
     deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
-    safe = np.where(deviation > 0.0, deviation, 1.0)
+    safe = np.where((deviation > 0.0) & np.isfinite(deviation), deviation, 1.0)
+    related = np.where(np.isfinite(own), own / np.outer(safe, safe), 1.0)
     values = fit.vector[places]
     lower, upper = (bound[places] for bound in problem.space.bounds)
     near = _AT_BOUND * problem.space.scale[places]
@@ -84,7 +85,7 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
         "at_bound": (values - lower < near) | (upper - values < near),
     }
     names = [slot.name for slot in slots]
-    correlation = xr.DataArray(own / np.outer(safe, safe), dims=("parameter", "other"))
+    correlation = xr.DataArray(related, dims=("parameter", "other"))
     found = xr.Dataset({name: ("parameter", column) for name, column in columns.items()})
     return found.assign(correlation=correlation).assign_coords(parameter=names, other=names)
 

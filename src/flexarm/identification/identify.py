@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_choice, check_count, check_flag, check_kind, check_mapping
+from flexarm.arguments import check_choice, check_count, check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.errors import (
     AccuracyWarning,
@@ -34,7 +34,12 @@ from flexarm.identification.fitting import (
     fit_from,
     random_start,
 )
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import (
+    MeasuredRecord,
+    Records,
+    check_records,
+    check_some_records,
+)
 from flexarm.identification.result import Identification
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space, check_free
@@ -45,12 +50,6 @@ from flexarm.model.identification.parameters import FreeParameter
 
 #: Losses of residuals, from SciPy.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
-Records = (
-    MeasuredRecord
-    | xr.Dataset
-    | Sequence[MeasuredRecord | xr.Dataset]
-    | Mapping[str, MeasuredRecord | xr.Dataset]
-)
 
 
 #: Fit (%) below which units or signs are probably wrong.
@@ -126,10 +125,8 @@ def identify(
     check_choice("loss", loss, LOSSES)
     count, iterations = check_count("starts", starts), check_count("iterations", iterations)
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
-    fitted = _records("records", records)
-    if not fitted:
-        raise InputError(Problem("records", "must not be empty"))
-    held_out = _records("validation", validation)
+    fitted = check_some_records(records)
+    held_out = check_records("validation", validation)
     _check_names(fitted, held_out)
     _check_currents({**fitted, **held_out}, motors)
     for name, record in (fitted | held_out).items():
@@ -181,27 +178,6 @@ def _warn_of_poor_fits(fit: xr.Dataset) -> None:
         text = f"the fitted arm hardly reproduces {', '.join(poor)}; 100 % is perfect. "
         hint = "Check units, signs, times and the numbers that are not free."
         warn_caller(text + hint, AccuracyWarning)
-
-
-def _records(name: str, given: Any) -> dict[str, MeasuredRecord]:
-    """Return records by name.
-
-    Raises:
-        InputError: if the value is not a record, or a list or dictionary of them.
-    """
-    if isinstance(given, MeasuredRecord | xr.Dataset):
-        given = [given]
-    if isinstance(given, list | tuple):
-        word = "record" if name == "records" else name
-        given = {f"{word} {k}": item for k, item in enumerate(given, start=1)}
-    check_mapping(name, given, "records by name, a list of them, or a record")
-    records = {}
-    for key, item in given.items():
-        if isinstance(item, xr.Dataset):
-            item = MeasuredRecord(item)
-        what = "a MeasuredRecord, or a dataset over time"
-        records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
-    return records
 
 
 def _check_names(fitted: Mapping[str, Any], held_out: Mapping[str, Any]) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_dataset, check_kind
+from flexarm.arguments import check_dataset, check_kind, check_mapping
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
@@ -174,6 +175,47 @@ class MeasuredRecord:
 
 #: Channels of a prescribed joint, which agree by construction.
 _FOLLOWED = ("joint_angle", "joint_rate")
+
+
+Records = (
+    MeasuredRecord
+    | xr.Dataset
+    | Sequence[MeasuredRecord | xr.Dataset]
+    | Mapping[str, MeasuredRecord | xr.Dataset]
+)
+
+
+def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
+    """Return records by name, from a record, a dataset over time, a list or a dictionary of them.
+
+    Raises:
+        InputError: if the value is not a record, or a list or dictionary of them.
+    """
+    if isinstance(given, MeasuredRecord | xr.Dataset):
+        given = [given]
+    if isinstance(given, list | tuple):
+        word = "record" if name == "records" else name
+        given = {f"{word} {k}": item for k, item in enumerate(given, start=1)}
+    check_mapping(name, given, "records by name, a list of them, or a record")
+    records = {}
+    for key, item in given.items():
+        if isinstance(item, xr.Dataset):
+            item = MeasuredRecord(item)
+        what = "a MeasuredRecord, or a dataset over time"
+        records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
+    return records
+
+
+def check_some_records(given: Any) -> dict[str, MeasuredRecord]:
+    """Return the argument ``records``, which must not be empty.
+
+    Raises:
+        InputError: as ``check_records``, or if there is no record.
+    """
+    records = check_records("records", given)
+    if not records:
+        raise InputError(Problem("records", "must not be empty"))
+    return records
 
 
 def _time_problems(times: FloatArray) -> list[Problem]:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flexarm.arm import Arm, save_arm
-from flexarm.errors import public_call
+from flexarm.errors import InputError, Problem, public_call, shown, suggestion
 from flexarm.model import Motors
 from flexarm.notebook import html_table
 from flexarm.writing.places import AnyPath
@@ -61,9 +61,14 @@ class Identification:
     starts: tuple[float, ...]
     converged: bool
 
+    @public_call
     def __getitem__(self, path: str) -> float:
-        """Return the estimate of a parameter by its path."""
-        return float(self.parameters["estimate"].sel(parameter=path))
+        """Return the estimate of a parameter by its path.
+
+        Raises:
+            InputError: if no parameter has this path.
+        """
+        return number_of(self.parameters, path, "estimate")
 
     @public_call
     def write(self, path: AnyPath) -> None:
@@ -85,10 +90,10 @@ class Identification:
         return found
 
     def __str__(self) -> str:
-        lines = [_aligned([HEADS, *self.rows()])]
-        lines.append(_aligned([FIT_HEADS, *fit_rows(self.fit)]))
+        lines = [aligned([HEADS, *self.rows()])]
+        lines.append(aligned([FIT_HEADS, *fit_rows(self.fit)]))
         if self.validation.sizes["record"]:
-            lines.append("validation\n" + _aligned([FIT_HEADS, *fit_rows(self.validation)]))
+            lines.append("validation\n" + aligned([FIT_HEADS, *fit_rows(self.validation)]))
         lines += self.undetermined
         return "\n\n".join(lines)
 
@@ -99,6 +104,19 @@ class Identification:
 
     def _repr_html_(self) -> str:
         return html_table(repr(self).strip("<>"), HEADS, self.rows())
+
+
+def number_of(parameters: xr.Dataset, path: object, column: str) -> float:
+    """Return a number of a table of parameters.
+
+    Raises:
+        InputError: if no parameter has this path.
+    """
+    names = parameters["parameter"].values.tolist()
+    if path not in names:
+        hint = suggestion(str(path), names)
+        raise InputError(Problem("parameters", f"have no {shown(path)}", hint=hint))
+    return float(parameters[column].sel(parameter=path))
 
 
 _TESTS = ("whiteness", "independence")
@@ -118,7 +136,7 @@ def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
     return found
 
 
-def _aligned(rows: list[tuple[Any, ...]]) -> str:
+def aligned(rows: list[tuple[Any, ...]]) -> str:
     """Return a table as text, with names on the left and numbers on the right."""
     columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]

@@ -23,6 +23,8 @@ _LONGEST = 0.1
 #: Relative standard deviation of a combination of parameters above which the data do not determine
 #: it, and the smallest singular value, as a fraction of the largest, that is not rounding.
 UNDETERMINED, _ROUNDING = 0.5, 1e-6
+#: Smallest eigenvalue of the normalised information that counts, as a fraction of the largest.
+_SINGULAR = 1e-14
 #: Components of such a combination that are named, as a fraction of its largest one.
 _NAMED = 0.02
 
@@ -172,14 +174,43 @@ def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
     Args:
         priors: (parameters,) information of priors: one over their variances, or zero.
 
-    A direction without information has a very large variance instead of an infinite one.
+    A parameter without information has an infinite variance, and a combination of others without
+    information a very large one.
     """
     curvature = information(columns) + np.diag(priors)
-    middle = coloured_information(columns) + np.diag(priors)
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    inverse = np.linalg.pinv(curvature / np.outer(scale, scale), rcond=1e-14, hermitian=True)
-    inverse = inverse / np.outer(scale, scale)
-    return np.asarray(inverse @ middle @ inverse)
+    known = np.diag(curvature) > 0.0
+    covariance = np.diag(np.where(known, 0.0, np.inf))
+    part = np.ix_(known, known)
+    if known.any():
+        coloured = (coloured_information(columns) + np.diag(priors) - curvature)[part]
+        scale = np.outer(*(2 * [np.sqrt(np.diag(curvature)[known])]))
+        values, vectors = np.linalg.eigh(curvature[part] / scale)
+        inverse = (vectors / np.maximum(values, _SINGULAR * values[-1])) @ vectors.T / scale
+        # The sum equals the usual product for residuals that are not white, but it does not lose
+        # the variance of combinations whose curvature is zero.
+        covariance[part] = inverse + inverse @ coloured @ inverse
+    return covariance
+
+
+def own_information(
+    columns: Sequence[Column],
+    priors: FloatArray,
+    scale: FloatArray,
+    physical: NDArray[np.bool_],
+) -> FloatArray:
+    """Return the information about the physical parameters, relative to their scales.
+
+    The arguments are those of ``undetermined``. The other numbers, of initial states, are
+    eliminated: the inverse is the covariance of the physical ones without their priors.
+    """
+    scaled = information(columns) * np.outer(scale, scale)
+    others = ~physical
+    own = scaled[np.ix_(physical, physical)]
+    if not others.any():
+        return own
+    inner = scaled[np.ix_(others, others)] + np.diag(priors[others] * scale[others] ** 2)
+    mixed = scaled[np.ix_(others, physical)]
+    return np.asarray(own - mixed.T @ np.linalg.pinv(inner, hermitian=True) @ mixed)
 
 
 def undetermined(
@@ -199,13 +230,7 @@ def undetermined(
         The places of the parameters of each combination, the most important one first, and the
         relative standard deviation of the combination, at least 0.5.
     """
-    scaled = information(columns) * np.outer(scale, scale)
-    others = ~physical
-    own = scaled[np.ix_(physical, physical)]
-    if others.any():
-        inner = scaled[np.ix_(others, others)] + np.diag(priors[others] * scale[others] ** 2)
-        mixed = scaled[np.ix_(others, physical)]
-        own = own - mixed.T @ np.linalg.pinv(inner, hermitian=True) @ mixed
+    own = own_information(columns, priors, scale, physical)
     values, vectors = np.linalg.eigh(own)
     values = np.sqrt(np.maximum(values, 0.0))
     weak = (values * UNDETERMINED < 1.0) | (values <= _ROUNDING * values[-1])

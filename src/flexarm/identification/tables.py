@@ -34,13 +34,14 @@ def read_table(path: Path) -> Table:
         rule = f"have one of the suffixes {', '.join(READERS)}"
         raise InputError(Problem("path", rule, repr(path.name)))
     if not path.is_file():
-        raise InputError(Problem("path", "is not a file" if path.exists() else "does not exist"))
+        rule = "which is not a file" if path.exists() else "which does not exist"
+        raise InputError(Problem("path", f"is {str(path)!r}, {rule}"))
     try:
         return read(path)
     except InputError:
         raise
     except Exception as error:  # damaged files raise anything, depending on the damage
-        rule = f"cannot be read: {type(error).__name__}: {error}"
+        rule = f"{path.name!r} cannot be read: {type(error).__name__}: {error}"
         raise InputError(Problem("path", " ".join(rule.split())[:300])) from None
 
 

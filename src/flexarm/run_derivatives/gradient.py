@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Never
 
 from numpy.typing import ArrayLike
 
@@ -24,7 +24,7 @@ from flexarm.integrate import Integrator
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of
 from flexarm.run_derivatives.adjoint import goal_gradient_of
-from flexarm.run_derivatives.preparation import check_channels, simulated
+from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import run_options
 from flexarm.simulation.result import coordinates_of
 
@@ -53,6 +53,7 @@ def goal_gradient(
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     progress: bool | None = None,
+    **unsupported: Never,
 ) -> xr.Dataset:
     """Compute the gradient of a goal with respect to all torque samples and the initial state.
 
@@ -83,6 +84,7 @@ def goal_gradient(
 
     Theory page "separation", (D.17).
     """
+    refuse_unsupported(unsupported)
     check_kind("arm", arm, Arm)
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.run_derivatives.inputs import inputs_of_run
 from flexarm.run_derivatives.parameters import Parameters, Samples
 from flexarm.simulation.preparation import RunOptions, start_of, torque_history
+from flexarm.simulation.run import simulate
 
 #: Channels that follow from the states alone.
 _OF_STATES = (
@@ -86,6 +88,23 @@ def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) 
     """
     history = history_of(relative)
     return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
+
+
+def refuse_unsupported(given: Mapping[str, Any]) -> None:
+    """Reject arguments of ``simulate`` that derivatives do not support, and unknown ones.
+
+    Raises:
+        InputError: if there is any; all are listed.
+    """
+    known = signature(simulate).parameters
+    problems = [
+        Problem(name, "is not supported with derivatives of runs")
+        if name in known
+        else Problem(name, "is not an argument", hint=nearest(name, known))
+        for name in given
+    ]
+    if problems:
+        raise InputError(*problems)
 
 
 def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
 from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.parameters import Parameters, has_samples
-from flexarm.run_derivatives.preparation import check_channels, simulated
+from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import coordinates_of
 
@@ -58,6 +58,7 @@ def sensitivities(
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     progress: bool | None = None,
+    **unsupported: Never,
 ) -> xr.Dataset:
     """Compute the derivatives of a run with respect to parameters, exact to rounding.
 
@@ -74,16 +75,16 @@ def sensitivities(
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
         channels: names of channels that follow from the states; None: all of them.
 
-    The other arguments are those of ``simulate``. Controllers, events and section forces are not
-    supported.
+    The other arguments are those of ``simulate``. Controllers, events, changes of the arm and
+    section forces are not supported.
 
     Returns:
         Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
         the channel per unit of the parameter.
 
     Raises:
-        InputError: if an argument has the wrong type or value, or a parameter does not exist or is
-            not one on which the equations depend smoothly.
+        InputError: if an argument has the wrong type or value or is not supported, or a parameter
+            does not exist or is not one on which the equations depend smoothly.
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
@@ -91,6 +92,7 @@ def sensitivities(
 
     Theory page "separation", section 7.
     """
+    refuse_unsupported(unsupported)
     check_kind("arm", arm, Arm)
     paths = check_list_of("parameters", parameters, str)
     names = check_channels(arm, "channels", channels)

@@ -1,0 +1,238 @@
+"""Modes of vibration that fit frequency responses: a rational form with common poles.
+
+H(s) = sum_k [A_k / (s - p_k) + conj(A_k) / (s - conj(p_k))] + R / (s (s + a)) + sum_n R_n s^n, n
+from -2 to 2, times s for rates. The rigid arm, whose dampers give the pole -a, has the negative
+powers; the others are modes above the band. The residues A_k and the real numbers R are linear;
+they are eliminated, and the poles are found by nonlinear least squares (variable projection: Golub
+and Pereyra, SIAM Journal on Numerical Analysis 10 (1973) 413). The first poles are those that
+reduce the errors most, one after another.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.integrate.base import FloatArray
+
+ComplexArray = NDArray[np.complex128]
+#: Smallest deviation that is used, as a fraction of the response and of its largest magnitude:
+#: instruments are not more accurate, and measured deviations scatter.
+_LEAST, _LEAST_OF_ALL = 1e-3, 1e-6
+#: Damping ratios of trial poles, and number of their frequencies.
+_TRIALS, _PLACES = (0.003, 0.02, 0.1), 200
+#: Change of the numbers for derivatives of the errors.
+_STEP = 1e-5
+#: Powers of s, terms beside the modes, and the largest damping ratio of a mode.
+_POWERS, _OTHERS = range(-2, 3), 6
+_DAMPED = 0.5
+
+
+class FittedModes(NamedTuple):
+    """Modes of a response, in the order of ascending frequency.
+
+    Attributes:
+        frequency_hz, damping_ratio: (k,)
+        frequency_deviation, damping_deviation: (k,) standard deviations.
+        residues: (k, outputs, inputs) complex A_k.
+        fitted: (F, outputs, inputs) the response of the modes and of the rest.
+        fit: (outputs, inputs) percent, 100 is perfect.
+    """
+
+    frequency_hz: FloatArray
+    damping_ratio: FloatArray
+    frequency_deviation: FloatArray
+    damping_deviation: FloatArray
+    residues: ComplexArray
+    fitted: ComplexArray
+    fit: FloatArray
+
+
+def fitted(
+    hertz: FloatArray,
+    response: ComplexArray,
+    deviation: FloatArray,
+    rates: NDArray[np.bool_],
+    count: int,
+) -> FittedModes:
+    """Fit modes to a response.
+
+    Args:
+        hertz: (F,) frequencies.
+        response: (F, outputs, inputs).
+        deviation: of the response; NaN where unknown.
+        rates: (outputs,) whether an output is the rate of a position.
+        count: number of modes.
+    """
+    problem = _Problem(hertz, response, deviation, rates)
+    numbers = problem.start
+    for _ in range(count):
+        numbers = problem.refined(np.concatenate([numbers, problem.next_pole(numbers)]))
+    poles = numbers[1:].reshape(-1, 2)
+    order = np.argsort(poles[:, 0])
+    residues, found = problem.residues(numbers)
+    residues, poles = residues[order], poles[order]
+    deviations = problem.deviations(numbers)[order]
+    lost = np.linalg.norm(response - found, axis=0) / np.linalg.norm(response, axis=0)
+    return FittedModes(
+        np.exp(poles[:, 0]) / (2.0 * np.pi),
+        _DAMPED * _share(poles[:, 1]),
+        np.exp(poles[:, 0]) / (2.0 * np.pi) * deviations[:, 0],
+        _DAMPED * _share(poles[:, 1]) * (1.0 - _share(poles[:, 1])) * deviations[:, 1],
+        residues,
+        found,
+        100.0 * (1.0 - lost),
+    )
+
+
+def _share(value: FloatArray) -> FloatArray:
+    """Return a number between 0 and 1."""
+    from scipy.special import expit
+
+    return np.asarray(expit(value))
+
+
+class _Problem:
+    """Weighted errors of a response as functions of poles.
+
+    The numbers are the logarithm of the rigid pole a (rad/s) and, for each mode, the logarithm of
+    its natural frequency (rad/s) and the logit of its damping ratio over the largest one. All of
+    them are stable poles.
+    """
+
+    def __init__(
+        self,
+        hertz: FloatArray,
+        response: ComplexArray,
+        deviation: FloatArray,
+        rates: NDArray[np.bool_],
+    ) -> None:
+        self._s = 2j * np.pi * hertz
+        self._shape = response.shape
+        size = np.abs(response)
+        least = _LEAST * size + _LEAST_OF_ALL * size.max(axis=0)
+        known = np.where(np.isnan(deviation), least, np.maximum(deviation, least))
+        # Half the variance of a complex number is that of its real part.
+        weight = np.sqrt(2.0) / np.where(known > 0.0, known, 1.0)
+        self._rate = np.repeat(rates, response.shape[2])
+        self._weight = weight.reshape(len(hertz), -1)
+        self._values = _parts(self._weight * response.reshape(len(hertz), -1))
+
+    def _factor(self, q: int) -> ComplexArray:
+        """Return the weights (F,) of the terms of response q."""
+        return np.asarray(self._weight[:, q] * (self._s if self._rate[q] else 1.0))
+
+    @property
+    def start(self) -> FloatArray:
+        """The numbers (1,) without modes: a rigid pole below the band."""
+        return np.asarray(np.log(0.1 * np.abs(self._s[:1])))
+
+    def _terms(self, numbers: FloatArray) -> ComplexArray:
+        """Return the terms (F, 2 k + 6) whose real factors are linear in the model."""
+        s, poles = self._s, numbers[1:].reshape(-1, 2)
+        middle = np.sqrt(np.abs(s[0] * s[-1]))
+        columns = [(s / middle) ** power for power in _POWERS]
+        columns.append(middle**2 / (s * (s + np.exp(numbers[0]))))
+        for omega, zeta in zip(np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1]), strict=True):
+            below = s**2 + 2.0 * zeta * omega * s + omega**2
+            columns += [omega**2 / below, omega * s / below]
+        return np.stack(columns, axis=1)
+
+    def _bases(self, numbers: FloatArray) -> list[FloatArray]:
+        """Return an orthonormal basis of the weighted terms for each response."""
+        terms = self._terms(numbers)
+        count = self._values.shape[1]
+        return [np.linalg.qr(_parts(self._factor(q)[:, None] * terms))[0] for q in range(count)]
+
+    def errors(self, numbers: FloatArray) -> FloatArray:
+        """Return the weighted errors that remain for the best linear numbers."""
+        rest = [
+            values - basis @ (basis.T @ values)
+            for values, basis in zip(self._values.T, self._bases(numbers), strict=True)
+        ]
+        return np.concatenate(rest)
+
+    def next_pole(self, numbers: FloatArray) -> FloatArray:
+        """Return the numbers (2,) of the trial pole that reduces the errors most."""
+        bases = self._bases(numbers)
+        low, high = np.log(np.abs(self._s[[0, -1]]))
+        trials = np.array(
+            [
+                (omega, np.log(zeta / (_DAMPED - zeta)))
+                for omega in np.linspace(low, high, _PLACES)
+                for zeta in _TRIALS
+            ]
+        )
+        terms = np.stack([self._terms(np.append(numbers[0], one))[:, _OTHERS:] for one in trials])
+        gain = np.zeros(len(trials))
+        for q, (values, basis) in enumerate(zip(self._values.T, bases, strict=True)):
+            rest = values - basis @ (basis.T @ values)
+            own = _parts(np.moveaxis(self._factor(q)[:, None] * terms, 1, 0))
+            own = own - np.tensordot(basis, np.tensordot(basis.T, own, axes=1), axes=1)
+            crossed = np.tensordot(rest, own, axes=1)  # (trials, 2)
+            inner = np.einsum("fti,ftj->tij", own, own)
+            inner += 1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+            step = np.linalg.solve(inner, crossed[..., None])[..., 0]
+            gain += np.sum(crossed * step, axis=1)
+        return np.asarray(trials[int(np.argmax(gain))])
+
+    def refined(self, numbers: FloatArray) -> FloatArray:
+        """Return the numbers with the least errors near the given ones."""
+        from scipy.optimize import least_squares
+
+        low, high = np.log(np.abs(self._s[[0, -1]]))
+        count = numbers.size // 2
+        lower = np.array([low - 7.0, *(count * [low - 0.5, -12.0])])
+        upper = np.array([low + 2.0, *(count * [high + 0.5, 12.0])])
+        found = least_squares(
+            self.errors,
+            np.clip(numbers, lower + 1e-6, upper - 1e-6),
+            bounds=(lower, upper),
+            x_scale="jac",
+            xtol=1e-12,
+            ftol=1e-12,
+            max_nfev=100,
+        )
+        return np.asarray(found.x)
+
+    def deviations(self, numbers: FloatArray) -> FloatArray:
+        """Return standard deviations (k, 2); larger errors than the noise increase them."""
+        changes = _STEP * np.eye(numbers.size)
+        slopes = np.stack(
+            [
+                (self.errors(numbers + change) - self.errors(numbers - change)) / (2.0 * _STEP)
+                for change in changes
+            ],
+            axis=1,
+        )
+        errors = self.errors(numbers)
+        linear = self._values.shape[1] * (numbers.size - 1 + _OTHERS)
+        excess = max(1.0, float(errors @ errors) / max(1, errors.size - numbers.size - linear))
+        covariance = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True) * excess
+        return np.sqrt(np.maximum(np.diag(covariance)[1:], 0.0)).reshape(-1, 2)
+
+    def residues(self, numbers: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return residues (k, outputs, inputs), and the response of the fit."""
+        terms, count = self._terms(numbers), self._values.shape[1]
+        poles = numbers[1:].reshape(-1, 2)
+        omega, zeta = np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1])
+        root = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+        residues = np.zeros((len(poles), count), dtype=np.complex128)
+        response = np.zeros((len(self._s), count), dtype=np.complex128)
+        for q in range(count):
+            weighted = _parts(self._factor(q)[:, None] * terms)
+            linear = np.linalg.lstsq(weighted, self._values[:, q], rcond=None)[0]
+            rate = self._s if self._rate[q] else np.ones_like(self._s)
+            response[:, q] = rate * (terms @ linear)
+            even, odd = linear[_OTHERS::2] * omega**2, linear[_OTHERS + 1 :: 2] * omega
+            own = (even + odd * root) / (2j * root.imag)
+            residues[:, q] = own * (root if self._rate[q] else 1.0)
+        shape = self._shape[1:]
+        return residues.reshape(-1, *shape), response.reshape(-1, *shape)
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    """Return real and imaginary parts, one after the other along the first axis."""
+    return np.concatenate([values.real, values.imag])

@@ -1,0 +1,1 @@
+"""Experiments before they are made: what their records will determine."""
