@@ -141,6 +141,7 @@ from .output import read_result as read_result
 from .output import save_linear as save_linear
 from .output import write_result as write_result
 from .plot.animation import animate as animate
+from .real_time.realtime import realtime as realtime
 from .references import citation as citation
 from .reporting import report as report
 from .run_derivatives.gradient import goal_gradient as goal_gradient

@@ -29,7 +29,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "simulation": (
         *("simulate", "simulate_batch", "Reduction"),
         *("sensitivities", "goal_gradient"),
-        *("GeneralizedAlpha", "Plant", "PrescribedAngle"),
+        *("GeneralizedAlpha", "Plant", "realtime", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),
         *("Study", "read_study", "study_statistics", "sensitivity_indices"),

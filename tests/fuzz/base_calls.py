@@ -236,6 +236,13 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     **IDENTIFICATION,
     "read_record": {"path": lambda: folder() / "result.csv"},
     "read_result": {"path": lambda: folder() / "result.nc"},
+    "realtime": {
+        "plant": lambda: fa.Plant(arm(), 0.005),
+        "controller": controller,
+        "duration": 0.02,
+        "reference": motion,
+        "clock": False,
+    },
     "report": {"result": result},
     "rigid_torque": _MOVE,
     "run_scenario": {"scenario": lambda: folder() / "scenario.yaml"},

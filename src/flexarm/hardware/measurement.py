@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,6 +67,12 @@ class Measurement(Mapping[str, FloatArray]):
 
     def __repr__(self) -> str:
         return f"Measurement({', '.join(f'{k}={v}' for k, v in self._values.items())})"
+
+
+def readings_by_name(measured: Sequence[Measurement]) -> dict[str, FloatArray]:
+    """Return readings of samples by name, each (samples, ...)."""
+    names = measured[0] if measured else ()
+    return {name: np.array([item[name] for item in measured]) for name in names}
 
 
 #: Attribute names that readings do not replace.

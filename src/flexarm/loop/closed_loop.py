@@ -11,7 +11,7 @@ from flexarm.control.base import Controller, Reference, report_of
 from flexarm.engine.stepping import Run
 from flexarm.engine.validity import RunawayWatch
 from flexarm.errors import InputError, SimulationError, check_array
-from flexarm.hardware.measurement import Measurement
+from flexarm.hardware.measurement import Measurement, readings_by_name
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.requirements import misfits
 from flexarm.loop.sampled_loop import SampleSchedule
@@ -106,5 +106,4 @@ class ClosedLoop:
 
     def readings(self) -> Mapping[str, FloatArray]:
         """Return the readings of the hardware's instruments by name: (samples, k)."""
-        names = self.measured[0] if self.measured else ()
-        return {name: np.array([item[name] for item in self.measured]) for name in names}
+        return readings_by_name(self.measured)

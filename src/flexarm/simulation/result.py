@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -127,9 +128,15 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
         dataset["torque_command"] = (("time", "joint"), command, labels)
     if loop.hardware is None:
         return dataset
-    times = np.asarray(loop.times)
+    return add_readings(dataset, np.asarray(loop.times), loop.readings())
+
+
+def add_readings(
+    dataset: xr.Dataset, times: FloatArray, readings: Mapping[str, FloatArray]
+) -> xr.Dataset:
+    """Add a channel ``measured_NAME`` (tick, ...) for each reading at sample times (ticks,), s."""
     ticks = ("tick", times, {"units": "s", "long_name": "sample time of the controller"})
-    for name, values in loop.readings().items():
+    for name, values in readings.items():
         reading = f"measured_{name}"
         meaning = {"long_name": f"{name} as measured"}
         # Most readings are rows of numbers; a contact force has one more axis.

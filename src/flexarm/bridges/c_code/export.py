@@ -42,7 +42,8 @@ def export_c(
     The functions are those of ``to_casadi``, a step of the classical Runge-Kutta method with its
     derivatives, and the ``update`` of the controller. They allocate nothing and have no state. The
     files are ``arm.h``, ``arm.c``, a test program that compares the functions with a run recorded
-    in Python, and a ``Makefile``; those of an earlier export are replaced.
+    in Python, ``arm_udp.c``, the controller as a program for ``realtime``, if its inputs are
+    readings and the reference, and a ``Makefile``; those of an earlier export are replaced.
 
     Args:
         arm: the arm.
@@ -66,12 +67,11 @@ def export_c(
     check_prefix("name", name)
     if controller is not None:
         check_controller("controller", controller)
-    export = exported(model, name, controller)
-    names = f"{name}.h", f"{name}.c", f"{name}_recording.h", f"{name}_test.c", "Makefile"
-    files = [place / file for file in names]
+    texts = _texts(exported(model, name, controller))
+    files = [place / file for file in texts]
     _refuse_to_replace(files)
     check_folder("folder", place)
-    for text, file in zip(_texts(export), files, strict=True):
+    for text, file in zip(texts.values(), files, strict=True):
         write_text(text, file)
     return files
 
@@ -117,14 +117,22 @@ def exported(model: CasadiModel, name: str, controller: Controller | None) -> Ex
     return Exported(name, arm, model.parameters, model.nominal, functions, traced, largest)
 
 
-def _texts(export: Exported) -> list[str]:
-    """Return the content of the files."""
+def _texts(export: Exported) -> dict[str, str]:
+    """Return the content of the files, by name."""
     from flexarm.bridges.c_code.check_program import makefile, program, recorded_arrays
     from flexarm.bridges.c_code.header import header
     from flexarm.bridges.c_code.recording import record
     from flexarm.bridges.c_code.source import source
+    from flexarm.bridges.c_code.udp_program import packet_layout, udp_program
 
-    recording = record(export)
-    whole = header(export), source(export)
-    checks = recorded_arrays(export, recording), program(export, recording)
-    return [*whole, *checks, makefile(export)]
+    name, recording = export.name, record(export)
+    layout = packet_layout(export) if export.controller else None
+    udp = {f"{name}_udp.c": udp_program(export, layout)} if layout else {}
+    return {
+        f"{name}.h": header(export),
+        f"{name}.c": source(export),
+        f"{name}_recording.h": recorded_arrays(export, recording),
+        f"{name}_test.c": program(export, recording),
+        **udp,
+        "Makefile": makefile(export),
+    }

@@ -1,0 +1,1 @@
+"""Plants and controllers against the clock, in one process or over UDP."""

@@ -1,0 +1,156 @@
+"""A controller that answers the packets of a plant in another process."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm.assembly.assemble import FloatArray
+from flexarm.control.base import Controller, Reference
+from flexarm.errors import SimulationError
+from flexarm.hardware.measurement import Measurement
+from flexarm.real_time.clock import Clock, SampleTimes
+from flexarm.real_time.packets import (
+    END,
+    REFERENCE,
+    Layout,
+    Packet,
+    SentReference,
+    WrongPacketError,
+    end_packet,
+    torque_layout,
+)
+from flexarm.real_time.partners import PartnerError, updated
+from flexarm.real_time.records import add_samples
+from flexarm.real_time.sockets import Address, Datagrams
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Difference between the time of a packet and that of its sample, relative to the sample time,
+#: from which the sample times of both sides differ.
+_OTHER_TIME = 0.01
+
+
+class ControllerLoop:
+    """A controller that listens at an address.
+
+    Args:
+        received: layout of the packets of the plant.
+        reference: of the controller; None for the one that the packets contain, if they do.
+        timeout: time (s) without a packet after which the run fails.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        address: Address,
+        received: Layout,
+        reference: Reference | None,
+        clock: Clock,
+        timeout: float,
+    ) -> None:
+        self._controller, self._address, self._received = controller, address, received
+        self._sent = SentReference() if reference is None and _sends(received) else None
+        self._reference = reference if self._sent is None else self._sent
+        self._clock, self._timeout = clock, timeout
+        self._datagrams = Datagrams(address, listen=True)
+        self._readings: list[Measurement] = []
+        self._torques: list[FloatArray] = []
+        self._samples: list[float] = []
+        self._times = SampleTimes()
+        self._last, self._answer = -1, b""
+        self._counts = {"packets_lost": 0, "packets_repeated": 0, "packets_discarded": 0}
+
+    def run(self) -> xr.Dataset:
+        """Answer packets until the plant ends the run.
+
+        Raises:
+            SimulationError: if the controller fails, a packet is wrong, or the plant is silent;
+                its ``result`` is the result so far.
+        """
+        self._controller.reset()
+        try:
+            while self._next():
+                pass
+        except PartnerError as error:
+            failure = SimulationError(self._time, error.reason, error.hint)
+            failure.result = self._result(str(failure))
+            raise failure from error.__cause__
+        finally:
+            self._datagrams.send(end_packet(self._time))
+            self._datagrams.close()
+        return self._result("")
+
+    def _next(self) -> bool:
+        """Answer the next packet; return whether the run continues."""
+        data = self._datagrams.receive(self._timeout)
+        started = self._clock.now()
+        if data is None:
+            reason = f"no packet at {self._address} for {self._timeout:g} s."
+            raise PartnerError(reason, "Start the plant, or increase timeout.")
+        try:
+            packet = self._received.unpacked(data)
+        except WrongPacketError as error:
+            raise PartnerError(f"a packet at {self._address} {error}") from None
+        if packet.number == END:
+            return False
+        if packet.number == self._last:  # the answer was lost, or is on its way
+            self._datagrams.send(self._answer)
+            self._counts["packets_repeated"] += 1
+        elif packet.number < self._last:
+            self._counts["packets_discarded"] += 1
+        else:
+            self._update(packet, started)
+        return True
+
+    def _update(self, packet: Packet, started: float) -> None:
+        """Compute and send the torque for a new packet."""
+        h, k = self._controller.sample_time, packet.number
+        if abs(packet.time - k * h) > _OTHER_TIME * h:
+            reason = (
+                f"packet {k} has the time {packet.time:.6g} s, but the controller with its sample "
+                f"time of {h:g} s expects {k * h:.6g} s"
+            )
+            raise PartnerError(reason)
+        readings = {n: v for n, v in packet.values.items() if n not in REFERENCE}
+        measurement = Measurement(**readings)
+        if self._sent is not None:
+            self._sent.values = packet.values
+        joints = self._torques[0].size if self._torques else -1
+        torque = updated(self._controller, packet.time, measurement, self._reference, joints)
+        layout = torque_layout(torque.size)
+        self._answer = layout.packed(Packet(k, packet.time, {"torque": torque}))
+        self._datagrams.send(self._answer)
+        self._counts["packets_lost"] += k - self._last - 1
+        self._last = k
+        self._samples.append(packet.time)
+        self._readings.append(measurement)
+        self._torques.append(torque)
+        ended = self._clock.now()
+        self._times.add(started, ended, ended, k * h)
+
+    @property
+    def _time(self) -> float:
+        return self._samples[-1] if self._samples else 0.0
+
+    def _result(self, failure: str) -> xr.Dataset:
+        """Return readings, torques and times of the samples."""
+        import xarray as xr
+
+        torque = np.array(self._torques).reshape(len(self._torques), -1 if self._torques else 0)
+        labels = {"units": "N m", "long_name": "torque requested by the controller"}
+        run = xr.Dataset({"torque_command": (("tick", "joint"), torque, labels)})
+        run.attrs = {
+            "controller": type(self._controller).__name__,
+            "sample_time": float(self._controller.sample_time),
+            **self._counts,
+            "timing": self._times.table(),
+            "failure": failure,
+        }
+        return add_samples(run, np.array(self._samples), self._readings, self._times)
+
+
+def _sends(received: Layout) -> bool:
+    return all(name in received.shapes for name in REFERENCE)

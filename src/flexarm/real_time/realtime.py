@@ -1,0 +1,192 @@
+"""`realtime`: a plant and a controller against the clock, in one process or in two."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from flexarm.arguments import check_count, check_flag, check_kind, check_mapping, check_positive
+from flexarm.control.base import (
+    Controller,
+    Reference,
+    check_controller,
+    check_reference,
+    requirements_of,
+)
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.loop.sampled_reference import sampled_reference
+from flexarm.real_time.clock import Clock
+from flexarm.real_time.controller_side import ControllerLoop
+from flexarm.real_time.packets import REFERENCE, Layout, reference_values
+from flexarm.real_time.partners import OwnController, Partner, UdpController
+from flexarm.real_time.plant_side import PlantLoop
+from flexarm.real_time.sockets import check_address
+from flexarm.simulation.plant import Plant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Difference of two times, relative to them, that is rounding.
+_ROUNDING = 1e-9
+#: Largest number of values of a reading.
+_LARGEST = 1000
+
+
+@public_call
+def realtime(
+    plant: Plant | str,
+    controller: Controller | str,
+    duration: float | None = None,
+    reference: Reference | None = None,
+    *,
+    readings: Mapping[str, int] | None = None,
+    clock: bool = True,
+    answer_within: float | None = None,
+    timeout: float = 5.0,
+) -> xr.Dataset:
+    """Run a plant or a controller against the clock, also with the other one in another process.
+
+    An address, ``"127.0.0.1:5005"``, in place of the plant or of the controller, is that at which
+    the controller listens for UDP packets. Both processes give the same one.
+
+    Args:
+        plant: the plant, at time zero; or the address at which this process, the controller,
+            listens.
+        controller: the controller; or the address at which it listens.
+        duration: s, rounded to whole samples. The plant determines the end of a run.
+        reference: motion that the controller follows. A plant sends its values to another process;
+            without ``reference``, a controller uses those that it receives.
+        readings: names and sizes of the values in the packets of a plant in another process, such
+            as ``{"joint_angle": 2, "joint_rate": 2}``.
+        clock: whether each sample of the plant waits for its time. Without the clock (lockstep),
+            the plant waits for the controller only, and sends packets again until they are
+            answered: the result is that of ``simulate``, whatever the delays and losses.
+        answer_within: time (s) from the start of a sample in which an answer over UDP is expected;
+            half the sample time by default. After it, the last torque is held, and the answer is
+            discarded.
+        timeout: s, without an answer, or without a packet, after which the run fails. The first
+            sample waits so long for the controller to start; then the clock starts.
+
+    Returns:
+        Result with one sample per sample time. ``sample_late``, ``sample_answer`` and
+        ``sample_busy`` (tick) are its times on the clock, s; the attribute ``timing`` is a table of
+        their percentiles. ``missed_deadlines`` counts the samples that were not ready at the next
+        sample time, ``torques_held`` those without an answer in time. A plant that is late does
+        not skip samples: it catches up.
+
+    Raises:
+        InputError: if an argument has the wrong kind or value, the sample times differ, or the
+            controller needs a reading that the plant does not have.
+        SimulationError: if the plant or the controller fails, the other process ends the run or is
+            silent, or a packet has the wrong length. ``result`` is the result so far.
+
+    Packets are rows of little-endian doubles: sequence number, time (s), values. The plant sends
+    its readings, then the angles, rates and accelerations of the reference; the controller answers
+    with the same number and time, and the torques (N m). The number -1 ends the run.
+    """
+    timeout = check_positive("timeout", timeout, "s")
+    paced = check_flag("clock", clock)
+    if reference is not None:
+        check_reference(reference)
+    if isinstance(plant, str):
+        loop = _controller_loop(plant, controller, duration, reference, readings, timeout)
+        with _without_collection(paced):
+            return loop.run()
+    check_kind("plant", plant, Plant, "a Plant or an address such as '127.0.0.1:5005'")
+    if readings is not None:
+        rule = "is only for a controller whose plant is in another process"
+        raise InputError(Problem("readings", rule))
+    h = plant.sample_time
+    samples = _samples(plant, duration)
+    within = 0.5 * h if answer_within is None else check_positive("answer_within", answer_within)
+    if answer_within is not None and not paced:
+        raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
+    now = Clock()
+    motion = sampled_reference(reference, h, samples * h)
+    partner = _partner(plant, controller, motion, now)
+    sent = motion if isinstance(controller, str) else None
+    with _without_collection(paced):
+        return PlantLoop(plant, partner, sent, now, paced, within, timeout).run(samples)
+
+
+def _samples(plant: Plant, duration: float | None) -> int:
+    """Return the number of samples of a plant at time zero."""
+    if plant.time != 0.0:
+        hint = "Call plant.reset(initial) first."
+        raise InputError(Problem("plant", "be at time zero", f"{plant.time:.6g} s", hint))
+    if duration is None:
+        raise InputError(Problem("duration", "is required with a plant"))
+    given = check_positive("duration", duration, "s")
+    return check_count("duration / plant.sample_time", round(given / plant.sample_time), 1, 10**8)
+
+
+def _partner(
+    plant: Plant, controller: Controller | str, reference: Reference | None, clock: Clock
+) -> Partner:
+    """Return the controller of a plant."""
+    joints = plant.arm.joints
+    shapes = {name: values.shape for name, values in plant.measurement.items()}
+    if isinstance(controller, str):
+        motion = dict.fromkeys(REFERENCE, (joints,)) if reference is not None else {}
+        address = check_address("controller", controller)
+        for name, values in reference_values(reference, 0.0).items():
+            check_array(f"reference.{REFERENCE[name]}(0.0)", values, (joints,))
+        return UdpController(address, Layout(shapes | motion), joints, clock)
+    check_controller("controller", controller)
+    needed = requirements_of(controller, plant.arm, reference)
+    problems = [
+        Problem("plant", f"does not measure {name}, which {type(controller).__name__} reads")
+        for name in needed.measured
+        if name not in shapes
+    ]
+    h = plant.sample_time
+    if abs(controller.sample_time - h) > _ROUNDING * h:
+        rule = f"equal that of the plant ({h:g} s)"
+        problems.append(Problem("controller.sample_time", rule, shown(controller.sample_time)))
+    if needed.joints not in (None, joints):
+        problems.append(Problem("controller", f"be for {joints} joints", shown(needed.joints)))
+    if problems:
+        raise InputError(*problems)
+    return OwnController(controller, reference, joints)
+
+
+def _controller_loop(
+    plant: str,
+    controller: Controller | str,
+    duration: float | None,
+    reference: Reference | None,
+    readings: Mapping[str, int] | None,
+    timeout: float,
+) -> ControllerLoop:
+    """Return the loop of a controller whose plant is in another process."""
+    address = check_address("plant", plant)
+    if isinstance(controller, str):
+        raise InputError(Problem("plant and controller", "are both addresses"))
+    check_controller("controller", controller)
+    check_positive("controller.sample_time", controller.sample_time)
+    if duration is not None:
+        raise InputError(Problem("duration", "is determined by the plant in the other process"))
+    if readings is None:
+        hint = "Such as readings={'joint_angle': 2, 'joint_rate': 2}, in the order of the packet."
+        rule = "is required for a plant in another process"
+        raise InputError(Problem("readings", rule, hint=hint))
+    sizes = {
+        str(name): (check_count(f"readings[{name!r}]", size, 0, _LARGEST),)
+        for name, size in check_mapping("readings", readings, "names and sizes").items()
+    }
+    return ControllerLoop(controller, address, Layout(sizes), reference, Clock(), timeout)
+
+
+@contextmanager
+def _without_collection(paced: bool) -> Iterator[None]:
+    """Suspend the garbage collection, which takes milliseconds, while the clock runs."""
+    enabled = gc.isenabled()
+    if paced:
+        gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
