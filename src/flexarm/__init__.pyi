@@ -30,8 +30,8 @@ from .controllers import Impedance as Impedance
 from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
-from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import LoopShaping as LoopShaping
+from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
