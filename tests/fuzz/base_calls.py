@@ -17,18 +17,10 @@ import flexarm as fa
 from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
+from fuzz.arm_calls import ARM, STATE, Q, arm, start, wound
 from fuzz.identification_calls import IDENTIFICATION, RESULT
 
-arm = cache(two_links)
-start, end = [0.1, 0.3], [0.5, 0.8]
-
-
-@cache
-def wound() -> fa.Arm:
-    """Return the arm with motors that voltages drive."""
-    winding = fa.Winding(torque_constant=0.05, resistance=2.0)
-    spec = arm().spec
-    return fa.Arm(spec.replace(joints=[joint.replace(winding=winding) for joint in spec.joints]))
+end = [0.5, 0.8]
 
 
 @cache
@@ -106,8 +98,6 @@ def measurement() -> fa.Measurement:
     return fa.Measurement(**read, contact_force=np.zeros((1, 2)), contact_gap=np.ones(1))
 
 
-Q, QD = [0.1, 0.0, 0.0, 0.3, 0.0, 0.0], [0.0] * 6
-STATE = {"q": Q, "qd": QD}
 LINK = {"length": 0.8, "flexural_rigidity": 30.0, "mass_per_length": 0.5, "elements": 1}
 
 #: Records, as in files.
@@ -133,35 +123,6 @@ RECORDS: dict[str, dict[str, Any]] = {
         "mass_per_length": [0.5, 0.4],
     },
     "Tube": {"outer_diameter": 0.03, "thickness": 0.002},
-}
-
-#: Methods of an arm.
-_ARM: dict[str, dict[str, Any]] = {
-    "bias_force": STATE,
-    "damping_matrix": {},
-    "derivatives": {**STATE, "torque": [0.1, 0.2]},
-    "energy": STATE,
-    "forward_dynamics": {**STATE, "torque": [0.1, 0.2]},
-    "from_nodal": {"joint_angles": start, "nodal": [[[0.0, 0.0]], [[0.0, 0.0]]]},
-    "inverse_dynamics": {**STATE, "qdd": QD},
-    "inverse_dynamics_many": {"q": [Q], "qd": [QD], "qdd": [QD]},
-    "joint_angles": {"q": Q},
-    "joint_reactions": {**STATE, "qdd": QD},
-    "mass_matrix": {"q": Q},
-    "motor_torque": {"voltage": [1.0, 2.0], "rate": [0.0, 0.1]},
-    "nodal": {"q": Q},
-    "padded": {"vector": Q},
-    "padded_torque": {"torque": [0.1, 0.2]},
-    "rest": {"joint_angles": start},
-    "rigid": {},
-    "section_forces": {**STATE, "qdd": QD, "stations": 3},
-    "shape": {"q": Q, "stations": 3},
-    "stiffness_matrix": {"q": Q},
-    "strain": {"q": Q},
-    "strains": {"states": np.zeros((1, 2, 2, 3)).tolist()},
-    "tip": {"q": Q},
-    "tip_velocity": STATE,
-    "unpadded": {"array": np.zeros((2, 3)).tolist()},
 }
 
 #: Constructors of controllers, and of the filter.
@@ -284,7 +245,7 @@ _UPDATE = {
 }
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
-    "Arm": (wound, _ARM),
+    "Arm": (wound, ARM),
     **RESULT,
     "ExtendedKalmanFilter": (
         kalman_filter,
