@@ -11,6 +11,7 @@ from mutants.groups import Area, Group
 
 _SURFACES = "unit/contacts/test_surfaces.py"
 _INVERSE = "invariants/test_forward_and_inverse.py"
+_NOMINAL = "unit/control/test_nominal_motion.py"
 _LQG = "unit/control/test_lqg.py"
 _MARGINS = "unit/control/test_loop_margins.py"
 _ADAPTIVE = "unit/control/test_adaptive.py"
@@ -182,7 +183,7 @@ AREAS: dict[str, Area] = {
             Group(
                 sources=("control*/**/posture_grid.py",),
                 tests=(
-                    f"{_LQG}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
+                    f"{_NOMINAL}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
                     f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
                 ),
             ),
@@ -205,6 +206,7 @@ AREAS: dict[str, Area] = {
                 ),
                 tests=(
                     "unit/control/test_lqg.py",
+                    _NOMINAL,
                     "unit/control/test_mpc_and_composite.py",
                     f"{_MARGINS}::test_recovery_restores_the_margins_of_state_feedback",
                 ),

@@ -6,7 +6,6 @@ from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
 from flexarm.control_design.linear_design import preview_gain
-from flexarm.control_design.posture_grid import Interpolated, PostureGrid
 
 SAMPLE_TIME = 0.002
 #: Outputs that determine the whole state of links of one element each.
@@ -271,29 +270,6 @@ def test_tip_error_is_twenty_times_smaller_than_with_joint_control():
     assert errors[1] < errors[0] / 20.0
 
 
-def test_recorded_run_is_followed_exactly_and_its_end_is_held():
-    arm = arm_with_gauges()
-    motion = fa.joint_motion(arm, POSTURE, [0.6, 0.6], 0.5)
-    planned = fa.simulate(arm, 0.8, torque=fa.rigid_torque(arm, motion), initial=arm.rest(POSTURE))
-    controller = fa.LQG(arm, [0.5, 0.75], nominal=planned)
-    run = fa.simulate(arm, 0.8, controller=controller, reference=motion)
-    # Torques are constant over a millisecond instead of smooth.
-    np.testing.assert_allclose(run.tip.values, planned.tip.values, rtol=0, atol=2e-5)
-
-
-def test_grid_interpolates_linear_functions_exactly_and_is_constant_outside():
-    grid = PostureGrid(np.zeros(3), [[-1.0, 0.5, 2.0], None, [0.0, 1.0]])
-    assert grid.postures.shape == (6, 3)
-    values = Interpolated(grid, [[p, np.array([[p[0] - 3.0 * p[2]]])] for p in grid.postures])
-    for angle in ([-0.3, 5.0, 0.25], [1.7, 0.0, 0.9], [0.5, 0.0, 1.0]):
-        assert values.move(np.array(angle))
-        np.testing.assert_allclose(values.arrays[0], [angle[0], 0.0, angle[2]], atol=1e-15)
-        np.testing.assert_allclose(values.arrays[1], [[angle[0] - 3.0 * angle[2]]], atol=1e-15)
-        assert not values.move(np.array(angle))
-    values.move(np.array([-9.0, 0.0, 9.0]))
-    np.testing.assert_allclose(values.arrays[0], [-1.0, 0.0, 1.0], atol=1e-15)
-
-
 def test_scheduled_gains_at_a_node_equal_those_of_its_posture():
     arm = arm_with_gauges()
     same = {"acceptable_torque": [8.0, 1.0], "sample_time": SAMPLE_TIME}
@@ -386,49 +362,3 @@ def test_missing_reading_is_reported():
     hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")])
     with pytest.raises(fa.InputError, match="no instrument for strain, which LQG reads"):
         fa.simulate(arm, 0.1, controller=fa.LQG(arm), hardware=hardware)
-
-
-def test_long_preview_ends_at_the_first_node_after_its_time():
-    """A long preview groups samples, so that `update` stays cheap."""
-    controller = fa.LQG(arm_with_gauges(), POSTURE, sample_time=SAMPLE_TIME, preview=0.5)
-    samples = round(0.5 / SAMPLE_TIME)
-    assert controller._stride > 1
-    assert samples <= controller._previewed < samples + controller._stride
-
-
-class Sweep:
-    """A reference that turns the joints at a constant rate until its end, and then stops."""
-
-    end_time = 0.02
-
-    def joint_angle(self, t):
-        return np.array([0.4, 0.9]) + t
-
-    def joint_rate(self, t):
-        return np.ones(2)
-
-    def joint_acceleration(self, t):
-        return np.zeros(2)
-
-
-def test_reference_rests_after_its_end():
-    controller = fa.LQG(arm_with_gauges(), POSTURE, sample_time=0.01)
-    motion, reference = controller._nominal_motion(), Sweep()
-    found = [motion.at(0.01 * k, np.array(POSTURE), reference) for k in range(5)]
-    joints = controller.arm.joint_index
-    np.testing.assert_array_equal([n.qd[joints[0]] for n in found], [1.0, 1.0, 1.0, 0.0, 0.0])
-    np.testing.assert_allclose([n.angle[0] for n in found], [0.4, 0.41, 0.42, 0.42, 0.42])
-
-
-def test_recorded_run_is_cubic_between_its_samples():
-    arm = arm_with_gauges()
-    motion = fa.joint_motion(arm, POSTURE, [0.6, 0.6], 0.5)
-    how = {"torque": fa.rigid_torque(arm, motion), "initial": arm.rest(POSTURE)}
-    seldom, often = (fa.simulate(arm, 0.5, rate=rate, **how) for rate in (50.0, 500.0))
-    controller = fa.LQG(arm, [0.5, 0.75], nominal=seldom)
-    recorded = controller._nominal_motion()
-    joints = arm.joint_index
-    found = [recorded.at(t, np.array(POSTURE), None).q[joints] for t in often.time.values]
-    # Error of a cubic through values and rates: fourth derivative times 0.02^4 / 384, for the
-    # acceleration of the vibration, up to 200 rad/s^2 at 60 rad/s.
-    np.testing.assert_allclose(found, often.q.values[:, joints], rtol=0, atol=3e-4)
