@@ -177,3 +177,19 @@ def test_derivatives_by_the_numbers_of_a_drive():
         slope = (above.joint_twist - below.joint_twist).values[-1, 0] / (2.0 * step)
         exact = found.joint_twist.sel(parameter=path).values[-1].item()
         assert exact == pytest.approx(slope, rel=1e-4), path
+
+
+@pytest.mark.parametrize("backlash", [0.0, 0.01])
+def test_batches_give_the_numbers_of_single_runs(backlash):
+    """Lanes compute the arm without backlash, which is a pair of stops that they do not support."""
+    rubs = fa.Friction(coulomb=0.3, viscous=0.05, coulomb_negative=0.5, viscous_negative=0.1)
+    gear = {"rotor_inertia": ROTOR, "gear_ratio": RATIO, "stiffness": 900.0, "damping": 1.0}
+    joint = fa.Joint(winding=WINDING, friction=rubs, backlash=backlash, **gear)
+    beam = {"flexural_rigidity": 20.0, "mass_per_length": 0.4, "modes": 2}
+    arm = fa.Arm(links=[fa.Link(length=0.8, hub_radius=0.1, **beam)], joints=[joint])
+    starts = [arm.rest([angle]) for angle in (-0.2, 0.0, 0.3)]
+    torque = arm.motor_torque(12.0 * np.sin(np.arange(41))[:, None])
+    batch = fa.simulate_batch(arm, 0.1, initial=starts, torque=torque, rate=400.0)
+    for k, start in enumerate(starts):
+        one = fa.simulate(arm, 0.1, initial=start, torque=torque, rate=400.0)
+        np.testing.assert_array_equal(batch.tip.values[k], one.tip.values)
