@@ -94,7 +94,7 @@ def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], nam
         label = name if k == len(shapes) - 1 else "_"
         panel.plot(*links.reshape(-1, 2).T, **{**look, "label": label})
         if "linestyle" not in look:
-            panel.plot(*links[1:, 0].T, "o", color=look["color"], markersize=3.2, label="_")
+            panel.plot(*links[:-1, -1].T, "o", color=look["color"], markersize=3.2, label="_")
 
 
 def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:

@@ -109,7 +109,9 @@ def scene_of(
     shown += [] if straight is None else [straight.reshape(-1, 2)]
     shown += [] if desired is None else [desired[0]]
     view = _view(np.concatenate(shown))
-    joints = links[:, [seat.link for seat in arm.assembly.seats], 0]
+    # A joint is at the tip before it; the root of its link may be at a hub radius from there.
+    tips = np.concatenate([np.zeros((len(links), 1, 2)), links[:, :-1, -1]], axis=1)
+    joints = tips[:, [seat.link for seat in arm.assembly.seats]]
     arrows = None
     if options.torque and "torque" in result and joints.shape[1]:
         torque = at_times(time, result["torque"].values, now)
