@@ -38,7 +38,7 @@ STUDY: dict[str, Any] = {
     "vary": {"payload.mass": {"kind": "uniform", "low": 0.0, "high": 0.3}},
     "run": {"duration": 1.5, "rate": 200.0},
 }
-RUNS, CHUNK = 1600, 50
+RUNS, CHUNK = 12_800, 128
 TASKS = 1000
 BILLION = 1e9
 
