@@ -148,6 +148,10 @@ def test_parameters_leave_the_model_of_the_controller():
     batch = fa.simulate_batch(ARM, parameters={"payload.mass": [0.0, 0.4]}, **own)
     heavy = fa.Arm(with_number(ARM.spec, "payload.mass", 0.4))
     assert_run(batch, 1, fa.simulate(ARM, plant=heavy, **own))
+    given = fa.simulate_batch(ARM, plant=[ARM, heavy], **own)
+    np.testing.assert_array_equal(given["tip"], batch["tip"])
+    same = fa.simulate_batch(ARM, plant=heavy, controller=[own.pop("controller")] * 2, **own)
+    np.testing.assert_array_equal(same["tip"], batch["tip"][[1, 1]])
 
 
 def test_contacts_loads_and_prescribed_joints():
@@ -330,7 +334,8 @@ PD = fa.JointPD(1.0, 1.0)
         ({"reductions": {"x": "peak"}}, "reductions['x'] must be a Reduction"),
         ({"stride": 0}, "stride must be a whole number"),
         ({"threads": 0}, "threads must be a whole number"),
-        ({"plant": ARM}, "plant is not an argument of simulate_batch"),
+        ({"plant": 3}, "plant must be an Arm or a list of them"),
+        ({"plant": fa.Arm(links=[fa.Link(length=1.0, **ROD)])}, "plant must have the number of j"),
         ({"rtoll": 1e-3}, "Did you mean 'rtol'"),
         ({"integrator": "euler"}, "integrator must be one of"),
         ({"torque": lambda t: [0.0]}, "must be numbers of shape (2,)"),

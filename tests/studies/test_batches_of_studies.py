@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_study import PD, content
+from small_study import PD, READING, content
 
 import flexarm as fa
 from flexarm.batch import lanes
@@ -21,6 +21,20 @@ VARIED = {
     "torque": {"vary": {"payload.mass": MASS, "motions.move.duration": {**MASS, "low": 0.03}}},
     "duration": {"vary": {"run.duration": {"kind": "values", "values": [0.05, 0.06]}}},
     "believed arm": {"vary": {"arm.payload.mass": MASS}},
+    "gains": {
+        "vary": {"drives.PD.proportional[0]": {"kind": "values", "values": [20.0, 25.0]}},
+        "drives": {"PD": PD, "PID": {**PD, "kind": "joint_pid", "integral": [2.0, 1.0]}},
+        "hardware": READING,
+    },
+    "noise": {
+        "drives": {"PD": PD, "torque": {"kind": "rigid_inverse_dynamics"}},
+        "hardware": READING,
+        "samples": {"method": "random", "count": 12, "noise": "different"},
+    },
+    "diverging": {
+        "vary": {"drives.PD.derivative": {"kind": "values", "values": [1.0, 1e6]}},
+        "drives": {"PD": {**PD, "proportional": 1.0, "derivative": 1.0, "sample_time": 0.01}},
+    },
     "failing": {"vary": {"payload.mass": {"kind": "values", "values": [0.1, -1.0, 1e40]}}},
     "plants": {
         "plants": {
@@ -51,7 +65,7 @@ def test_chunks_do_not_change_numbers(changes, monkeypatch):
     whole = study.outcomes(0, 12)
     monkeypatch.setattr(batches, "_MEMORY", 5000)  # of three runs or less
     parts = [study.outcomes(k, min(k + 5, 12)) for k in range(0, 12, 5)]
-    monkeypatch.setattr(batches, "_OWN", ())  # no argument fits: each run by `simulate`
+    monkeypatch.setattr(batches, "_SHARED", ())  # no argument fits: each run by `simulate`
     alone = study.outcomes(0, 12)
     for name in whole._fields:
         expected = getattr(alone, name)
@@ -85,14 +99,14 @@ def test_numbers_equal_those_of_a_scenario():
 
 
 @pytest.mark.compiled
-def test_open_loops_are_simulated_in_lanes(monkeypatch):
-    """Of two drives on two plants, 12 runs each, only those of the torque are in lanes."""
+def test_samples_are_simulated_in_lanes(monkeypatch):
+    """Two drives on two plants, 12 runs each."""
     calls, runs = [], []
     together, outcome = batches.simulate_batch, lanes.Lanes._outcome
 
-    def counted(arms, *given, **named):
-        calls.append(len(arms))
-        return together(arms, *given, **named)
+    def counted(*given, **named):
+        calls.append(len(named["plant"]))
+        return together(*given, **named)
 
     def executed(self, *arguments):
         found = outcome(self, *arguments)
@@ -103,8 +117,8 @@ def test_open_loops_are_simulated_in_lanes(monkeypatch):
     monkeypatch.setattr(lanes.Lanes, "_outcome", executed)
     drives = {"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}
     executor(drives=drives, plants={"one": {}, "two": {"mass_factor": 1.5}}).outcomes(0, 12)
-    assert calls == [12, 12]
-    assert len(runs) == 24
+    assert calls == [12] * 4
+    assert len(runs) == 48
 
 
 def test_verified_samples_are_executed_alone(tmp_path):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count
+from flexarm.arguments import check_count, check_kind
 from flexarm.arm import Arm
 from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
@@ -71,6 +71,7 @@ def simulate_batch(
     torque: Torque | Sequence[Torque] | None = None,
     controller: Controller | Sequence[Controller] | None = None,
     reference: Reference | Sequence[Reference] | None = None,
+    plant: Arm | Sequence[Arm] | None = None,
     hardware: Hardware | None = None,
     initial: ArrayLike | None = None,
     initial_rate: ArrayLike | None = None,
@@ -95,6 +96,8 @@ def simulate_batch(
         controller: for all runs, or a list with one for each run. Each run uses a copy
             (``copy.deepcopy``), reset before it.
         reference: motion for the controllers, or a list with one for each run.
+        plant: simulated arm, or a list with one for each run, if it differs from ``arm``, which
+            is then one arm, the model of the controllers.
         hardware: of all runs, as in ``simulate``.
         initial: q (dof,) of all runs, or (runs, dof); by default as in ``simulate``.
         initial_rate: qd (dof,) or (runs, dof), zero by default.
@@ -140,8 +143,10 @@ def simulate_batch(
     stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
+    model = None if plant is None else check_kind("arm", arm, Arm)
     own = variations_of(
-        arm,
+        arm if plant is None else plant,
+        "arm" if plant is None else "plant",
         torque=torque,
         controller=controller,
         reference=reference,
@@ -155,6 +160,9 @@ def simulate_batch(
     own.check_events(acting["events"])
     checked = run_options(duration, rate=rate, **given)
     first = own.arms[0]
+    if model is not None and model.joints != first.joints:
+        rule = f"have the number of joints of the arm ({model.joints})"
+        raise InputError(Problem("plant", rule, shown(first.joints)))
     contacts = Environment.of(first, *(acting[name] for name in _ACTING[:4])).contacts
     counts = len(contacts), checked.stations
     closed = own.controllers[0] is not None
@@ -164,7 +172,7 @@ def simulate_batch(
     size = checked.times.size * 16 * first.assembly.coordinates.size
     lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
     if closed:
-        model = first if own.parameters else None
+        model = model or (first if own.parameters else None)
         everything = {**given, **acting, "duration": checked.duration, "rate": rate}
         loop = ClosedLoop(own, model, everything, needed)
         with warnings.catch_warnings():  # kept in the outcomes
@@ -209,8 +217,6 @@ def _known(options: Mapping[str, Any]) -> dict[str, Any]:
     for name in options:
         if name not in OPTIONS:
             hint = nearest(name, OPTIONS)
-            if name == "plant":
-                hint = "The arms of the batch are simulated; use parameters to vary them."
             problems.append(Problem(name, "is not an argument of simulate_batch", hint=hint))
     if problems:
         raise InputError(*problems)

@@ -118,6 +118,7 @@ class Variations:
 
 def variations_of(
     arm: object,
+    name: str,
     *,
     torque: Any,
     controller: Any,
@@ -130,11 +131,15 @@ def variations_of(
 ) -> Variations:
     """Validate the arguments of ``simulate_batch`` that may differ from run to run.
 
+    Args:
+        arm: the simulated arm, or a list with one for each run.
+        name: of this argument; the others are those of ``simulate_batch``.
+
     Raises:
         InputError: if an argument has the wrong type or shape, the numbers of runs differ, or
             arguments contradict each other.
     """
-    arms = _arms(arm)
+    arms = _arms(name, arm)
     first = arms[0]
     states = {
         name: None if value is None else _states(name, value, first.dof)
@@ -147,7 +152,7 @@ def variations_of(
     values = _parameters(first, parameters)
     noise = None if seeds is None else _seeds(seeds)
     lengths = {
-        "arm": len(arms) if _is_list(arm) else None,
+        name: len(arms) if _is_list(arm) else None,
         **{name: None if a is None or a.ndim == 1 else len(a) for name, a in states.items()},
         "torque": len(torques) if each_torque else None,
         "controller": len(controllers) if _is_list(controller) else None,
@@ -175,14 +180,14 @@ def _row(values: FloatArray | None, k: int) -> FloatArray | None:
     return values if values is None or values.ndim == 1 else values[k]
 
 
-def _arms(arm: object) -> list[Arm]:
+def _arms(name: str, arm: object) -> list[Arm]:
     if not _is_list(arm):
-        return [check_kind("arm", arm, Arm, "an Arm or a list of them")]
-    arms = check_list_of("arm", arm, Arm)
+        return [check_kind(name, arm, Arm, "an Arm or a list of them")]
+    arms = check_list_of(name, arm, Arm)
     if not arms:
-        raise InputError(Problem("arm", "must not be an empty list"))
+        raise InputError(Problem(name, "must not be an empty list"))
     for k, other in enumerate(arms):
-        _check_structure(f"arm[{k}]", other, arms[0])
+        _check_structure(f"{name}[{k}]", other, arms[0])
     return arms
 
 

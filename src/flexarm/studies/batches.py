@@ -16,8 +16,8 @@ from flexarm.scenarios.study import PreparedStudy
 from flexarm.simulation.compare import Evaluation
 
 #: Arguments of a run that may differ from those of the others of its call, and the other ones.
-_OWN = ("torque", "initial", "initial_rate")
-_SHARED = ("duration", "rate", "stations", "integrator", "loads")
+_OWN = ("torque", "controller", "reference", "initial", "initial_rate")
+_SHARED = ("duration", "rate", "stations", "integrator", "loads", "hardware")
 #: Channels from which the metrics of runs without contacts are computed, and the largest memory of
 #: the channels of a call (bytes).
 _CHANNELS, _MEMORY = ("tip", "joint_angle", "torque"), 2**26
@@ -30,11 +30,13 @@ class Case(NamedTuple):
         number: of the sample.
         prepared: study of the sample.
         simulated: arm in place of that of the plant, or None.
+        seed: of the noise, or None for that of the hardware.
     """
 
     number: int
     prepared: PreparedStudy
     simulated: Arm | None
+    seed: int | None
 
 
 def evaluated_together(
@@ -44,7 +46,7 @@ def evaluated_together(
 
     Returns:
         Evaluations by number of the runs that reached their end, equal to those of single runs.
-        Runs with controllers, contacts or changes, and runs that failed, are missing.
+        Runs with contacts or changes, and runs that failed, are missing.
     """
     groups: list[tuple[dict[str, Any], list[tuple[Case, dict[str, Any]]]]] = []
     for case in cases:
@@ -52,12 +54,15 @@ def evaluated_together(
         if not {"plant", *_OWN, *_SHARED}.issuperset(arguments):
             continue
         shared = {name: arguments[name] for name in _SHARED if name in arguments}
-        group = next((runs for known, runs in groups if known == shared), None)
+        model = case.prepared.study.arm if "controller" in arguments else None
+        key = {**shared, "model": model}
+        group = next((runs for known, runs in groups if known == key), None)
         if group is None:
-            groups.append((shared, group := []))
+            groups.append((key, group := []))
         group.append((case, arguments))
     found: dict[int, Evaluation] = {}
-    for shared, group in groups:
+    for key, group in groups:
+        shared = {name: value for name, value in key.items() if name != "model"}
         samples = shared["duration"] * shared["rate"] + 1.0
         width = 2 + 2 * group[0][0].prepared.arm.joints
         size = max(1, int(_MEMORY / (8.0 * samples * width)))
@@ -72,15 +77,17 @@ def _evaluated(
     drive: str,
     motion: str,
 ) -> dict[int, Evaluation]:
-    arms = [arguments["plant"] for _, arguments in group]
     own = {name: [arguments.get(name) for _, arguments in group] for name in _OWN}
+    seeds = [case.seed for case, _ in group if case.seed is not None and "hardware" in shared]
     try:
         with warnings.catch_warnings():  # kept with the numbers
             warnings.simplefilter("ignore", FlexarmWarning)
             batch = simulate_batch(
-                arms,
-                **{name: _joined(items) for name, items in own.items()},
+                group[0][0].prepared.arm,
                 **shared,
+                **{name: _joined(items) for name, items in own.items()},
+                plant=[arguments["plant"] for _, arguments in group],
+                seeds=seeds or None,
                 channels=_CHANNELS,
                 threads=1,
                 progress=False,

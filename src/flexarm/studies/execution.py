@@ -106,20 +106,21 @@ class Executor:
         cases = []
         for k, sample in samples.items():
             try:
-                cases.append(Case(k, sample.prepared, sample.simulated(chosen[1])))
+                simulated, seed = sample.simulated(chosen[1]), self.samples.noise_seed(start + k)
+                cases.append(Case(k, sample.prepared, simulated, seed))
             except FlexarmError as error:  # impossible values, or no reference exists for them
                 yield k, Evaluation(failure=str(error))
         together = evaluated_together(cases, *chosen)
         for case in cases:
             k = case.number
-            yield k, together.get(k) or self._alone(start + k, case, chosen)
+            yield k, together.get(k) or self._alone(case, chosen)
 
-    def _alone(self, k: int, case: Case, chosen: tuple[str, str, str]) -> Evaluation:
-        """Execute one run of sample k by ``simulate``."""
+    def _alone(self, case: Case, chosen: tuple[str, str, str]) -> Evaluation:
+        """Execute one run by ``simulate``."""
         prepared, instead = case.prepared, dict[str, Any](_EXACT)
-        seed, hardware = self.samples.noise_seed(k), prepared.study.hardware
-        if seed is not None and hardware is not None and prepared.controlled(chosen[0]):
-            instead["hardware"] = hardware.replace(seed=seed)
+        hardware = prepared.study.hardware
+        if case.seed is not None and hardware is not None and prepared.controlled(chosen[0]):
+            instead["hardware"] = hardware.replace(seed=case.seed)
         run = partial(prepared.one, *chosen, case.simulated, **instead)
         return evaluated(run, prepared.arm, prepared.study.run.settling)
 
