@@ -133,6 +133,11 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
         "instruments": lambda: kalman_filter().instruments,
         "sample_time": 0.004,
     },
+    "UnscentedKalmanFilter": {
+        "arm": two_links,
+        "instruments": lambda: kalman_filter().instruments,
+        "sample_time": 0.004,
+    },
 }
 
 _MOVE = {"arm": arm, "motion": motion}
@@ -364,6 +369,10 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
+METHODS["UnscentedKalmanFilter"] = (
+    lambda: fa.UnscentedKalmanFilter(two_links(), kalman_filter().instruments, sample_time=0.004),
+    METHODS["ExtendedKalmanFilter"][1],
+)
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
     {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},

@@ -25,6 +25,7 @@ from flexarm.controllers.vibration.integral_resonant import IntegralResonantCont
 from flexarm.controllers.vibration.positive_position import PositivePositionFeedback
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import Hardware, Instrument, Motors
 
@@ -83,6 +84,7 @@ __all__ = [
     "RepetitiveControl",
     "SlidingMode",
     "StrainFeedback",
+    "UnscentedKalmanFilter",
     "loop_margins",
     "shaped",
 ]

@@ -15,7 +15,7 @@ from flexarm.control.base import (
     requirements_of,
 )
 from flexarm.control.parametrised import Parametrised
-from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.estimation.kalman_filter import KalmanFilter
 from flexarm.model.drives.around import EstimatorParameters
 
 #: Entries of the measurement that the filter supplies to the inner controller.
@@ -23,7 +23,7 @@ _ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
 
 
 class EstimatorController(Parametrised, EstimatorParameters, Controller):
-    """Controller that passes the estimates of an ``ExtendedKalmanFilter`` to an inner controller.
+    """Controller that passes the estimates of a Kalman filter to an inner controller.
 
     The measurement of the inner controller has the estimated ``joint_angle`` and ``joint_rate``,
     ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings unchanged.
@@ -32,11 +32,11 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
     torque otherwise.
 
     Raises:
-        InputError: if ``estimator`` is not an `ExtendedKalmanFilter` or ``inner`` is not a
-            controller.
+        InputError: if ``estimator`` is not an `ExtendedKalmanFilter` or `UnscentedKalmanFilter`, or
+            ``inner`` is not a controller.
     """
 
-    estimator: ExtendedKalmanFilter
+    estimator: KalmanFilter
     inner: Controller
 
     def __post_init__(self) -> None:

@@ -2,66 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import ArrayLike
-from pydantic import Field
 
-from flexarm.arguments import (
-    check_kind,
-    check_list_of,
-    check_mapping,
-    check_nonnegative,
-    check_numbers,
-)
-from flexarm.arm import Arm
-from flexarm.bending import one_warning, warn_of_first
-from flexarm.control.parametrised import OfArm
-from flexarm.control_design.rigid_model import RigidModel
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.estimation.innovation_test import InnovationTest
-from flexarm.estimation.payload_hypotheses import (
-    Hypothesis,
-    combined,
-    moments,
-    reduced,
-    split,
-)
-from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
-from flexarm.hardware.measurement import FloatArray, Measurement
-from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
-from flexarm.model import Instrument
-from flexarm.model.arm.variation import varied_spec
-from flexarm.model.drives.around import FilterParameters
+from flexarm.estimation.kalman_filter import KalmanFilter
+from flexarm.estimation.payload_hypotheses import Hypothesis
+from flexarm.hardware.measurement import FloatArray
 
-#: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
-_BEFORE_READING = 100.0
 #: Number of linearisations in an update by readings that are not linear in the state.
 _ITERATIONS = 3
 
 
-class Estimates(NamedTuple):
-    """Estimates from a record, after the readings of each sample.
-
-    q and qd (samples, dof), payload_mass (samples,) kg, covariance (samples, s, s) of
-    [q, qd, payload_mass]; innovation (samples,), the normalised innovation squared of each sample
-    divided by the number of readings, one on average; consistent, False if the innovation test
-    failed.
-    """
-
-    q: FloatArray
-    qd: FloatArray
-    payload_mass: FloatArray
-    covariance: FloatArray
-    innovation: FloatArray
-    consistent: bool
-
-
-class ExtendedKalmanFilter(FilterParameters, OfArm):
+class ExtendedKalmanFilter(KalmanFilter):
     """Extended Kalman filter for joint angles, rates, modal coordinates and payload mass.
 
     Between samples the nonlinear equations of the arm propagate the estimate, and their exact
@@ -77,196 +28,22 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
     The filter starts at the first readings of the encoders, with links at rest under gravity.
     """
 
-    instruments: Sequence[Instrument] = Field(
-        description='Instruments of "joint_angle" (required), "joint_rate", "strain" or a '
-        "`Sensor`; their noise and resolution determine their weights."
-    )
-    sample_time: float = Field(default=1e-3, description="Time between samples (s).")
-
-    def __post_init__(self) -> None:
-        arm = self.arm
-        listed = check_list_of("instruments", self.instruments, Instrument)
-        self.instruments = tuple(listed)
-        self._readings = PredictedReadings(arm, self.instruments)
-        self._step: SampledStep | None = None
-        self._made_for = 0.0
-        self._nominal = arm.spec.payload.mass
-        self._own = _tip_mass(arm)
-        self.reset()
-
-    def reset(self) -> None:
-        """Clear the estimate; the next ``correct`` starts from its readings."""
-        if self._step is None or self._made_for != self.sample_time:
-            self._step = SampledStep(self.arm, self.sample_time)
-            self._made_for = self.sample_time
-        size, joints = 2 * self.arm.dof + 1, self.arm.joints
-        self._scale = self._nominal + self._own  # kg, mass at logarithm 0
-        self._parts = [Hypothesis(np.zeros(size), np.zeros((size, size)), 0.0)]
-        self._torque = np.zeros(joints)
-        # Change of [q, qd, payload] of each hypothesis by the error of the last torque.
-        self._moved = [np.zeros((size, joints))]
-        self._begun = False
-        self._test = InnovationTest(self._readings.size)
-        self._innovation = np.nan
-
-    @property
-    def q(self) -> FloatArray:
-        """Estimated coordinates (dof,)."""
-        return self._moments()[0][: self.arm.dof]
-
-    @property
-    def qd(self) -> FloatArray:
-        """Estimated rates (dof,)."""
-        return self._moments()[0][self.arm.dof : -1]
-
-    @property
-    def payload_mass(self) -> float:
-        """Estimated mass of the payload, kg."""
-        return float(self._moments()[0][-1])
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance (2 dof + 1, 2 dof + 1) of the error of [q, qd, payload_mass]."""
-        return self._moments()[1]
-
-    @property
-    def innovation(self) -> float:
-        """Mean of the normalised innovations squared over the last 100 samples.
-
-        It is about one if the filter is consistent, and NaN before there are as many samples.
-        """
-        return self._test.ratio
-
-    @property
-    def consistent(self) -> bool:
-        """False once ``innovation`` exceeded its distribution (probability 1e-9).
-
-        An ``InconsistentEstimateWarning`` reports it once after each ``reset``.
-        """
-        return self._test.passed
-
-    def report(self) -> dict[str, float]:
-        """Return the largest mean innovation, and 1 if the filter passed its test, else 0."""
-        return {
-            "estimator_innovation": self._test.worst,
-            "estimator_consistent": int(self.consistent),
-        }
-
-    @public_call
-    def begin(
-        self, q: ArrayLike, qd: ArrayLike, payload_mass: float, covariance: ArrayLike
-    ) -> None:
-        """Start at an estimate (dof,), (dof,), kg and its covariance, not at the first reading.
-
-        Raises:
-            InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
-                negative.
-        """
-        size = 2 * self.arm.dof + 1
-        parts = [check_array(n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
-        mass = check_nonnegative("payload_mass", payload_mass)
-        given = check_array("covariance", covariance, (size, size))
-        for name, numbers in (("payload_mass", mass), ("covariance", given)):
-            if np.max(np.abs(numbers)) > LARGEST:
-                rule = f"be at most {LARGEST:g}"
-                raise InputError(Problem(name, rule, shown(float(np.max(np.abs(numbers))))))
-        self._start(np.concatenate([*parts, [mass]]), given)
-
-    @public_call
-    def correct(self, measurement: Measurement) -> None:
-        """Correct the estimate by the readings at the current sample time.
-
-        Raises:
-            InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
-                not finite or above 1e9, or the estimate has diverged.
-        """
-        check_kind("measurement", measurement, Measurement)
-        from scipy.linalg import cho_factor, cho_solve
-
-        readings = self._readings.stacked(measurement)
-        if not self._begun:
-            self._begin(measurement)
-        if not all(np.isfinite(part.x).all() and np.isfinite(part.P).all() for part in self._parts):
-            hint = "Correct the arm, the readings or the torques, and call reset."
-            raise InputError(Problem("the estimate", "is not finite", hint=hint))
-        # The innovation test needs the weights of the hypotheses before the update changes them.
-        before = [replace(part) for part in self._parts]
-        predicted, expected = [], []
-        for part, moved in zip(self._parts, self._moved, strict=True):
-            values, S = self._update(part, moved, readings)
-            predicted.append(values)
-            expected.append(S)
-            factor = cho_factor(S)
-            missed = readings - values
-            part.log_weight -= 0.5 * float(missed @ cho_solve(factor, missed))
-            part.log_weight -= float(np.sum(np.log(np.diag(factor[0]))))
-        self._judge(before, readings, predicted, expected)
-        self._parts = reduced(self._parts)
-        self._moved = [np.zeros_like(self._moved[0])] * len(self._parts)
-
-    @public_call
-    def predict(self, torque: ArrayLike) -> None:
-        """Predict the next sample under a zero-order-hold torque (joints,) N m.
-
-        Raises:
-            InputError: if the torque does not have shape (joints,), or is not finite.
-        """
-        shape = self._torque.shape
+    def _propagate(self, part: Hypothesis) -> FloatArray:
         assert self._step is not None
-        self._torque = check_array("torque", torque, shape)
-        self._moved = []
-        for part in self._parts:
-            step = self._step.take(part.x[:-1], self._torque, self._change(part.x))
-            size = step.after.size
-            F = np.eye(size + 1)
-            mass = self._moving(part.x)
-            F[:size, :size], F[:size, size] = step.state, step.parameter * mass
-            part.x[:size] = step.after
-            noisy = step.torque * self.torque_noise
-            part.P = F @ part.P @ F.T
-            part.P[:size, :size] += noisy @ noisy.T
-            if self.payload_drift:
-                wandered = self.payload_drift**2 * self.sample_time
-                part.P[size, size] += np.log1p(wandered / mass**2)
-            self._moved.append(np.vstack([noisy, np.zeros_like(noisy[:1])]))
-
-    @public_call
-    def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
-        """Filter a record from its start, with ``correct`` and ``predict`` at each sample.
-
-        Args:
-            torque: (samples, joints) N m, constant from each sample to the next.
-            readings: by the instruments' names, (samples, ...).
-
-        Raises:
-            InputError: if readings of an instrument are missing, or their number differs from that
-                of the torques.
-        """
-        held = check_array("torque", torque, (-1, self.arm.joints))
-        given_by_name = check_mapping("readings", readings, "names and readings")
-        arrays = {}
-        for item in self.instruments:
-            name = f"readings[{item.label!r}]"
-            given = check_numbers(name, given_by_name.get(item.label, ()))
-            if given.ndim == 0 or len(given) != len(held):
-                rule = f"have one row for each of the {len(held)} torques"
-                raise InputError(Problem(name, rule, f"shape {given.shape}"))
-            arrays[item.label] = check_array(name, given, (-1,) * given.ndim)
-        self.reset()
-        kept = []
-        for k in range(len(held)):
-            if k:
-                self.predict(held[k - 1])
-            self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
-            kept.append((*self._moments(), self._innovation))
-        x, covariance, innovation = (np.array(part) for part in zip(*kept, strict=True))
-        q, qd = x[:, : self.arm.dof], x[:, self.arm.dof : -1]
-        return Estimates(q, qd, x[:, -1], covariance, innovation, self.consistent)
+        step = self._step.take(part.x[:-1], self._torque, self._change(part.x))
+        size = step.after.size
+        F = np.eye(size + 1)
+        F[:size, :size], F[:size, size] = step.state, step.parameter * self._moving(part.x)
+        part.x[:size] = step.after
+        noisy = step.torque * self.torque_noise
+        part.P = F @ part.P @ F.T
+        part.P[:size, :size] += noisy @ noisy.T
+        self._add_drift(part)
+        return np.vstack([noisy, np.zeros_like(noisy[:1])])
 
     def _update(
         self, part: Hypothesis, moved: FloatArray, readings: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Correct a hypothesis; return its predicted readings and their covariance."""
         from scipy.linalg import cho_factor, cho_solve
 
         assert self._step is not None
@@ -291,82 +68,3 @@ class ExtendedKalmanFilter(FilterParameters, OfArm):
         both = left @ N @ K.T
         part.x, part.P = x, left @ part.P @ left.T + K @ R @ K.T - both - both.T
         return predicted, deviation
-
-    def _judge(
-        self,
-        before: list[Hypothesis],
-        readings: FloatArray,
-        predicted: list[FloatArray],
-        expected: list[FloatArray],
-    ) -> None:
-        """Add the innovation of the whole mixture to the test."""
-        mean, covariance = combined(before, predicted, expected)
-        missed = readings - mean
-        squared = float(missed @ np.linalg.solve(covariance, missed))
-        self._innovation = squared / readings.size
-        self._test.add(squared)
-
-    def _moments(self) -> tuple[FloatArray, FloatArray]:
-        """Return the mean and covariance of [q, qd, payload_mass]."""
-        return moments(self._parts, self._scale, self._own)
-
-    def _moving(self, x: FloatArray) -> float:
-        """Return the mass (kg) whose logarithm is estimated: payload plus effective tip mass."""
-        return self._scale * float(np.exp(x[-1]))
-
-    def _change(self, x: FloatArray) -> float:
-        return max(self._moving(x) - self._own, 0.0) - self._nominal
-
-    def _start(self, x: FloatArray, covariance: FloatArray) -> None:
-        """Start at a mean and covariance of [q, qd, payload_mass]."""
-        self._scale, parts = split(x + self._own * np.eye(x.size)[-1], covariance)
-        self._parts = [part for part in parts if self._moving(part.x) >= self._own] or parts
-        self._moved = [np.zeros((x.size, self.arm.joints))] * len(self._parts)
-        self._begun = True
-
-    def _begin(self, measurement: Measurement) -> None:
-        arm, count = self.arm, self.arm.dof
-        angle_item = next(i for i in self.instruments if i.signal == "joint_angle")
-        angles = np.asarray(measurement[angle_item.label])
-        with one_warning() as bent:
-            q, by_mass = self._sag(angles)
-        warn_of_first(bent)
-        stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles))).copy()
-        energy = 2.0 * self.energy_deviation
-        variance = np.full(2 * count + 1, energy)
-        variance[:count] = energy / np.maximum(stiffness, 1e-12)
-        joints = arm.joint_index
-        # The prior is wide, because the update that follows uses the reading itself.
-        variance[joints] = angle_item.noise**2 + angle_item.resolution**2 / 12.0
-        variance[joints] *= _BEFORE_READING**2
-        variance[count + joints] = self.rate_deviation**2
-        variance[-1] = 0.0
-        slope = np.concatenate([by_mass, np.zeros(count), [1.0]])
-        P = np.diag(variance) + self.payload_deviation**2 * np.outer(slope, slope)
-        self._start(np.concatenate([q, np.zeros(count), [self._nominal]]), P)
-
-    def _sag(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the coordinates (dof,) at rest and their derivative by the payload mass, 1/kg."""
-        arm = self.arm
-        if not any(arm.spec.gravity):
-            q = arm.rest(angles)
-            return q, np.zeros_like(q)
-        q = equilibrium(arm, angles).q
-        if self.payload_deviation == 0.0:
-            return q, np.zeros_like(q)
-        # A difference is accurate enough, because sag is nearly linear in the mass.
-        more = 0.1 * self.payload_deviation
-        heavier = Arm(varied_spec(arm.spec, payload_mass=self._nominal + more))
-        return q, (equilibrium(heavier, angles).q - q) / more
-
-
-def _tip_mass(arm: Arm) -> float:
-    """Return the effective mass (kg) of the tip, without the payload.
-
-    It is the inertia of the last link about its joint over its length squared. Accelerations of
-    the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
-    exponential in the logarithm of the sum, even for a payload of zero.
-    """
-    inertia = RigidModel(arm).mass_matrix(np.zeros(arm.joints))[-1, -1]
-    own = float(inertia) / float(arm.lengths[-1]) ** 2 - arm.spec.payload.mass
-    return max(own, 1e-3 * float(inertia) / float(arm.lengths[-1]) ** 2)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from flexarm.arguments import check_number
 from flexarm.errors import InconsistentEstimateWarning, warn_caller
 
 #: Number of samples over which normalised innovations squared are averaged.
@@ -23,8 +24,24 @@ def largest_ratio(size: int) -> float:
     return float(chi2.isf(_FALSE_ALARM, count)) / count
 
 
+def band(size: int, probability: float) -> tuple[float, float]:
+    """Return the central interval of a chi-squared variable of ``size``, divided by its mean.
+
+    Raises:
+        InputError: if the probability is not between 0 and 1.
+    """
+    from scipy.stats import chi2
+
+    inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
+    low, high = chi2.ppf([0.5 - 0.5 * inside, 0.5 + 0.5 * inside], size) / size
+    return float(low), float(high)
+
+
 class InnovationTest:
     """Test of the mean normalised innovation squared over a window against its distribution.
+
+    Args:
+        name: of the filter, for its warning. size: number of readings of a sample.
 
     Attributes:
         ratio: mean over the last ``WINDOW`` samples, about one if the filter is consistent; NaN
@@ -36,7 +53,8 @@ class InnovationTest:
     than specified, and so are the errors.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, name: str, size: int) -> None:
+        self._name = name
         self._limit, self._size = largest_ratio(size), size
         self._last = np.zeros(WINDOW)
         self._count = 0
@@ -62,7 +80,7 @@ class InnovationTest:
             self.worst = float(np.fmax(self.worst, self.ratio))
         if passed and not self.passed:
             text = (
-                f"ExtendedKalmanFilter: over {WINDOW} samples the squared innovations are "
+                f"{self._name}: over {WINDOW} samples the squared innovations are "
                 f"{self.ratio:.3g} times as large as the covariance allows, so the errors of the "
                 "estimates exceed its covariance. Correct the arm, or raise torque_noise or the "
                 "noise of the instruments."

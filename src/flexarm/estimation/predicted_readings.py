@@ -150,6 +150,20 @@ class PredictedReadings:
                 found.torque[place, joint] = change
         return found
 
+    def values(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        constants: tuple[ArmConstants, ArmConstants],
+    ) -> FloatArray:
+        """Return the readings (size,) of ``predict`` alone."""
+        found: FloatArray = self._linear @ x
+        if self._sensors:
+            self._points(x, torque, constants, self._state_places[:0], self._pushed)
+            for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
+                found[place] = self._pushed[-1, k, sensor.columns]
+        return found
+
     def _points(
         self,
         x: FloatArray,

@@ -1,4 +1,4 @@
-"""The extended Kalman filter against linear theory, its own statistics, and payloads."""
+"""The Kalman filters against linear theory, its own statistics, and payloads."""
 
 import numpy as np
 import pytest
@@ -141,10 +141,14 @@ def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN),
     return run, np.array(controller.asked), {n: run[f"measured_{n}"].values for n in names}
 
 
-def test_filter_of_a_linear_arm_equals_the_kalman_filter():
+BOTH = pytest.mark.parametrize("kind", [fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter])
+
+
+@BOTH
+def test_filter_of_a_linear_arm_equals_the_kalman_filter(kind):
     """A single link with one mode hardly turns, so it is almost linear."""
     arm = one_link()
-    filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], torque_noise=0.2)
+    filters = kind(arm, [ENCODER, STRAIN], torque_noise=0.2)
     _, torque, readings = record(arm, arm, 0.3, seed=5, noise=0.2)
     scale = 1e-4  # a factor on all values: quadratic terms are smaller by another such factor
     readings = {name: scale * values for name, values in readings.items()}
@@ -171,13 +175,12 @@ def test_filter_of_a_linear_arm_equals_the_kalman_filter():
         np.testing.assert_allclose(found.covariance[k][:n, :n], P, rtol=1e-4, atol=1e-6 * P.max())
 
 
-def test_errors_have_the_covariance_of_the_filter():
+@BOTH
+def test_errors_have_the_covariance_of_the_filter(kind):
     """Normalised errors squared of 25 runs against the chi-squared distribution."""
     arm, runs = one_link(), 25
     random = np.random.default_rng(11)
-    filters = fa.ExtendedKalmanFilter(
-        arm, [ENCODER, STRAIN, ACCELEROMETER], torque_noise=0.3, payload_deviation=0.05
-    )
+    filters = kind(arm, [ENCODER, STRAIN, ACCELEROMETER], torque_noise=0.3, payload_deviation=0.05)
     deviations = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
     start = np.concatenate([deviations, [0.05]])
     total = 0.0

@@ -71,6 +71,31 @@ class SampledStep:
     def take(self, x: FloatArray, torque: FloatArray, change: float = 0.0) -> Step:
         """Advance [q, qd] (2 dof,) by one sample time, with a ``change`` of the parameter."""
         arm = self.arm
+        self._carry(x, torque, change, self.places, arm.assembly.joint_body, self._slopes)
+        slopes = arm.unpadded(self._slopes).reshape(len(self._slopes), -1).T
+        size = 2 * arm.dof
+        return Step(self._after(), slopes[:, :size], slopes[:, size:-1], slopes[:, -1])
+
+    def advance(self, x: FloatArray, torque: FloatArray, change: float = 0.0) -> FloatArray:
+        """Return the state [q, qd] (2 dof,) of ``take``, without its derivatives."""
+        none = self.arm.assembly.joint_body[:0]
+        self._carry(x, torque, change, self.places[:0], none, self._slopes[-1:])
+        return self._after()
+
+    def _after(self) -> FloatArray:
+        return self.arm.unpadded(self._new.real).ravel()
+
+    def _carry(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        change: float,
+        places: IntArray,
+        bodies: IntArray,
+        slopes: FloatArray,
+    ) -> None:
+        """Write the state after the steps to ``_new``, and the derivatives to ``slopes``."""
+        arm = self.arm
         plain, moved = self.constants(change)
         held_torque_jacobian(
             self._kernels.sizes,
@@ -79,8 +104,8 @@ class SampledStep:
             self._rows,
             self._h,
             self.steps,
-            self.places,
-            arm.assembly.joint_body,
+            places,
+            bodies,
             arm.padded(x.reshape(2, -1)).astype(complex),
             arm.padded_torque(torque).astype(complex),
             self._kernels.loads,
@@ -88,12 +113,8 @@ class SampledStep:
             self._stages,
             self._before,
             self._new,
-            self._slopes,
+            slopes,
         )
-        slopes = arm.unpadded(self._slopes).reshape(len(self._slopes), -1).T
-        size = 2 * arm.dof
-        after = arm.unpadded(self._new.real).ravel()
-        return Step(after, slopes[:, :size], slopes[:, size:-1], slopes[:, -1])
 
 
 def state_places(arm: Arm) -> IntArray:
