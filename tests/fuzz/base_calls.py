@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
-from conformance.controller_examples import EXAMPLES, complete, kalman_filter, two_links
+from conformance.controller_examples import EXAMPLES, complete, two_links
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
 from fuzz.arm_calls import ARM, STATE, Q, arm, start, wound
+from fuzz.filter_calls import FILTER_METHODS, FILTERS
 from fuzz.identification_calls import IDENTIFICATION, RESULT
 
 end = [0.5, 0.8]
@@ -128,16 +129,7 @@ RECORDS: dict[str, dict[str, Any]] = {
 #: Constructors of controllers, and of the filter.
 CONTROLLERS: dict[str, dict[str, Any]] = {
     **{REGISTRY[name].__name__: complete(name) for name in EXAMPLES},
-    "ExtendedKalmanFilter": {
-        "arm": two_links,
-        "instruments": lambda: kalman_filter().instruments,
-        "sample_time": 0.004,
-    },
-    "UnscentedKalmanFilter": {
-        "arm": two_links,
-        "instruments": lambda: kalman_filter().instruments,
-        "sample_time": 0.004,
-    },
+    **FILTERS,
 }
 
 _MOVE = {"arm": arm, "motion": motion}
@@ -252,23 +244,7 @@ _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_accele
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (wound, ARM),
     **RESULT,
-    "ExtendedKalmanFilter": (
-        kalman_filter,
-        {
-            "begin": {**STATE, "payload_mass": 0.0, "covariance": np.eye(13).tolist()},
-            "correct": {"measurement": measurement},
-            "predict": {"torque": [0.0, 0.0]},
-            "report": {},
-            "reset": {},
-            "run": {
-                "torque": [[0.0, 0.0]] * 2,
-                "readings": lambda: {
-                    "joint_angle": [start] * 2,
-                    "strain": [[0.0]] * 2,
-                },
-            },
-        },
-    ),
+    **FILTER_METHODS,
     "LinearModel": (
         lambda: fa.linearize(arm()),
         {
@@ -369,10 +345,6 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
-METHODS["UnscentedKalmanFilter"] = (
-    lambda: fa.UnscentedKalmanFilter(two_links(), kalman_filter().instruments, sample_time=0.004),
-    METHODS["ExtendedKalmanFilter"][1],
-)
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
     {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},

@@ -95,6 +95,26 @@ def test_estimates_of_a_record_have_their_chi_squared_tests(kind, unknown):
         found.squared_errors(true[0][1:], true[1], 0.2)
 
 
+def test_both_filters_agree_on_an_arm_that_hardly_moves():
+    """With an accelerometer, which measures the torque error that has just moved the arm."""
+    link = fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.4, elements=1, modes=1)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)], payload=fa.Payload(mass=0.2))
+    sensor = fa.Sensor("acceleration", link=1, frame="link", name="accelerometer")
+    instruments = [
+        fa.Instrument("joint_angle", noise=1e-7),
+        fa.Instrument(sensor, name="accelerometer", noise=1e-4),
+    ]
+    small = {"torque_noise": 1e-4, "rate_deviation": 1e-5, "energy_deviation": 1e-12}
+    readings = {"joint_angle": np.zeros((30, 1)), "accelerometer": np.zeros((30, 2))}
+    found = [
+        kind(arm, instruments, **small).run(np.zeros((30, 1)), readings).covariance[-1][:4, :4]
+        for kind in (fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter)
+    ]
+    size = np.sqrt(np.diag(found[0]))
+    # Products of deviations of 1e-5 are the difference of the filters.
+    np.testing.assert_allclose(*(P / np.outer(size, size) for P in found), rtol=0, atol=1e-3)
+
+
 def test_steps_and_readings_without_derivatives_are_the_same():
     links = [fa.Link(length=0.7, flexural_rigidity=50.0, mass_per_length=0.5, elements=1)] * 2
     arm = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2, gravity=(0.0, -9.81))
