@@ -78,6 +78,9 @@ LAWS = {
     "composite": lambda: fa.Composite(
         heavy(), [0.4, 0.1], torque_limit=LIMIT, sample_time=SAMPLE_TIME
     ),
+    "loop_shaping": lambda: fa.LoopShaping(
+        heavy(), [0.4, 0.1], integral=0.8, feedforward=feedforward, sample_time=SAMPLE_TIME
+    ),
     "own": OwnController,
 }
 REFUSED = {

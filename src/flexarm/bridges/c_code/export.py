@@ -51,7 +51,7 @@ def export_c(
         name: prefix of functions and files: lower-case letters, digits and underscores.
         parameters: paths of numbers that become arguments, as in ``to_casadi``.
         controller: controller whose law is closed: `JointPD`, `JointPID`, `StrainFeedback`,
-            `ComputedTorque`, `SlidingMode`, `LQG` and `Composite` for one posture,
+            `ComputedTorque`, `SlidingMode`, `LQG`, `Composite` and `LoopShaping` for one posture,
             `DisturbanceObserver` around one of these; or your own, if ``update`` computes with
             NumPy, does not branch on values and ``memory`` is declared.
 

@@ -190,7 +190,7 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, "It iterates the sag of the links. Use sag=False.")
     if isinstance(controller, LQG) and "tip" in controller.design_requirements.integrated:
         raise _refusal(controller, "It integrates the error of the tip. Integrate joint_angle.")
-    if isinstance(controller, LQG) and len(controller.designs) > 1:
+    if len(getattr(controller, "designs", ())) > 1:
         raise _refusal(controller, "It interpolates gains over the posture. Use one posture.")
     if memory_of(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
