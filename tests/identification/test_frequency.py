@@ -173,13 +173,20 @@ def test_sweeps_are_transformed_in_segments():
 
 def test_two_joints_need_two_experiments():
     arm = two_links()
-    torque = fa.multisine(2.0, (0.5, 12.0), [0.004, 0.001], rise=0.5)
+    torque = fa.multisine(2.0, (0.5, 30.0), [0.004, 0.001], rise=0.5)
     records = [measured(run(arm, one, 16.0)) for one in torque.orthogonal()]
     found = fa.frequency_response(records, period=2.0, start=10.0)
-    assert found.response.shape == (24, 4, 2)
+    assert found.response.shape == (60, 4, 2)
     exact = from_control(arm, found.frequency_hz)
     size = np.abs(exact).max(axis=(0, 2))[:, None]
     assert np.max(np.abs(found.response - exact) / size) < 0.01
+    model = fa.modes(arm, joints="free")
+    compared = found.modes(2, band=(1.5, 30.0)).compare(model)
+    assert compared["match"].values.tolist() == [3, 4]
+    assert np.all(np.diag(compared["mac"].sel(model=[3, 4])) > 0.999)
+    # Dampers of 10 and 20 %: the second rigid pole is approximated by powers of s.
+    assert np.abs(compared["frequency_error"]).max() < 0.1
+    assert np.abs(compared["damping_error"]).max() < 0.5
     with pytest.raises(fa.InputError, match=r"do not distinguish .* Multisine.orthogonal"):
         fa.frequency_response(records[0], period=2.0, start=10.0)
 
