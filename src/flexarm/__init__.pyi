@@ -10,6 +10,7 @@ from .batch.run import simulate_batch as simulate_batch
 from .bridges.c_code.export import export_c as export_c
 from .bridges.fmu.export import export_fmu as export_fmu
 from .bridges.matlab.export import export_mat as export_mat
+from .bridges.rigid_chain.export import export_exudyn as export_exudyn
 from .bridges.rigid_chain.export import export_mjcf as export_mjcf
 from .bridges.rigid_chain.export import export_urdf as export_urdf
 from .bridges.symbolic.casadi_model import to_casadi as to_casadi

@@ -66,7 +66,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "symbolic": (
         *("to_casadi", "to_jax", "export_c", "export_fmu", "export_mat"),
-        *("export_mjcf", "export_urdf"),
+        *("export_mjcf", "export_urdf", "export_exudyn"),
     ),
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),

@@ -12,6 +12,7 @@ EXPORTS: dict[str, dict[str, Any]] = {
     "export_fmu": {"arm": arm, "path": lambda: folder() / "arm.fmu", "controller": controller},
     "export_mat": {"arm": arm, "path": lambda: folder() / "arm.mat", "result": result},
     "export_mjcf": {"arm": arm, "path": lambda: folder() / "arm.xml"},
+    "export_exudyn": {"arm": arm, "path": lambda: folder() / "arm.py"},
     "export_urdf": {"arm": arm, "path": lambda: folder() / "arm.urdf"},
     "to_casadi": {"arm": arm, "parameters": ["payload.mass"]},
     "to_jax": {"arm": arm, "parameters": ["payload.mass"]},

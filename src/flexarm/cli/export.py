@@ -110,3 +110,12 @@ def export_urdf(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints 
     from flexarm.cli.commands.export import export_chain_file
 
     export_chain_file(arm, out, virtual_joints, "urdf")
+
+
+@export.command("exudyn")
+@report_failures
+def export_exudyn(arm: _ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a Python script for Exudyn: links as rigid bars on virtual joints."""
+    from flexarm.cli.commands.export import export_chain_file
+
+    export_chain_file(arm, out, virtual_joints, "py")

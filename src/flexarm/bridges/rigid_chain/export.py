@@ -10,6 +10,7 @@ from flexarm.arguments import check_count, check_kind
 from flexarm.arm import Arm
 from flexarm.bridges.rigid_chain.bodies import Body, bodies
 from flexarm.bridges.rigid_chain.chain import RigidChain, rigid_chain
+from flexarm.bridges.rigid_chain.exudyn_script import exudyn_script
 from flexarm.bridges.rigid_chain.files import mjcf, urdf
 from flexarm.errors import public_call
 from flexarm.writing.places import check_place, write_text
@@ -59,6 +60,26 @@ def export_urdf(arm: Arm, path: str | PathLike[str], *, virtual_joints: int = 4)
         InputError: as in ``export_mjcf``.
     """
     return _export(arm, path, virtual_joints, ".urdf", urdf)
+
+
+@public_call
+def export_exudyn(arm: Arm, path: str | PathLike[str], *, virtual_joints: int = 4) -> Path:
+    """Write an arm as a Python script that builds and simulates it in Exudyn.
+
+    The bars and joints are those of ``export_mjcf``, as one kinematic tree. The functions ``build``
+    and ``run`` of the script accept joint angles at the start, torques over time and a duration.
+
+    Args:
+        arm, virtual_joints: as in ``export_mjcf``.
+        path: the file, ``.py``.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: as in ``export_mjcf``, or if no joint moves.
+    """
+    return _export(arm, path, virtual_joints, ".py", exudyn_script)
 
 
 def _export(

@@ -20,10 +20,12 @@ _RADIUS = 0.01
 def mjcf(chain: RigidChain, found: list[Body], name: str) -> str:
     """Return a model of MuJoCo: hinges with springs, motors, sensors of joints and tip."""
     root = Element("mujoco", model=name)
-    root.append(Comment(_explained(chain, "")))
+    root.append(Comment(explained(chain, "")))
     SubElement(root, "compiler", angle="radian")
     gravity = " ".join(map(repr, (*map(float, chain.arm.spec.gravity), 0.0)))
-    option = SubElement(root, "option", gravity=gravity, integrator="RK4", timestep=_step(chain))
+    option = SubElement(
+        root, "option", gravity=gravity, integrator="RK4", timestep=time_step(chain)
+    )
     SubElement(option, "flag", contact="disable")
     parent = SubElement(root, "worldbody")
     actuators, sensors = SubElement(root, "actuator"), SubElement(root, "sensor")
@@ -56,7 +58,7 @@ def mjcf(chain: RigidChain, found: list[Body], name: str) -> str:
 def urdf(chain: RigidChain, found: list[Body], name: str) -> str:
     """Return a robot in URDF; springs are tags for Gazebo, because URDF itself has none."""
     root = Element("robot", name=name)
-    root.append(Comment(_explained(chain, _URDF)))
+    root.append(Comment(explained(chain, _URDF)))
     SubElement(root, "link", name="base")
     parent = "base"
     for body in found:
@@ -87,7 +89,8 @@ _URDF = """
     URDF has no gravity: the program sets it."""
 
 
-def _explained(chain: RigidChain, more: str) -> str:
+def explained(chain: RigidChain, more: str) -> str:
+    """Return the text in front of a file, with the errors of the chain."""
     table = [f"    {'locked joints, zero angles':<34} {'flexible':>12} {'this file':>12}"]
     for row in chain.comparisons:
         numbers = f"{row.flexible:>12.6g} {row.chain:>12.6g} {_percent(row.error):>+9.4f} %"
@@ -126,7 +129,7 @@ def _connect(root: Element, parent: str, body: Body) -> None:
         SubElement(joint, "dynamics", damping=repr(body.damping))
 
 
-def _step(chain: RigidChain) -> str:
+def time_step(chain: RigidChain) -> str:
     """Return a stable time step of two digits, s."""
     frequencies = locked(chain.arm, coordinates(chain.arm, chain.driven))[0]
     longest = _REACH / float(frequencies.max()) if frequencies.size else math.inf

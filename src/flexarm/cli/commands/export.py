@@ -10,13 +10,20 @@ from flexarm.arm import Arm, load_arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.export import export_c
 from flexarm.bridges.fmu.export import export_fmu
-from flexarm.bridges.rigid_chain.export import export_mjcf, export_urdf
+from flexarm.bridges.rigid_chain.export import (
+    export_exudyn,
+    export_mjcf,
+    export_urdf,
+)
 from flexarm.cli.tables import console
 from flexarm.control.base import Controller
 from flexarm.model import load_arm_spec, locate_scenario
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.scenario import prepare
 from flexarm.simulation.preparation import start_of
+
+#: Exports as chains of rigid bodies, by the suffix of their files.
+_CHAINS = {"xml": export_mjcf, "urdf": export_urdf, "py": export_exudyn}
 
 
 def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]) -> None:
@@ -63,14 +70,13 @@ def export_fmu_file(
 
 
 def export_chain_file(path: Path, out: Path | None, virtual_joints: int, suffix: str) -> None:
-    """Write an arm file for a simulator of rigid bodies; ``suffix`` is "xml" or "urdf".
+    """Write an arm file for a simulator of rigid bodies; ``suffix`` is one of `_CHAINS`.
 
     Raises:
         InputError: if the file is not valid, or under the conditions of ``export_mjcf``.
     """
-    export = export_mjcf if suffix == "xml" else export_urdf
     place = out if out is not None else path.with_suffix(f".{suffix}")
-    written = export(load_arm(path), place, virtual_joints=virtual_joints)
+    written = _CHAINS[suffix](load_arm(path), place, virtual_joints=virtual_joints)
     console().print(str(written), soft_wrap=True)
 
 
