@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from flexarm.motion import Motion, joint_motion, rigid_torque
 from flexarm.optimize.plan import GAUSS, Plan
 from flexarm.optimize.task import Task
 from flexarm.simulation.run import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Fraction of the limits of torques and rates that the guess uses.
 _USED = 0.9
@@ -74,7 +78,7 @@ def _shortest(task: Task) -> float:
 
 def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
     """Return the plan in which the motors follow a motion, by a simulation of the arm."""
-    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+    from scipy.interpolate import CubicSpline
 
     arm, begin, duration = task.arm, motion.start_time, motion.duration
     with warnings.catch_warnings():
@@ -88,17 +92,31 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
             progress=False,
         )
     times = run.time.values
-    state = CubicHermiteSpline(times, run.q.values, run.qd.values)
     torque = CubicSpline(times, run.torque.values)
-    nodes = begin + duration * np.linspace(0.0, 1.0, intervals + 1)
-    stages = (nodes[:-1, None] + duration / intervals * GAUSS.c).ravel()
-    curve = CubicSpline(times, run.qd.values)(stages, 1).reshape(intervals, -1, arm.dof)
-    at_nodes = torque(nodes)
+    at_nodes = torque(begin + duration * np.linspace(0.0, 1.0, intervals + 1))
     ends = np.stack([at_nodes[:-1], at_nodes[1:]], axis=1)
     if not task.continuous:
         ends[:] = ends.mean(axis=1, keepdims=True)
-    slope = CubicSpline(times, run.qd.values)(nodes)
-    return Plan(duration, state(nodes), duration * slope, duration**2 * curve, ends)
+    return Plan(duration, *states_of(run, begin, duration, intervals), ends)
+
+
+def states_of(
+    run: xr.Dataset, begin: float, duration: float, intervals: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return q, dq/ds at the nodes and d2q/ds2 at the stages of a plan, from a simulation.
+
+    Args:
+        begin, duration: of the plan in the simulation, s.
+    """
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+    times = run.time.values
+    state = CubicHermiteSpline(times, run.q.values, run.qd.values)
+    rate = CubicSpline(times, run.qd.values)
+    nodes = begin + duration * np.linspace(0.0, 1.0, intervals + 1)
+    stages = (nodes[:-1, None] + duration / intervals * GAUSS.c).ravel()
+    curve = rate(stages, 1).reshape(intervals, len(GAUSS.c), -1)
+    return state(nodes), duration * rate(nodes), duration**2 * curve
 
 
 def _on(task: Task, motion: Motion) -> FloatArray:

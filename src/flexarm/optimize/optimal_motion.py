@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,9 +19,9 @@ from flexarm.errors import (
     public_call,
     warn_caller,
 )
-from flexarm.linear import modes as modes_of
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
+from flexarm.optimize.correction import corrected
 from flexarm.optimize.guess import plan_of, shaped_guess, straight_motion
 from flexarm.optimize.limits import MotionLimits
 from flexarm.optimize.plan import Plan
@@ -26,6 +29,9 @@ from flexarm.optimize.solution import OptimalMotion, OptimizationError, last_ite
 from flexarm.optimize.task import OBJECTIVES, Task, task_of
 from flexarm.optimize.transcription import Answer, Transcription
 from flexarm.optimize.verification import excess_of, remaining, simulated
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Phase (rad) of the fastest resting mode in one interval; the error of its phase is then 2e-4 rad
 #: per interval.
@@ -73,7 +79,7 @@ def optimal_motion(
             objective "time" requires a limit of the torque.
         duration: s, for "energy" and "vibration".
         modes: number of the lowest vibrations, with free joints, that are at rest at the end
-            besides the joints; all by default.
+            besides the joints; all by default, and if the tip would miss its goal otherwise.
         guess: first guess: a motion of the joints, for example one around an obstacle. By default a
             straight motion, shaped for two modes.
         intervals: number of intervals of equal length, by default as many as the resting modes
@@ -98,8 +104,10 @@ def optimal_motion(
 
     Direct collocation at three Gauss points per interval, solved by IPOPT through CasADi. Limits
     hold at these points and at the nodes; the problem is solved again, with narrower limits, until
-    they also hold in between, in the simulation. Solutions are local optima: another ``guess`` may
-    lead to a better one. Contacts are not included.
+    they also hold in between, in the simulation. If modes are so fast that the intervals do not
+    resolve them, the simulated arm would miss its goal: Newton's method then corrects the torques,
+    within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
+    Contacts are not included.
     """
     arm = check_kind("arm", arm, Arm)
     plant = arm if plant is None else check_kind("plant", plant, Arm)
@@ -133,12 +141,9 @@ def _elastic(arm: Arm) -> int:
 
 def _default_intervals(task: Task, duration: float) -> int:
     """Return a number of intervals that resolves the resting modes, if it is not too large."""
-    arm = task.arm
-    if not _elastic(arm):
+    needed = np.ceil(task.vibrations[: task.modes] * duration / _PHASE)
+    if not needed.size:
         return _FEWEST
-    ends = [modes_of(arm, q=rest.q, joints="free").frequency_hz for rest in (task.start, task.end)]
-    omega = 2.0 * np.pi * np.max(ends, axis=0)[arm.joints :]
-    needed = np.ceil(omega[: task.modes] * duration / _PHASE)
     if needed[0] > _MOST_GIVEN:
         rule = "be so near that the arm vibrates less than 500 times on its way"
         raise InputError(Problem("end", rule, f"{needed[0] * _PHASE / (2.0 * np.pi):.3g} times"))
@@ -163,7 +168,12 @@ def _within_limits(
             raise _not_converged(task, answer)
         plan = answer.plan
         if plan.intervals == intervals:
+            if plant is task.arm:
+                plan = corrected(task, plan)
             run = simulated(task, plant, plan)
+            if plant is task.arm and task.modes is not None and _misses(task, plan, run):
+                plan = corrected(replace(task, modes=None), plan)
+                run = simulated(task, plant, plan)
             excess = [excess_of(bound, run, plan.duration) for bound in task.bounds]
             over = [np.max(e / b.size) for e, b in zip(excess, task.bounds, strict=True)]
             if max(over, default=0.0) <= _AIM:
@@ -180,7 +190,7 @@ def _within_limits(
             raise OptimizationError(reason, hint, last_iterate(task, plan))
     warn_of_bending(task.arm, plan.q)
     rest = remaining(task, plant, plan, run)
-    if plant is task.arm and rest.tip_error > _MISSED * task.arm.lengths.sum():
+    if plant is task.arm and _misses(task, plan, run):
         warn_caller(
             f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation. Take "
             f"more intervals than {plan.intervals}; see OptimalMotion.remaining.",
@@ -202,6 +212,12 @@ def _within_limits(
         _table=table,
         chain=chain,
     )
+
+
+def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
+    """Return whether the tip comes to rest too far from its goal."""
+    error = remaining(task, task.arm, plan, run).tip_error
+    return error > _MISSED * float(task.arm.lengths.sum())
 
 
 def _not_converged(task: Task, answer: Answer) -> OptimizationError:

@@ -64,6 +64,15 @@ class Task:
         ends = [bound.excess(_at_rest(self.arm, rest, bound)) for rest in (self.start, self.end)]
         return np.asarray(np.maximum(-np.max(ends, axis=0), 0.0))
 
+    @property
+    def vibrations(self) -> FloatArray:
+        """Largest angular frequencies of vibrations with free joints at both ends, rad/s."""
+        arm = self.arm
+        if not len(self.elastic):
+            return np.zeros(0)
+        ends = [modes(arm, q=rest.q, joints="free").frequency_hz for rest in (self.start, self.end)]
+        return np.asarray(2.0 * np.pi * np.max(ends, axis=0)[arm.joints :])
+
     def resting_modes(self) -> FloatArray | None:
         """Return rows (m, dof) that are zero, times q minus its end and times qd, at the end.
 

@@ -25,6 +25,10 @@ from flexarm.optimize.task import Task
 #: Weight of the mean squared torque, relative to its limits or the guess, in the other objectives:
 #: torques that do not matter become small and smooth.
 _SMOOTHING = {"time": 1e-4, "vibration": 1e-3, "energy": 0.0}
+#: Phase (rad) of the fastest vibration in one interval above which it is not resolved, and the
+#: weight of the mean squared rates of the modes, relative to those of the guess, in the objective
+#: then. Otherwise the solution would shake the arm with vibrations whose phases are wrong.
+_UNRESOLVED, _QUIET = 3.0, {"time": 0.0, "vibration": 0.0, "energy": 1e-2}
 #: Least size of an unknown, relative to the largest of its kind.
 _LEAST_SIZE = 1e-3
 #: Range of a free duration, relative to that of the guess.
@@ -81,6 +85,8 @@ class Transcription:
         self.casadi: Any = casadi
         self.task, self.intervals, self.modes = task, guess.intervals, task.resting_modes()
         self.duration = guess.duration if task.duration is None else task.duration
+        phase = np.max(task.vibrations, initial=0.0) * self.duration / guess.intervals
+        self.quiet = _QUIET[task.objective] if phase > _UNRESOLVED else 0.0
         self.sizes = _sizes(task, guess)
         self.scale = _Sizes._make(map(casadi.DM, self.sizes))
         self._build({"max_iter": iterations, **(_NEAR if near else {})})
@@ -194,13 +200,14 @@ class Transcription:
         """Return the integrand of the objective over the fraction s of the duration."""
         effort = self.casadi.sumsqr(torque) / float(np.sum(self.sizes.torque**2))
         smooth = _SMOOTHING[self.task.objective] * effort
-        if self.task.objective == "time":
-            return smooth
-        if self.task.objective == "energy":
-            return effort
         elastic = self.task.elastic.tolist()
+        if not elastic:
+            return effort if self.task.objective == "energy" else smooth
         usual = float(np.sum((self.sizes.slope[elastic] / self.duration) ** 2))
-        return self.casadi.sumsqr(rate[elastic]) / usual + smooth
+        shaking = self.casadi.sumsqr(rate[elastic]) / usual
+        if self.task.objective == "vibration":
+            return shaking + smooth
+        return (effort if self.task.objective == "energy" else smooth) + self.quiet * shaking
 
     def _unknown_bounds(self, shapes: dict[str, tuple[int, int]], joint: Any) -> dict[str, Any]:
         """Return the bounds of the unknowns: rest at both ends, torques, and the duration."""

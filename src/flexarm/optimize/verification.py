@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: Simulated time after the end: periods of the slowest vibration with locked joints, and limits of
 #: it as fractions of the duration.
 _PERIODS, _SHORTEST, _LONGEST = 3.0, 0.2, 2.0
-#: Samples per interval, at which the limits are checked.
+#: Samples per interval, and per period of the fastest vibration, at which the limits are checked.
 _SAMPLES = 10
 
 
@@ -32,6 +32,7 @@ def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
     """Simulate the full model under the torque of a plan, and for some time after its end."""
     joint_angles = task.arm.joint_angles(task.start.q)
     after = _settling(task, plant, plan.duration)
+    periods = np.max(task.vibrations, initial=0.0) * plan.duration / (2.0 * np.pi)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # once, for the last plan
         return simulate(
@@ -39,7 +40,7 @@ def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
             plan.duration + after,
             torque=plan.torque_history(task.start.torque, task.end.torque),
             initial=equilibrium(plant, joint_angles).q,
-            rate=_SAMPLES * plan.intervals / plan.duration,
+            rate=_SAMPLES * max(plan.intervals, int(np.ceil(periods))) / plan.duration,
             progress=False,
         )
 
