@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
-from conformance.controller_examples import EXAMPLES, complete, two_links
+from conformance.controller_examples import EXAMPLES, complete
 from flexarm.controllers import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
 from fuzz.arm_calls import ARM, STATE, Q, arm, start, wound
