@@ -68,6 +68,7 @@ APPLICATIONS: dict[str, Area] = {
                 tests=(
                     "simulate/test_batch.py",
                     "simulate/test_batch_lanes.py",
+                    "simulate/test_batch_loops.py",
                     "bridges/test_vector_environment.py",
                 ),
             ),
@@ -77,6 +78,7 @@ APPLICATIONS: dict[str, Area] = {
                     "studies/test_samples.py",
                     "studies/test_study_statistics.py",
                     "studies/test_store.py",
+                    "studies/test_batches_of_studies.py",
                     "studies/test_studies.py",
                 ),
             ),
@@ -94,6 +96,14 @@ APPLICATIONS: dict[str, Area] = {
                 tests=("simulate/test_sensitivities.py",),
             ),
             Group(
+                sources=("identification/frequency/*.py",),
+                tests=("identification/test_frequency.py",),
+            ),
+            Group(
+                sources=("identification/planning/*.py",),
+                tests=("identification/test_planning.py",),
+            ),
+            Group(
                 sources=("identification/**/*.py",),
                 tests=(
                     "identification/test_reading.py",
@@ -105,9 +115,26 @@ APPLICATIONS: dict[str, Area] = {
             ),
         ),
     ),
+    "learning and real time": Area(
+        mutants=10,
+        groups=(
+            Group(
+                sources=("learning/**/*.py",),
+                tests=("learning/test_iterative_learning.py",),
+            ),
+            Group(
+                sources=("real_time/**/*.py",),
+                tests=("simulate/test_realtime.py", "simulate/test_realtime_failures.py"),
+            ),
+        ),
+    ),
     "optimal motions": Area(
         mutants=10,
         groups=(
+            Group(
+                sources=("optimize/excitation.py",),
+                tests=("identification/test_planning.py",),
+            ),
             Group(
                 sources=("optimize/**/*.py",),
                 tests=(

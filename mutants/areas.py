@@ -7,13 +7,11 @@ Tests that fail most often for errors of the group come first, because pytest st
 from __future__ import annotations
 
 from mutants.applications import APPLICATIONS
+from mutants.control import CONTROL
 from mutants.groups import Area, Group
 
 _SURFACES = "unit/contacts/test_surfaces.py"
 _INVERSE = "invariants/test_forward_and_inverse.py"
-_NOMINAL = "unit/control/test_nominal_motion.py"
-_LQG = "unit/control/test_lqg.py"
-_MARGINS = "unit/control/test_loop_margins.py"
 _ADAPTIVE = "unit/control/test_adaptive.py"
 _INTEGRATOR = "conformance/test_every_integrator.py"
 
@@ -160,88 +158,7 @@ AREAS: dict[str, Area] = {
             ),
         ),
     ),
-    "control": Area(
-        mutants=30,
-        groups=(
-            Group(
-                sources=("estimation/**/*.py",),
-                tests=("unit/control/test_extended_kalman.py", "unit/control/test_filter_input.py"),
-            ),
-            Group(
-                sources=("loop_analysis/**/*.py",),
-                tests=(
-                    "unit/control/test_loop_margins.py",
-                    "unit/control/test_loop_models.py",
-                    "unit/control/test_robustness.py",
-                    "simulate/test_loop_check.py",
-                ),
-            ),
-            Group(
-                sources=("loop/**/*.py",),
-                tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
-            ),
-            Group(
-                sources=("control*/**/posture_grid.py",),
-                tests=(
-                    f"{_NOMINAL}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
-                    f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
-                ),
-            ),
-            Group(
-                sources=("control*/**/gravity_compensation.py",),
-                tests=("unit/control/test_position_laws.py",),
-            ),
-            Group(
-                sources=("control*/**/input_shaping.py",),
-                tests=("simulate/test_input_shaping.py",),
-            ),
-            Group(
-                sources=(
-                    "control*/**/lqg.py",
-                    "control*/**/mpc.py",
-                    "control*/**/composite.py",
-                    "control*/**/linear_design.py",
-                    "control*/**/nominal.py",
-                    "control*/**/flexible_model.py",
-                ),
-                tests=(
-                    "unit/control/test_lqg.py",
-                    _NOMINAL,
-                    "unit/control/test_mpc_and_composite.py",
-                    f"{_MARGINS}::test_recovery_restores_the_margins_of_state_feedback",
-                ),
-            ),
-            Group(
-                sources=(
-                    "control*/**/*adaptive.py",
-                    "control*/**/sliding*.py",
-                    "control*/**/rigid_parameters.py",
-                ),
-                tests=(
-                    "unit/control/test_adaptive.py",
-                    "unit/control/test_rbf_adaptive.py",
-                    "unit/control/test_sliding_mode.py",
-                ),
-            ),
-            Group(
-                sources=("control/**/*.py",),
-                tests=(
-                    "unit/control/test_feedforward.py",
-                    "unit/control/test_parametrised.py",
-                    "conformance/test_every_controller.py",
-                ),
-            ),
-            Group(
-                sources=("control*/**/*.py",),
-                tests=(
-                    "unit/control/test_position_laws.py",
-                    "unit/control/test_force_laws.py",
-                    "unit/control/test_task_space.py",
-                    "unit/control/test_disturbance_observer.py",
-                ),
-            ),
-        ),
-    ),
+    "control": CONTROL,
     "linear": Area(
         mutants=25,
         groups=(
