@@ -20,7 +20,7 @@ from flexarm.control.base import Controller
 #: Duration of the motion (s), and its joint angles (rad) at the start and the end.
 _DURATION, _START, _END = 2.0, [0.3, 0.6], [0.5, 0.9]
 _GAINS = [40.0, 10.0], [20.0, 3.0]
-_SPREAD, _SAMPLE_TIME = 0.02, 1e-3
+_DISTANCE, _SAMPLE_TIME = 0.02, 1e-3
 
 
 def _arm() -> fa.Arm:
@@ -74,7 +74,7 @@ def closed_batches(runs: int = 200, few: int = 5, repeats: int = 3) -> list[Clos
     """
     arm = _arm()
     motion = fa.joint_motion(arm, _START, _END, _DURATION)
-    moved = _SPREAD * np.random.default_rng(3).uniform(-1.0, 1.0, (runs, 2))
+    moved = _DISTANCE * np.random.default_rng(3).uniform(-1.0, 1.0, (runs, 2))
     starts = [arm.rest(np.array(_START) + one) for one in moved]
     found = []
     for name, controller in _controllers(arm).items():

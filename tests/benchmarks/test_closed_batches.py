@@ -1,4 +1,4 @@
-"""The table of batches with controllers can be made."""
+"""The benchmark of batches with controllers returns its table."""
 
 from benchmarks import closed_batches
 

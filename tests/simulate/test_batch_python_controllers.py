@@ -54,6 +54,12 @@ def test_the_objects_of_the_user_keep_their_state(executed):
     fa.simulate_batch(ARM, controller=controller, reference=MOTION, initial=STARTS, **SHORT)
     assert len(executed) == 11
     assert controller.calls == 0
+    # Runs with loads are executed alone.
+    push = fa.Load(1, (0.0, 0.1), station=0.2)
+    own = {"reference": MOTION, "initial": STARTS[:2], **SHORT}
+    fa.simulate_batch(ARM, controller=controller, loads=[push], **own)
+    assert len(executed) == 11
+    assert controller.calls == 0
 
 
 def test_a_vectorized_python_controller(executed):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from copy import deepcopy
 from functools import partial
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +16,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.variations import Variations
 from flexarm.bending import theory_error
+from flexarm.control.base import Controller
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.events import event_log
 from flexarm.engine.impacts import run_through_impacts
@@ -201,6 +203,17 @@ class OpenLoop:
             return found
 
 
+def _copied(controller: Controller | None) -> Controller | None:
+    """Return a copy, so that a batch leaves the objects of its caller as they are.
+
+    An object that cannot be copied, such as one with an open connection, is returned itself.
+    """
+    try:
+        return deepcopy(controller)
+    except Exception:
+        return controller
+
+
 class ClosedLoop:
     """Runs with controllers, which are Python objects: one thread at a time executes them.
 
@@ -238,7 +251,7 @@ class ClosedLoop:
                 result = simulate(
                     self.model or simulated,
                     plant=None if self.model is None else simulated,
-                    controller=own.controller(k),
+                    controller=_copied(own.controller(k)),
                     reference=own.reference(k),
                     hardware=own.hardware_of(k),
                     initial=initial,

@@ -94,7 +94,7 @@ def simulate_batch(
         torque: as in ``simulate``, for all runs; or an array (runs, samples, joints), or a list of
             functions of time, one for each run.
         controller: for all runs, or a list with one for each run. Each run uses a copy
-            (``copy.deepcopy``), reset before it.
+            (``copy.deepcopy``), reset before it; or the object itself, if it cannot be copied.
         reference: motion for the controllers, or a list with one for each run.
         plant: simulated arm, or a list with one for each run, if it differs from ``arm``, which
             is then one arm, the model of the controllers.

@@ -165,6 +165,8 @@ def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
         InputError: if the runs have no nominal values.
     """
     known = check_dataset("nominal", nominal, DIMS[1:], "a table of Study.nominal")
+    if DIMS[0] in known.dims:
+        raise InputError(Problem("nominal", "be a table of Study.nominal", "one with samples"))
     for dim in DIMS[1:]:
         own, other = found[dim].values.tolist(), known[dim].values.tolist()
         if sorted(own) != sorted(other):

@@ -183,9 +183,9 @@ def _first_of(table: xr.Dataset, kind: str) -> Iterator[str]:
     stacked = table[kind].stack(run=("controller", "plant", "reference"))
     for drive, plant, reference in stacked["run"].values:
         one = table[kind].sel(controller=drive, plant=plant, reference=reference)
-        told = one.values != ""
-        if told.any():
-            k = int(np.argmax(told))
+        given = one.values != ""
+        if given.any():
+            k = int(np.argmax(given))
             where = f"{drive} on {plant} along {reference}"
-            count = f"{int(told.sum())} of {told.size} runs"
+            count = f"{int(given.sum())} of {given.size} runs"
             yield f"{where}: {count}, the first of sample {one.sample.values[k]}: {one.values[k]}"
