@@ -79,7 +79,7 @@ def test_ratios_are_relative_to_the_nominal_runs():
     assert found["tip_error_rms_ratio"].values.ravel().tolist() == [0.25, 2.75]
     zero = fa.study_statistics(given, [0.0, 1.0], nominal=0.0 * nominal)
     assert np.isnan(zero["tip_error_rms_ratio"].values).all()
-    with pytest.raises(fa.InputError, match="nominal must be a table of .*, but is one with samples|got one with samples"):
+    with pytest.raises(fa.InputError, match=r"nominal must be a table .* with samples"):
         fa.study_statistics(given, [0.5], nominal=given)
     other = nominal.assign_coords(controller=["another"])
     with pytest.raises(fa.InputError, match="nominal must have the same names of controller"):
