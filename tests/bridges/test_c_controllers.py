@@ -93,6 +93,7 @@ REFUSED = {
     "mpc",
     "positive_position_feedback",
     "rbf_adaptive",
+    "repetitive",
 }
 
 

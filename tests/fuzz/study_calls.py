@@ -38,6 +38,7 @@ STUDY_METHODS: dict[str, Any] = {
     "Study": (
         lambda: fa.Study(samples()),
         {
+            "nominal": {"workers": 1},
             "run": {"workers": 1, "chunk": 2},  # one task, which needs no other process
             "verify": {"store": lambda: samples().with_suffix(".zarr"), "count": 1},
         },

@@ -116,7 +116,7 @@ def test_units_descriptions_and_bounds_equal_those_of_the_records():
     assert found["drive.derivative[0]"].unit == "N m s/rad"
     assert found["motion.start[0]"].unit == "m"
     assert found["arm.links[0].damping.ratio"].unit == ""
-    assert found["arm.links[0].length"].description == "Length (m)."
+    assert found["arm.links[0].length"].description == "Length (m), from the root to the tip."
     assert found["arm.links[0].length"].range.low > 0.0  # must be greater than 0
     assert found["arm.payload.mass"].range.low == 0.0
     assert found["motion.start[1]"].range.low < 0.0

@@ -33,9 +33,6 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
 
     Attributes:
         designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
-        margin: the least of their margins, for the model with the damping that stands for
-            ``rigidity_uncertainty``. Gains may change by factors from (1 - margin) / (1 + margin)
-            to the inverse at all joints together, or phases by 2 arcsin(margin).
 
     Raises:
         InputError: if a shape or number is wrong, or the Riccati equations have no solution.
@@ -82,7 +79,12 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
 
     @property
     def margin(self) -> float:
-        """Least robust stability margin of the designs, between 0 and 1."""
+        """Least robust stability margin of the designs, between 0 and 1.
+
+        For the model with the damping that stands for ``rigidity_uncertainty``. Gains may change by
+        factors from (1 - margin) / (1 + margin) to the inverse at all joints together, or phases by
+        2 arcsin(margin).
+        """
         return min(one.margin for one in self.designs)
 
     def reset(self) -> None:
