@@ -58,6 +58,20 @@ def test_a_packet_of_another_length_ends_both_programs(tmp_path):
         assert "sequence number, time, joint_angle (2)" in other.stderr.read()
 
 
+def test_another_sample_time_ends_both_programs(tmp_path):
+    at = free_address()
+    with started(built(tmp_path, LAWS["joint_pid"]()), at) as other:
+        plant, motion = (
+            fa.Plant(heavy(), 2 * SAMPLE_TIME),
+            fa.joint_motion(heavy(), [0.0, 0.0], [0.3, -0.2], 0.5),
+        )
+        with pytest.raises(fa.SimulationError, match="ended the run") as error:
+            fa.realtime(plant, at, 0.1, motion, clock=False, timeout=20.0)
+        assert other.wait(20.0) == 1
+        assert "packet 1 has the time 0.008 s, but the controller" in other.stderr.read()
+    assert error.value.result.sizes["tick"] == 1
+
+
 def test_a_program_without_a_plant_ends(tmp_path):
     with started(built(tmp_path, LAWS["joint_pid"]()), free_address(), 1) as other:
         assert other.wait(20.0) == 1

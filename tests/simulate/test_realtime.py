@@ -4,6 +4,7 @@ No check depends on the load of the computer: runs in lockstep have no deadlines
 deadlines have a clock that the test moves.
 """
 
+import re
 import socket
 import struct
 import threading
@@ -229,8 +230,32 @@ def test_late_answers_hold_the_last_torque():
     np.testing.assert_allclose(run.sample_start, H * np.arange(12), atol=1e-12)
     wanted = np.full(12, 1e-4)
     wanted[[3, 7, 8]] = 0.5 * H
-    wanted[0] = 0.0  # the clock starts with the first answer
+    wanted[0] = np.nan  # the clock starts with the first answer
     np.testing.assert_allclose(run.sample_answer, wanted, atol=1e-12)
+    mean = 1e6 * wanted[1:].mean()
+    assert re.search(rf"^answer +{mean:.1f} ", run.timing, re.MULTILINE)
+
+
+class SlowFirst(fa.Plant):
+    """Plant whose first step in a process takes 50 ms."""
+
+    clock, loaded = HandClock(), False
+
+    def step(self, torque):
+        self.clock.time += 0.0 if SlowFirst.loaded else 0.05
+        SlowFirst.loaded = True
+        return super().step(torque)
+
+
+def test_the_clock_starts_after_the_first_step_of_the_process():
+    clock = SlowFirst.clock
+    plant = SlowFirst(arm(), H)
+    loop = PlantLoop(plant, Late(clock, {}), None, clock, True, 0.5 * H, 1.0)
+    run = loop.run(12)
+    assert SlowFirst.loaded
+    assert run.missed_deadlines == 0
+    np.testing.assert_allclose(run.sample_late, 0.0, atol=1e-12)
+    assert_same(run, simulated(12))
 
 
 def test_a_silent_controller_ends_a_run_on_the_clock_with_its_result():

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from conformance.controller_examples import EXAMPLES, two_links
+from flexarm.control.base import requirements_of
 from simulate.test_realtime import (
     READINGS,
     SENT,
@@ -106,9 +108,11 @@ def test_packets_of_another_layout_and_another_sample_time():
 def test_a_plant_that_fails_ends_the_run_of_its_controller():
     at = free_address()
     other = Partner(fa.realtime, at, controller(), readings=SENT)
-    plant = fa.Plant(arm(), H, duration=5 * H)
-    with pytest.raises(fa.InputError, match="at most the duration of the plant"):
+    rising = [0.0, 5.5 * H, 5.6 * H, 1.0], [0.0, 0.0, 1.0, 1.0]
+    plant = fa.Plant(arm(), H, loads=[fa.Load(link=1, force=(0.0, 1e200), factor=rising)])
+    with pytest.raises(fa.SimulationError, match="no longer finite") as error:
         fa.realtime(plant, at, 20 * H, motion(), clock=False)
+    assert error.value.result.sizes["tick"] == 5
     assert other.result().sizes["tick"] == 6
 
 
@@ -125,6 +129,9 @@ def test_a_plant_that_fails_ends_the_run_of_its_controller():
         ({"plant": "127.0.0.1:5005", "duration": None}, "readings is required"),
         ({"readings": READINGS}, "readings is only for a controller"),
         ({"clock": False, "answer_within": 1e-3}, "answer_within cannot be combined with clock"),
+        ({"answer_within": 0.0}, "answer_within must be greater than 0 s"),
+        ({"answer_within": 2 * H}, r"answer_within must be at most the sample time \(0\.001 s\)"),
+        ({"duration": 101 * H}, r"duration must be at most that of the plant \(0\.1 s\)"),
         ({"timeout": 0.0}, "timeout must be"),
         ({"clock": 1}, "clock must be True or False"),
         ({"reference": 3.0}, "reference must have the methods joint_angle"),
@@ -135,10 +142,34 @@ def test_a_plant_that_fails_ends_the_run_of_its_controller():
     ],
 )
 def test_wrong_arguments_are_named(changed, message):
-    given = {"plant": fa.Plant(arm(), H), "controller": controller(), "duration": 0.1} | changed
+    plant = fa.Plant(arm(), H, duration=0.1)
+    given = {"plant": plant, "controller": controller(), "duration": 0.1} | changed
     with pytest.raises(fa.InputError, match=message) as error:
         fa.realtime(**given)
     assert str(error.value).startswith("realtime: ")
+
+
+@pytest.mark.parametrize(
+    ("readings", "message"),
+    [
+        ({"joint_angel": 2, "joint_rate": 2}, "readings does not contain joint_angle, which Joint"),
+        ({"joint_angle": 2}, "readings does not contain joint_rate, which JointPID reads"),
+        (READINGS | {"reference_angle": 2}, "contain all of reference_angle, reference_rate, ref"),
+    ],
+)
+def test_readings_that_do_not_fit_are_named(readings, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.realtime(free_address(), controller(), readings=readings, timeout=0.2)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_required_readings_are_those_of_the_arm(name):
+    """The process of a controller has no arm of the plant."""
+    one = EXAMPLES[name]()
+    needed = requirements_of(one, two_links(), None).measured
+    sizes = dict.fromkeys(needed[1:], 2)
+    with pytest.raises(fa.InputError, match=f"does not contain {needed[0]}, which"):
+        fa.realtime(free_address(), one, readings=sizes, timeout=0.2)
 
 
 def test_controllers_that_do_not_fit_are_named():

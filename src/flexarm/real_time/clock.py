@@ -39,7 +39,7 @@ class SampleTimes:
     Attributes:
         started: at which samples started, from the first one.
         late: how long after its planned time a sample started; empty without a plan.
-        answered: from the start of a sample to its torque.
+        answered: from the start of a sample to its torque; NaN if the clock starts with it.
         busy: from the start of a sample to the end of its work.
     """
 
@@ -53,7 +53,7 @@ class SampleTimes:
         """Add a sample.
 
         Args:
-            started, answered, ended: on the clock.
+            started, answered, ended: on the clock; ``answered`` may be NaN.
             planned: its start, from that of the first sample; None without a plan.
         """
         if not self.started:
@@ -80,8 +80,9 @@ class SampleTimes:
             "busy": self.busy,
         }
         for name, values in rows.items():
-            if len(values):
-                x = 1e6 * np.asarray(values)
+            x = 1e6 * np.asarray(values)
+            x = x[np.isfinite(x)]
+            if x.size:
                 shown = [np.mean(x), *np.percentile(x, _PERCENTILES), np.max(x)]
                 lines.append(f"{name:<10}" + "".join(f"{value:>11.1f}" for value in shown))
         return "\n".join(lines)

@@ -13,6 +13,7 @@ from flexarm.hardware.measurement import Measurement
 from flexarm.real_time.clock import Clock, SampleTimes
 from flexarm.real_time.packets import (
     END,
+    OTHER_TIME,
     REFERENCE,
     Layout,
     Packet,
@@ -28,17 +29,13 @@ from flexarm.real_time.sockets import Address, Datagrams
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Difference between the time of a packet and that of its sample, relative to the sample time,
-#: from which the sample times of both sides differ.
-_OTHER_TIME = 0.01
-
 
 class ControllerLoop:
     """A controller that listens at an address.
 
     Args:
         received: layout of the packets of the plant.
-        reference: of the controller; None for the one that the packets contain, if they do.
+        reference: of the controller; a `SentReference` receives the values of each packet.
         timeout: time (s) without a packet after which the run fails.
     """
 
@@ -52,8 +49,7 @@ class ControllerLoop:
         timeout: float,
     ) -> None:
         self._controller, self._address, self._received = controller, address, received
-        self._sent = SentReference() if reference is None and _sends(received) else None
-        self._reference = reference if self._sent is None else self._sent
+        self._reference = reference
         self._clock, self._timeout = clock, timeout
         self._datagrams = Datagrams(address, listen=True)
         self._readings: list[Measurement] = []
@@ -108,7 +104,7 @@ class ControllerLoop:
     def _update(self, packet: Packet, started: float) -> None:
         """Compute and send the torque for a new packet."""
         h, k = self._controller.sample_time, packet.number
-        if abs(packet.time - k * h) > _OTHER_TIME * h:
+        if abs(packet.time - k * h) > OTHER_TIME * h:
             reason = (
                 f"packet {k} has the time {packet.time:.6g} s, but the controller with its sample "
                 f"time of {h:g} s expects {k * h:.6g} s"
@@ -116,8 +112,8 @@ class ControllerLoop:
             raise PartnerError(reason)
         readings = {n: v for n, v in packet.values.items() if n not in REFERENCE}
         measurement = Measurement(**readings)
-        if self._sent is not None:
-            self._sent.values = packet.values
+        if isinstance(self._reference, SentReference):
+            self._reference.values = packet.values
         joints = self._torques[0].size if self._torques else -1
         torque = updated(self._controller, packet.time, measurement, self._reference, joints)
         layout = torque_layout(torque.size)
@@ -150,7 +146,3 @@ class ControllerLoop:
             "failure": failure,
         }
         return add_samples(run, np.array(self._samples), self._readings, self._times)
-
-
-def _sends(received: Layout) -> bool:
-    return all(name in received.shapes for name in REFERENCE)

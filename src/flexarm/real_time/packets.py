@@ -30,6 +30,9 @@ REFERENCE = {
     "reference_rate": "joint_rate",
     "reference_acceleration": "joint_acceleration",
 }
+#: Difference between the time of a packet and that of its sample, relative to the sample time,
+#: from which the sample times of both sides differ.
+OTHER_TIME = 0.01
 _DOUBLE = np.dtype("<f8")
 _HEAD = 2
 
@@ -114,10 +117,10 @@ def reference_values(reference: Reference | None, t: float) -> dict[str, FloatAr
 
 
 class SentReference:
-    """Reference whose values are those of the last packet."""
+    """Reference whose values are those of the last packet; zero before the first one."""
 
-    def __init__(self) -> None:
-        self.values: Mapping[str, FloatArray] = {}
+    def __init__(self, joints: int) -> None:
+        self.values: Mapping[str, FloatArray] = dict.fromkeys(REFERENCE, np.zeros(joints))
 
     def joint_angle(self, t: float) -> FloatArray:
         """Return the angles (joints,) of the packet, rad."""

@@ -125,7 +125,7 @@ class UdpController:
         if answer.number == END:
             self._ended = True
             reason = f"the controller at {self.name} ended the run."
-            raise PartnerError(reason, "The other program knows the reason.")
+            raise PartnerError(reason, "See the output of the other program.")
         try:
             return check_array("torque", answer.values["torque"], answer.values["torque"].shape)
         except InputError as error:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import copy
+import math
+import warnings
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.assembly.assemble import FloatArray
 from flexarm.control.base import Reference
-from flexarm.errors import SimulationError
+from flexarm.errors import FlexarmError, SimulationError
 from flexarm.hardware.measurement import Measurement
 from flexarm.observe import channels_of
 from flexarm.real_time.clock import Clock, SampleTimes
@@ -65,6 +69,8 @@ class PlantLoop:
             SimulationError: if the plant or the controller fails, or the controller is silent;
                 its ``result`` is the result so far.
         """
+        if self._paced:
+            _step_a_copy(self._plant)
         self._begin = self._heard = self._clock.now()
         try:
             for k in range(samples):
@@ -89,9 +95,9 @@ class PlantLoop:
             clock.wait_until(self._begin + k * h)
         started, measurement = clock.now(), plant.measurement
         torque = self._answer(k, measurement)
-        if self._paced and k == 0:  # the clock starts when the controller is there
-            self._begin = started = clock.now()
         answered = clock.now()
+        if self._paced and k == 0:  # the clock starts with the first answer, which has no delay
+            self._begin, started, answered = answered, answered, math.nan
         self._readings.append(measurement)
         self._torques.append(torque)
         plant.step(torque)
@@ -141,3 +147,10 @@ class PlantLoop:
             attributes,
         )
         return add_samples(run, at[:-1], self._readings[:steps], times)
+
+
+def _step_a_copy(plant: Plant) -> None:
+    """Step a copy of a plant, because the first step of a process loads compiled functions."""
+    with warnings.catch_warnings(), suppress(FlexarmError):  # the step of the plant repeats them
+        warnings.simplefilter("ignore")
+        copy.deepcopy(plant).step(np.zeros(plant.arm.joints))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from flexarm.arguments import check_count, check_flag, check_kind, check_mapping, check_positive
+from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
+    ControllerRequirements,
     Reference,
     check_controller,
     check_reference,
@@ -17,9 +19,10 @@ from flexarm.control.base import (
 )
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.loop.sampled_reference import sampled_reference
+from flexarm.model import Link
 from flexarm.real_time.clock import Clock
 from flexarm.real_time.controller_side import ControllerLoop
-from flexarm.real_time.packets import REFERENCE, Layout, reference_values
+from flexarm.real_time.packets import REFERENCE, Layout, SentReference, reference_values
 from flexarm.real_time.partners import OwnController, Partner, UdpController
 from flexarm.real_time.plant_side import PlantLoop
 from flexarm.real_time.sockets import check_address
@@ -64,21 +67,26 @@ def realtime(
             the plant waits for the controller only, and sends packets again until they are
             answered: the result is that of ``simulate``, whatever the delays and losses.
         answer_within: time (s) from the start of a sample in which an answer over UDP is expected;
-            half the sample time by default. After it, the last torque is held, and the answer is
-            discarded.
+            at most the sample time, half of it by default. After it, the last torque is held, and
+            the answer is discarded.
         timeout: s, without an answer, or without a packet, after which the run fails. The first
             sample waits so long for the controller to start; then the clock starts.
 
     Returns:
         Result with one sample per sample time. ``sample_late``, ``sample_answer`` and
         ``sample_busy`` (tick) are its times on the clock, s; the attribute ``timing`` is a table of
-        their percentiles. ``missed_deadlines`` counts the samples that were not ready at the next
-        sample time, ``torques_held`` those without an answer in time. A plant that is late does
-        not skip samples: it catches up.
+        their percentiles. A plant starts its clock with the first answer, so the first value of
+        ``sample_answer`` is NaN. ``missed_deadlines`` counts the samples that were not ready at the
+        next sample time, ``torques_held`` those without an answer in time. A plant that is late
+        does not skip samples: it catches up. Over UDP, ``packets_repeated`` counts the packets that
+        the plant sent again, or that the controller answered again; ``packets_discarded`` the
+        answers to an earlier sample that reached the plant, or the packets that reached the
+        controller after a newer one; ``packets_lost``, of the controller only, the samples without
+        a packet before that of a later one.
 
     Raises:
         InputError: if an argument has the wrong kind or value, the sample times differ, or the
-            controller needs a reading that the plant does not have.
+            controller needs a reading that the plant, or ``readings``, does not have.
         SimulationError: if the plant or the controller fails, the other process ends the run or is
             silent, or a packet has the wrong length. ``result`` is the result so far.
 
@@ -100,7 +108,12 @@ def realtime(
         raise InputError(Problem("readings", rule))
     h = plant.sample_time
     samples = _samples(plant, duration)
-    within = 0.5 * h if answer_within is None else check_positive("answer_within", answer_within)
+    within = (
+        0.5 * h if answer_within is None else check_positive("answer_within", answer_within, "s")
+    )
+    if within > h:
+        rule = f"be at most the sample time ({h:g} s)"
+        raise InputError(Problem("answer_within", rule, shown(answer_within)))
     if answer_within is not None and not paced:
         raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
@@ -119,7 +132,12 @@ def _samples(plant: Plant, duration: float | None) -> int:
     if duration is None:
         raise InputError(Problem("duration", "is required with a plant"))
     given = check_positive("duration", duration, "s")
-    return check_count("duration / plant.sample_time", round(given / plant.sample_time), 1, 10**8)
+    h = plant.sample_time
+    samples = check_count("duration / plant.sample_time", round(given / h), 1, 10**8)
+    if samples * h > plant.duration * (1.0 + _ROUNDING):
+        rule = f"be at most that of the plant ({plant.duration:g} s)"
+        raise InputError(Problem("duration", rule, shown(duration)))
+    return samples
 
 
 def _partner(
@@ -136,11 +154,7 @@ def _partner(
         return UdpController(address, Layout(shapes | motion), joints, clock)
     check_controller("controller", controller)
     needed = requirements_of(controller, plant.arm, reference)
-    problems = [
-        Problem("plant", f"does not measure {name}, which {type(controller).__name__} reads")
-        for name in needed.measured
-        if name not in shapes
-    ]
+    problems = _missing("plant", "measure", controller, needed, shapes)
     h = plant.sample_time
     if abs(controller.sample_time - h) > _ROUNDING * h:
         rule = f"equal that of the plant ({h:g} s)"
@@ -150,6 +164,19 @@ def _partner(
     if problems:
         raise InputError(*problems)
     return OwnController(controller, reference, joints)
+
+
+def _missing(
+    place: str,
+    verb: str,
+    controller: Controller,
+    needed: ControllerRequirements,
+    names: Collection[str],
+) -> list[Problem]:
+    """Return a problem for each required reading that is not among names."""
+    kind = type(controller).__name__
+    lacking = [name for name in needed.measured if name not in names]
+    return [Problem(place, f"does not {verb} {name}, which {kind} reads") for name in lacking]
 
 
 def _controller_loop(
@@ -176,7 +203,29 @@ def _controller_loop(
         str(name): (check_count(f"readings[{name!r}]", size, 0, _LARGEST),)
         for name, size in check_mapping("readings", readings, "names and sizes").items()
     }
+    sent = [name for name in REFERENCE if name in sizes]
+    if reference is None and len(sent) == len(REFERENCE):
+        reference = SentReference(*sizes[sent[0]])
+    needed = requirements_of(controller, _arm_of(controller, sizes), reference)
+    problems = _missing("readings", "contain", controller, needed, sizes)
+    if 0 < len(sent) < len(REFERENCE):
+        rule = f"contain all of {', '.join(REFERENCE)}, or none"
+        problems.append(Problem("readings", rule, ", ".join(sent)))
+    if problems:
+        raise InputError(*problems)
     return ControllerLoop(controller, address, Layout(sizes), reference, Clock(), timeout)
+
+
+def _arm_of(controller: Controller, sizes: Mapping[str, tuple[int]]) -> Arm:
+    """Return the arm of a controller, or one of rigid links if it has none.
+
+    Requirements are stated for an arm, and only the other process has that of the plant.
+    """
+    arm = getattr(controller, "arm", None)
+    if isinstance(arm, Arm):
+        return arm
+    link = Link(length=1.0, flexible=False, mass_per_length=1.0)
+    return Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
 
 
 @contextmanager

@@ -62,6 +62,7 @@ class Plant:
 
     Attributes:
         arm, sample_time: as given.
+        duration: s, latest time of a step; infinite without a limit.
         measurement: readings of the sensors at the current sample time.
         warning: link that has exceeded the linear theory since the reset, or empty text.
 
@@ -98,13 +99,13 @@ class Plant:
         environment = Environment.of(arm, *given)
         if duration is None:
             _refuse_functions(environment)
-        self._duration = math.inf if duration is None else check_positive("duration", duration)
+        self.duration = math.inf if duration is None else check_positive("duration", duration)
         self._hardware, self._warn = hardware, check_flag("warn", warn)
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
         self._new_run = partial(
             new_run,
             arm,
-            duration=self._duration,
+            duration=self.duration,
             sample_times=np.zeros(0),
             environment=environment,
             breaks=breaks,
@@ -205,8 +206,8 @@ class Plant:
             rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
             raise InputError(Problem("the plant", rule))
         # The sum of the sample times may exceed the duration by rounding.
-        if until > self._duration * (1.0 + 1e-12):
-            rule = f"be at most the duration of the plant ({self._duration:.6g} s)"
+        if until > self.duration * (1.0 + 1e-12):
+            rule = f"be at most the duration of the plant ({self.duration:.6g} s)"
             raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexarm.bridges.c_code.exported import Exported, origin
 from flexarm.bridges.c_code.named_function import NamedFunction
-from flexarm.real_time.packets import REFERENCE, Layout
+from flexarm.real_time.packets import OTHER_TIME, REFERENCE, Layout
 
 _PROGRAM = """\
 #define _POSIX_C_SOURCE 200112L
@@ -56,17 +56,26 @@ static void update(const double *values, double *torque)
 {calls}
 }}
 
+/* End the run, for a packet that does not fit; return the exit status. */
+static int refuse(int sock, const struct sockaddr_storage *plant, socklen_t size)
+{{
+    byte answer[8 * HEAD] = {{0}};
+    write_double(END, answer);
+    sendto(sock, answer, sizeof answer, 0, (const struct sockaddr *)plant, size);
+    return 1;
+}}
+
 /* Answer packets until the plant ends the run. */
 static int serve(int sock)
 {{
     static byte packet[8 * (HEAD + VALUES) + 1], answer[8 * (HEAD + JOINTS)];
-    double values[VALUES], torque[JOINTS], last = END;
+    double values[VALUES], torque[JOINTS], last = END, h = {sample_time};
     struct sockaddr_storage plant;
     int k;
     for (;;) {{
         socklen_t size = sizeof plant;
         ssize_t count = recvfrom(sock, packet, sizeof packet, 0, (struct sockaddr *)&plant, &size);
-        double number = count >= 8 ? read_double(packet) : NAN;
+        double number = count >= 8 ? read_double(packet) : NAN, time;
         if (count < 0) {{
             fprintf(stderr, "no packet before the time limit\\n");
             return 1;
@@ -78,14 +87,18 @@ static int serve(int sock)
         if (count != 8 * (HEAD + VALUES)) {{
             fprintf(stderr, "a packet has another length than %d bytes:\\n"
                 "{layout}\\n", 8 * (HEAD + VALUES));
-            write_double(END, answer);
-            sendto(sock, answer, 8 * HEAD, 0, (struct sockaddr *)&plant, size);
-            return 1;
+            return refuse(sock, &plant, size);
         }}
         if (number < last) {{
             continue; /* An old packet. */
         }}
         if (number > last) {{ /* Else its answer was lost: repeat it. */
+            time = read_double(packet + 8);
+            if (fabs(time - number * h) > {other_time} * h) {{
+                fprintf(stderr, "packet %.0f has the time %g s, but the controller with its "
+                    "sample time of %g s expects %g s\\n", number, time, h, number * h);
+                return refuse(sock, &plant, size);
+            }}
             for (k = 0; k < VALUES; ++k) {{
                 values[k] = read_double(packet + 8 * (HEAD + k));
             }}
@@ -171,6 +184,8 @@ def udp_program(export: Exported, layout: Layout) -> str:
         name=export.name,
         values=first,
         joints=export.macro("JOINTS"),
+        sample_time=export.macro("SAMPLE_TIME"),
+        other_time=OTHER_TIME,
         memory=memory,
         calls="\n".join(body),
         layout=str(layout),
