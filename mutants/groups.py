@@ -1,4 +1,4 @@
-"""What an area and a group of `make mutants` are, and how they find their files."""
+"""Areas and groups of `make mutants`."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class BendingErrors:
         for k, piece in enumerate(pieces):
             m = piece.shapes.w2.size
             self._G[k, :m, :m] = piece.shapes.G
-        lengths = np.array([link.length for link in arm.spec.links])
+        lengths = arm.link_lengths
         # A rotated link also displaces everything beyond its tip.
         beyond = np.append(np.cumsum(arm.lengths[::-1])[::-1], 0.0)[1:]
         self._lever = beyond / lengths

@@ -74,3 +74,12 @@ def test_command_and_errors(tmp_path):
     with pytest.raises(fa.InputError, match="arm has no joint that moves"):
         fa.export_exudyn(post, tmp_path / "post.py")
     assert not (tmp_path / "post.py").exists()
+
+
+def test_description_fits_the_arm(tmp_path):
+    """The example in the script has one number for each driven joint."""
+    found = fa.export_exudyn(fixed_at_joint_2(), tmp_path / "one.py").read_text()
+    assert "build(angles=[0.3], torque=lambda t: [1.0])" in found
+    assert "gravity" not in found.partition('"""\n')[0]
+    found = fa.export_exudyn(arm(), tmp_path / "two.py").read_text()
+    assert "build(angles=[0.3, 0.3], torque=lambda t: [1.0, 1.0])" in found

@@ -6,7 +6,9 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from flexarm.errors import InputError
+from flexarm.model import Scenario, StudySpec
 from flexarm.model.paths import with_number
+from flexarm.scenarios.study import PreparedStudy
 
 WINDING = fa.Winding(torque_constant=0.04, resistance=1.5)
 RATIO, ROTOR = 80.0, 2e-5
@@ -46,6 +48,65 @@ def test_torque_of_a_motor():
 def test_motors_without_a_winding():
     with pytest.raises(InputError, match=r"arm\.joints\[0\] has no winding"):
         bar(0.3).motor_torque([1.0])
+
+
+def in_volts(**changes):
+    """A scenario of the motor under 12 V for 0.6 s, in which it reaches its steady rate."""
+    samples = {"rate": 10.0, "interpolation": "hold", "values": [[12.0]] * 7}
+    drive = {"kind": "torque", "quantity": "voltage", **samples}
+    return {"arm": motor().spec, "drive": drive, "run": {"duration": 0.6}, **changes}
+
+
+def studied(**changes):
+    """A study of the same run."""
+    given = in_volts(**changes)
+    drives = {"volts": given.pop("drive")}
+    motion = {"kind": "joint", "start": [0.0], "end": [0.5], "duration": 0.5}
+    return {**given, "drives": drives, "motions": {"turn": motion}}
+
+
+def test_sampled_winding_and_gear_convert_the_voltage():
+    """The torque at standstill is that of the simulated motor, in a batch and in a single run."""
+    numbers = {
+        "joints[0].winding.resistance": {"kind": "values", "values": [1.5, 6.0]},
+        "joints[0].gear_ratio": {"kind": "values", "values": [80.0, 40.0]},
+    }
+    study = studied(vary=numbers, samples={"method": "grid"})
+    found = fa.Study(study).run(workers=1)
+    resistance, ratio = (found[path].values for path in numbers)
+    wanted = 12.0 * ratio * 0.04 / resistance
+    # Not exact, because the torque is scaled by the ratio of two motors.
+    assert len(wanted) == 4
+    np.testing.assert_allclose(found.torque_peak.values.squeeze(), wanted, rtol=1e-12)
+    other = fa.Arm(with_number(motor().spec, "joints[0].winding.resistance", 6.0))
+    prepared = PreparedStudy(StudySpec(**study))
+    one, _ = prepared.one("volts", "as believed", "turn", other, rate=100.0)
+    alone = fa.simulate(other, 0.6, torque=lambda t: other.motor_torque([12.0]), rate=100.0)
+    # The default tolerance of a run of a second is about 1e-6 m of the tip, which is at 1 m.
+    np.testing.assert_allclose(one.joint_angle, alone.joint_angle, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("path", ["joints[0].winding.resistance", "joints[0].gear_ratio"])
+def test_motors_driven_by_a_voltage_do_not_change(path):
+    change = {"path": path, "at": 0.3, "to": 3.0}
+    rule = r"changes\[0\]\.path cannot be combined with a drive with quantity: voltage"
+    with pytest.raises(InputError, match=rule):
+        Scenario(**in_volts(changes=[change]))
+    with pytest.raises(InputError, match=r"plants\.changed\." + rule):
+        StudySpec(**studied(plants={"changed": {"changes": [change]}}))
+    rubs = {"path": "joints[0].damping", "at": 0.3, "to": 3.0}
+    assert Scenario(**in_volts(changes=[rubs])).changes
+
+
+def test_voltage_without_a_winding():
+    rule = r"\.quantity voltage is not supported without arm\.joints\[0\]\.winding"
+    with pytest.raises(InputError, match="drive" + rule):
+        Scenario(**in_volts(arm=bar(0.3).spec))
+    with pytest.raises(InputError, match=r"drives\.volts" + rule):
+        StudySpec(**studied(arm=bar(0.3).spec))
+    link, joint = motor().spec.links[0], motor().spec.joints[0]
+    arm = fa.Arm(links=[link, link], joints=[joint, fa.Joint(fixed=True)])
+    assert Scenario(**in_volts(arm=arm.spec)).arm.joints[1].fixed
 
 
 def test_linear_model_has_the_pole_of_the_motor():

@@ -70,6 +70,11 @@ class Coordinates:
         """Distances from the joints to the tips of the straight links, (links,) m."""
         return np.array([link.reach for link in self.spec.links])
 
+    @property
+    def link_lengths(self) -> FloatArray:
+        """Lengths of the links from root to tip, without their hubs, (links,) m."""
+        return np.array([link.length for link in self.spec.links])
+
     @public_call
     def rest(self, joint_angles: ArrayLike) -> FloatArray:
         """Return q (dof,) of straight links at relative joint angles (joints,), rad."""

@@ -49,7 +49,7 @@ class BendingWatch:
 
     def __init__(self, arm: Arm) -> None:
         self._arm, self._errors = arm, BendingErrors(arm)
-        self._allowed = LARGEST_ERROR * np.array([link.length for link in arm.spec.links])
+        self._allowed = LARGEST_ERROR * arm.link_lengths
 
     def __call__(self, state: FloatArray) -> str:
         """Describe the error of the theory at a state (2, n, 1 + m); empty text if it is small."""

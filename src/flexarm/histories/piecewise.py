@@ -87,6 +87,10 @@ class PiecewiseCubic:
         coefficients[:, 0] += values
         return replace(self, coefficients=coefficients)
 
+    def scaled(self, factors: FloatArray) -> PiecewiseCubic:
+        """Multiply by constant factors (columns,)."""
+        return replace(self, coefficients=self.coefficients * factors)
+
     def with_column(self, index: int, column: PiecewiseCubic) -> PiecewiseCubic:
         """Replace one column by the only column of another piecewise cubic."""
         joined = PiecewiseCubic.joined([self, column])

@@ -29,7 +29,7 @@ from flexarm.model import (
     file_text,
     locate_scenario,
 )
-from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive
+from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive, in_volts
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
 from flexarm.scenarios.controllers import DriveContext, controller_of
@@ -54,6 +54,7 @@ class Prepared:
         options: arguments of ``simulate``.
         text: the scenario as a file, which results contain.
         events: requested events; those in ``options`` are created for ``arm``.
+        in_volts: whether the torque in ``options`` is that of voltages of the motors of ``arm``.
     """
 
     arm: Arm
@@ -62,6 +63,7 @@ class Prepared:
     options: dict[str, Any]
     text: str
     events: Sequence[EventSpec] = ()
+    in_volts: bool = False
 
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""
@@ -99,9 +101,14 @@ class Prepared:
         **instead: Any,
     ) -> dict[str, Any]:
         """Return the arguments of ``simulate``; the arguments are those of ``run``."""
-        options = self.options | instead
+        options = dict(self.options)
         if plant is not None:
             options["plant"] = plant
+            if self.in_volts:  # the motors of the simulated arm convert the same voltages
+                one = np.ones(plant.joints)
+                factors = plant.motor_torque(one) / self.arm.motor_torque(one)
+                options["torque"] = options["torque"].scaled(factors)
+        options |= instead
         for name, more in (("loads", loads), ("changes", changes)):
             if more:
                 options[name] = [*options.get(name, ()), *more]
@@ -197,7 +204,8 @@ def prepare(
         check_integrator(run.integrator, run.step, bool(scenario.contacts))
     if scenario.contacts:
         _check_touch(arm, place, options, motion)
-    return Prepared(arm, motion, followed, options, file_text(scenario), scenario.events)
+    text, volts = file_text(scenario), in_volts(scenario.drive)
+    return Prepared(arm, motion, followed, options, text, scenario.events, volts)
 
 
 def _check_touch(
@@ -283,7 +291,7 @@ def _set_drive(
     plain = motion if isinstance(motion, Motion) else None
     if isinstance(drive, TorqueDrive):
         values: Any = drive.values
-        if drive.quantity == "voltage":
+        if in_volts(drive):
             values = arm.motor_torque(values)
         history = sampled_torque(
             values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation

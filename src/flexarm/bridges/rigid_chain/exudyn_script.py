@@ -14,9 +14,9 @@ _SCRIPT = '''\
 """{name}: a planar arm in Exudyn.
 
 {explained}
-Run this file to print the tip under gravity, or import it:
+Run this file to print the path of the tip, or import it:
 
-    system, tip = build(angles=[0.3, -0.5], torque=lambda t: [1.0, 0.0])
+    system, tip = build(angles={angles}, torque=lambda t: {torques})
     times, x, y = run(system, tip, duration=1.0)
 """
 
@@ -180,6 +180,8 @@ def exudyn_script(chain: RigidChain, found: list[Body], name: str) -> str:
     return _SCRIPT.format(
         name=name,
         explained=explained(chain, ""),
+        angles=[0.3] * len(chain.driven),
+        torques=[1.0] * len(chain.driven),
         rows="\n".join(part.row() for part in parts),
         tip=repr((tip.real, tip.imag)),
         gravity=repr(tuple(map(float, chain.arm.spec.gravity))),

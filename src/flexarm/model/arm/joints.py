@@ -19,7 +19,8 @@ class Friction(Record):
     Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
     smoothing_rate) + viscous rate`` against the motion. Below the smoothing rate the joint creeps,
     whereas a real joint sticks. Coulomb and viscous friction may have other values at negative
-    rates; static friction is above both Coulomb levels by the same amount.
+    rates; static friction is above both Coulomb levels by the same amount. The formula is that of
+    equal directions; for others see (R.47) on the theory page "recursion".
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")

@@ -16,6 +16,8 @@ from flexarm.model.drives.torques import (
     RigidInverseDynamicsDrive,
     TipInversionDrive,
     TorqueDrive,
+    in_volts,
+    winding_faults,
 )
 
 #: All drives of files, by the title of their group in lists.
@@ -65,4 +67,6 @@ __all__ = [
     "TipInversionDrive",
     "TorqueDrive",
     "balances",
+    "in_volts",
+    "winding_faults",
 ]

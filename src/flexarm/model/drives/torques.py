@@ -7,6 +7,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Listed, Number, Positive, length_of
 from flexarm.model.wording import Fault
@@ -81,6 +82,19 @@ class TorqueDrive(Record):
         if samples == 1 and given.has("interpolation") and given.interpolation != "hold":
             rule = f"have at least two samples for {given.interpolation} interpolation"
             yield Fault(("values",), rule, "1")
+
+
+def in_volts(drive: object) -> bool:
+    """Return whether a drive has samples of voltages."""
+    return isinstance(drive, TorqueDrive) and drive.quantity == "voltage"
+
+
+def winding_faults(arm: ArmSpec) -> Iterator[Fault]:
+    """Yield the faults of a drive with samples of voltages: joints of the arm without a winding."""
+    for k, joint in enumerate(arm.joints):
+        if not joint.fixed and joint.winding is None:
+            rule = f"voltage is not supported without arm.joints[{k}].winding"
+            yield Fault(("quantity",), rule)
 
 
 #: Drives without feedback whose torques are computed from the motion.

@@ -14,7 +14,7 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.environment.tables import TimeTable, is_table
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, Word, plain
-from flexarm.model.wording import Fault
+from flexarm.model.wording import Fault, path_of
 
 #: Path of the only number with a velocity of its own before it belongs to the arm.
 PAYLOAD_MASS = "payload.mass"
@@ -56,7 +56,8 @@ class Change(Record, kw_only=False):
     """A number of the simulated arm that changes during a run.
 
     In Python, ``to`` and ``factor`` may also be functions of time in s, or two lists ``(times,
-    values)``. Times of functions and tables count from ``at``.
+    values)``. Times of functions and tables count from ``at``. With a drive in volts (``quantity:
+    voltage``) the winding and the gear ratio of a joint cannot change.
     """
 
     path: Word = Field(
@@ -160,6 +161,15 @@ def change_faults(
             place = ("changes", k, "path" if own else course)
             rule = problem.rule if own else f"is not possible: {problem}"
             yield Fault(place, rule, problem.value if own else "", problem.hint)
+
+
+def motor_change_faults(changes: Sequence[Change]) -> Iterator[Fault]:
+    """Yield the faults of changes with a drive in volts: those of a winding or a gear ratio."""
+    for k, change in enumerate(changes):
+        if path_of(change.path)[2:3] in (("winding",), ("gear_ratio",)):
+            rule = "cannot be combined with a drive with quantity: voltage"
+            hint = "Voltages are converted to torques before the run."
+            yield Fault(("changes", k, "path"), rule, hint=hint)
 
 
 def file_change_faults(

@@ -10,8 +10,16 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives import CONTROLLED, FEEDFORWARD_DRIVES, Drive, NoDrive, balances
-from flexarm.model.environment.changes import Change, file_change_faults
+from flexarm.model.drives import (
+    CONTROLLED,
+    FEEDFORWARD_DRIVES,
+    Drive,
+    NoDrive,
+    balances,
+    in_volts,
+    winding_faults,
+)
+from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
 from flexarm.model.environment.contacts import Contact, contact_faults
 from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
@@ -147,6 +155,11 @@ class Scenario(Record):
         yield from event_faults(given, turning)
         if given.has("arm", "changes", "events"):
             yield from file_change_faults(given.arm, given.changes, event_names(given.events))
+        if given.has("drive") and in_volts(given.drive):
+            if given.has("arm"):
+                yield from (fault.inside("drive") for fault in winding_faults(given.arm))
+            if given.has("changes"):
+                yield from motor_change_faults(given.changes)
         if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
             rule = "cannot be combined with a drive that compensates gravity"
             yield Fault(("initial", "balance"), rule)

@@ -13,8 +13,8 @@ from flexarm.model.arm.joints import Friction
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.arm.variation import varied_spec
 from flexarm.model.checks import Given, Record, faults_of
-from flexarm.model.drives import CONTROLLED, Drive
-from flexarm.model.environment.changes import Change, file_change_faults
+from flexarm.model.drives import CONTROLLED, Drive, in_volts
+from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
 from flexarm.model.environment.contacts import Contact
 from flexarm.model.environment.loads import Load, off_the_arm
 from flexarm.model.hardware import Hardware
@@ -181,7 +181,10 @@ def _content(source: Any, drive: str, motion: str) -> dict[str, Any]:
 def _unfit_plants(given: Given) -> Iterator[Fault]:
     if not given.has("arm", "plants"):
         return
+    volts = given.has("drives") and any(map(in_volts, given.drives.values()))
     for name, plant in given.plants.items():
+        for fault in motor_change_faults(plant.changes) if volts else ():
+            yield fault.inside("plants", name)
         try:
             simulated = plant_spec(given.arm, plant)
             for fault in file_change_faults(simulated, plant.changes, ()):
