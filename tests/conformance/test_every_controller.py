@@ -235,6 +235,12 @@ def test_memory_is_declared(name):
     assert (memory_of(EXAMPLES[name]()) is None) == (name in UNDECLARED)
 
 
+@pytest.mark.parametrize("name", UNDECLARED)
+@pytest.mark.parametrize("call", [fa.loop_margins, fa.loop_models], ids=lambda call: call.__name__)
+def test_controllers_without_memory_are_documented(name, call):
+    assert f"`{type(EXAMPLES[name]()).__name__}`" in call.__doc__
+
+
 # In files ----------------------------------------------------------------------------------------
 
 #: Arguments that only Python can express, or that have no effect in a file.

@@ -120,8 +120,8 @@ def coprime_controller(
     S = np.eye(B.shape[1]) + D.T @ D
     R = np.eye(len(C)) + D @ D.T
     drift = A - B @ np.linalg.solve(S, D.T @ C)
-    pushed, seen = B @ np.linalg.solve(S, B.T), C.T @ np.linalg.solve(R, C)
-    X = _riccati(drift, B, seen, S)
+    pushed, observed = B @ np.linalg.solve(S, B.T), C.T @ np.linalg.solve(R, C)
+    X = _riccati(drift, B, observed, S)
     Z = _riccati(drift.T, C.T, pushed, R)
     size = float(np.max(np.linalg.eigvals(X @ Z).real))
     least = np.sqrt(1.0 + size)
@@ -158,8 +158,8 @@ def _bilinear(A: FloatArray, B: FloatArray, C: FloatArray, sample_time: float) -
 def _weight(root: FloatArray, integral: FloatArray) -> Matrices:
     """Return the weight N (1 + omega_i / w) at the torques; (C.141)."""
     slow = np.flatnonzero(integral)
-    none = np.zeros((slow.size, slow.size))
-    return none, np.eye(len(root))[slow], root[:, slow] * integral[slow], root
+    A = np.zeros((slow.size, slow.size))
+    return A, np.eye(len(root))[slow], root[:, slow] * integral[slow], root
 
 
 def _series(second: Matrices, first: Matrices) -> Matrices:

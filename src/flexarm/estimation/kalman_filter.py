@@ -80,12 +80,22 @@ class Estimates(NamedTuple):
         squared: FloatArray = np.sum(error * np.linalg.solve(P, error), axis=(1, 2))
         return squared / np.count_nonzero(free)
 
+    @public_call
     def error_band(self, probability: float = 0.95) -> tuple[float, float]:
-        """Return the interval of ``squared_errors`` of one sample of a consistent filter."""
+        """Return the interval of ``squared_errors`` of one sample of a consistent filter.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
         return band(int(np.count_nonzero(self._uncertain)), probability)
 
+    @public_call
     def innovation_band(self, probability: float = 0.95) -> tuple[float, float]:
-        """Return the interval of ``innovation`` of one sample of a consistent filter."""
+        """Return the interval of ``innovation`` of one sample of a consistent filter.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
         return band(self.readings, probability)
 
     @property
@@ -250,24 +260,26 @@ class KalmanFilter(FilterParameters, OfArm):
             readings: by the instruments' names, (samples, ...).
 
         Raises:
-            InputError: if readings of an instrument are missing, or their number differs from that
-                of the torques.
+            InputError: if there is no sample, readings of an instrument are missing, or their
+                number differs from that of the torques.
         """
-        held = check_array("torque", torque, (-1, self.arm.joints))
+        torques = check_array("torque", torque, (-1, self.arm.joints))
+        if not len(torques):
+            raise InputError(Problem("torque", "have at least one sample", shown(torque)))
         given_by_name = check_mapping("readings", readings, "names and readings")
         arrays = {}
         for item in self.instruments:
             name = f"readings[{item.label!r}]"
             given = check_numbers(name, given_by_name.get(item.label, ()))
-            if given.ndim == 0 or len(given) != len(held):
-                rule = f"have one row for each of the {len(held)} torques"
+            if given.ndim == 0 or len(given) != len(torques):
+                rule = f"have one row for each of the {len(torques)} torques"
                 raise InputError(Problem(name, rule, f"shape {given.shape}"))
             arrays[item.label] = check_array(name, given, (-1,) * given.ndim)
         self.reset()
         kept = []
-        for k in range(len(held)):
+        for k in range(len(torques)):
             if k:
-                self.predict(held[k - 1])
+                self.predict(torques[k - 1])
             self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
             kept.append((*self._moments(), self._innovation))
         x, covariance, innovation = (np.array(part) for part in zip(*kept, strict=True))

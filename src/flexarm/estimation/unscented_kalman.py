@@ -53,14 +53,14 @@ class UnscentedKalmanFilter(KalmanFilter):
         joints = self.arm.joints
         # Accelerometers measure the error of the torque that has changed the state.
         points = _sigma_points(part.x, part.P, moved)
-        states, seen = points[:, :-joints], np.zeros((len(points), self._readings.size))
+        states, outputs = points[:, :-joints], np.zeros((len(points), self._readings.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
             torque = self._torque + self.torque_noise * error
             constants = self._step.constants(self._change(x))
-            seen[k] = self._readings.values(x[:-1], torque, constants)
-        predicted = _mean(seen)
-        S = _covariance(seen, seen) + np.diag(self._readings.variance)
-        K = cho_solve(cho_factor(S), _covariance(states, seen).T).T
+            outputs[k] = self._readings.values(x[:-1], torque, constants)
+        predicted = _mean(outputs)
+        S = _covariance(outputs, outputs) + np.diag(self._readings.variance)
+        K = cho_solve(cho_factor(S), _covariance(states, outputs).T).T
         part.x = part.x + K @ (readings - predicted)
         part.P = part.P - K @ S @ K.T
         part.P = 0.5 * (part.P + part.P.T)

@@ -14,6 +14,7 @@ from flexarm.control.base import Controller, Reference
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.loop_analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
+from flexarm.loop_analysis.margins import without_friction
 from flexarm.loop_analysis.plant_model import (
     PlantModel,
     Signal,
@@ -80,7 +81,7 @@ def loop_poles(
     signals = signals_of(instruments)
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
         return []
-    bare = [contact.replace(friction=0.0) for contact in contacts]
+    bare = without_friction(contacts)
     found, known = [], {} if known is None else known
     for t, when in _times(reference, duration):
         # After the start, the posture is that of the reference.

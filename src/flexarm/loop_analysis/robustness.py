@@ -146,7 +146,14 @@ def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatA
     centre, left, right = covering_ball(normal)
     m = centre.shape[1]
     S = np.linalg.inv(np.eye(m) + centre)
-    whole = np.block([[-right @ S @ left, right @ S], [-S @ left / accepted, S / accepted]])
+    # The uncertainty acts on normalised torques, the sensitivity on those of the motors.
+    inverse = np.linalg.inv(root)
+    whole = np.block(
+        [
+            [-right @ S @ left, right @ S @ inverse],
+            [-root @ S @ left / accepted, root @ S @ inverse / accepted],
+        ]
+    )
     stability = structured_bound(whole[:, :m, :m], [m])
     return np.array([stability, structured_bound(whole, [m, m])])
 
@@ -170,7 +177,8 @@ def covering_ball(samples: ComplexArray) -> tuple[ComplexArray, ComplexArray, Co
         inside = np.linalg.solve(left, away) @ np.linalg.inv(right)
         sizes = np.linalg.svd(inside, compute_uv=False)[..., 0]
         size = sizes.max(axis=0)
-        share = share * sizes**2
+        # Without the smallest number, equal samples would have no share.
+        share = share * (sizes**2 + np.finfo(float).tiny)
         share /= share.sum(axis=0)
     return centre, size[:, None, None] * left, right
 

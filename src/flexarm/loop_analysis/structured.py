@@ -51,17 +51,21 @@ def _norms(matrices: ComplexArray, blocks: Sequence[int], logs: FloatArray) -> F
 
 def _balanced(matrices: ComplexArray, blocks: Sequence[int]) -> FloatArray:
     """Return logarithms (f, blocks) of scalings that minimise the Frobenius norms."""
+    logs = np.zeros((len(matrices), len(blocks)))
+    if len(blocks) == 1:
+        return logs
     starts = np.cumsum([0, *blocks[:-1]])
     square = np.abs(matrices) ** 2
     square = np.add.reduceat(np.add.reduceat(square, starts, axis=1), starts, axis=2)
     total = square.sum(axis=(1, 2), keepdims=True)
     square = np.maximum(square, _TINY**2 * total + np.finfo(float).tiny)
-    logs = np.zeros((len(matrices), len(blocks)))
+    # Scalings do not change the diagonal. Subtracting it from the sums would cancel digits.
+    square[:, range(len(blocks)), range(len(blocks))] = 0.0
     for _ in range(_BALANCES):
         for i in range(1, len(blocks)):
             scale = np.exp(2.0 * logs)
-            row = (square[:, i] / scale).sum(axis=1) - square[:, i, i] / scale[:, i]
-            column = (square[:, :, i] * scale).sum(axis=1) - square[:, i, i] * scale[:, i]
+            row = (square[:, i] / scale).sum(axis=1)
+            column = (square[:, :, i] * scale).sum(axis=1)
             logs[:, i] = 0.25 * np.log(column / row)
     return logs
 

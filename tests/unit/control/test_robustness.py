@@ -5,6 +5,7 @@ import pytest
 from test_loop_margins import STEP, D, K, returned, robust_arm, turntable
 
 import flexarm as fa
+from flexarm.loop_analysis.margins import loop_at
 from flexarm.loop_analysis.robustness import covering_ball, fitted_weight
 from flexarm.loop_analysis.structured import structured_bound
 
@@ -49,6 +50,21 @@ def test_largest_bound_is_that_of_slicot(blocks):
     assert structured_bound(M, blocks).max() == pytest.approx(max(wanted), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("matrix", "wanted"),
+    [
+        (np.eye(2), 1.0),
+        ([[1.0, 0.5], [0.0, 1.0]], 1.0),
+        ([[1.0, 1e-9], [1e-9, 1.0]], 1.0 + 1e-9),
+        (np.zeros((2, 2)), 0.0),
+    ],
+)
+def test_blocks_with_little_coupling_have_closed_forms(matrix, wanted):
+    """mu of [[1, b], [c, 1]] is 1 + sqrt(b c)."""
+    found = structured_bound(np.array([matrix], dtype=complex), [1, 1])
+    assert found[0] == pytest.approx(wanted, abs=1e-6)  # zeros are replaced by 1e-12 of the norm
+
+
 def test_ball_covers_the_samples_and_touches_one():
     samples = complex_normal(np.random.default_rng(3), 9, 5, 2, 2)
     centre, left, right = covering_ball(samples)
@@ -75,6 +91,31 @@ def test_bounds_of_one_joint_and_two_plants_have_closed_forms():
     # The plants differ by their inertia alone, so the relative change is 1 / 1.5 - 1.
     np.testing.assert_allclose(found.uncertainty.values, 1.0 / 3.0, rtol=1e-5)
     assert np.all(found.weight.values >= found.uncertainty.values * (1.0 - 1e-9))
+
+
+def test_bound_of_nearly_equal_plants_is_the_norm_of_the_sensitivity():
+    """(C.148): the norm is that of torques in N m at the motors, not of normalised ones."""
+    arm, posture = robust_arm(gravity=(0.0, 0.0)).rigid(), [0.8, 0.9]
+    controller = fa.JointPD([100.0, 5.0], [20.0, 1.0])
+    plants = [fa.varied(arm, mass_factor=factor) for factor in (1.0, 1.0 + 1e-6)]
+    found = fa.robustness(controller, plants, posture, sensitivity=2.0)
+    angles = found.frequency.values * controller.sample_time
+    S = loop_at(controller, arm, np.array(posture), None).sensitivity(np.exp(1j * angles))
+    wanted = np.linalg.norm(S, 2, axis=(1, 2)).max() / 2.0
+    assert float(found.worst_performance_mu) == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["one", "none", "twice"])
+def test_equal_plants_have_no_uncertainty(kind):
+    arm, posture = robust_arm(gravity=(0.0, 0.0)), [0.8, 0.9]
+    controller = fa.LQG(arm, posture) if kind == "none" else fa.JointPD([60.0, 20.0], [12.0, 4.0])
+    plants = {"one": arm, "none": None, "twice": [arm, arm]}[kind]
+    found = fa.robustness(controller, plants, posture)
+    assert float(found.worst_stability_mu) == pytest.approx(0.0, abs=1e-6)
+    angles = found.frequency.values * controller.sample_time
+    S = loop_at(controller, arm, np.array(posture), None).sensitivity(np.exp(1j * angles))
+    wanted = np.linalg.norm(S, 2, axis=(1, 2)).max() / 2.0
+    assert float(found.worst_performance_mu) == pytest.approx(wanted, rel=1e-6)
 
 
 def test_weight_of_first_order_is_found_again():

@@ -83,7 +83,7 @@ class RepetitiveParameters(ControllerParameters):
 
 
 class FilterParameters(Parameters):
-    """An extended Kalman filter for the bending of the arm and its payload."""
+    """A Kalman filter for the bending of the arm and its payload."""
 
     instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = Field(
         default=None,
