@@ -278,3 +278,16 @@ def test_late_samples_and_missed_deadlines():
     assert times.missed(1.0) == 2
     assert times.missed(1.95) == 1
     assert "2500000.0" in times.table().splitlines()[-1]
+
+
+def test_a_plant_that_starts_elsewhere_is_reported():
+    """`simulate` starts on the reference; a plant has its own state."""
+    moved = fa.joint_motion(arm(), [0.3, -0.2], [0.3, -0.1], 0.02)
+    own = {"controller": controller(), "reference": moved, "clock": False}
+    plant = fa.Plant(arm(), H)
+    with pytest.warns(fa.FlexarmWarning, match=r"starts 0.3 rad .*plant.reset\(arm.rest\(\[ 0.3,"):
+        fa.realtime(plant, duration=0.02, **own)
+    plant.reset(arm().rest([0.3, -0.2]))
+    run = fa.realtime(plant, duration=0.02, **own)
+    wanted = fa.simulate(arm(), 0.02, controller=controller(), reference=moved, rate=1.0 / H)
+    np.testing.assert_allclose(run.q, wanted.q, rtol=0, atol=1e-12)  # as in lockstep above

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexarm.arguments import check_count, check_flag, check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import (
@@ -17,7 +19,15 @@ from flexarm.control.base import (
     check_reference,
     requirements_of,
 )
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_caller,
+)
 from flexarm.loop.sampled_reference import sampled_reference
 from flexarm.model import Link
 from flexarm.real_time.clock import Clock
@@ -33,6 +43,8 @@ if TYPE_CHECKING:
 
 #: Difference of two times, relative to them, that is rounding.
 _ROUNDING = 1e-9
+#: Distance of two joint angles (rad) at which a controller starts with a jump.
+_FAR = 0.01
 #: Largest number of values of a reading.
 _LARGEST = 1000
 
@@ -55,7 +67,8 @@ def realtime(
     the controller listens for UDP packets. Both processes give the same one.
 
     Args:
-        plant: the plant, at time zero; or the address at which this process, the controller,
+        plant: the plant, at time zero, in its own state: a warning reports a reference that starts
+            at other joint angles; or the address at which this process, the controller,
             listens.
         controller: the controller; or the address at which it listens.
         duration: s, rounded to whole samples. The plant determines the end of a run.
@@ -118,10 +131,25 @@ def realtime(
         raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
     motion = sampled_reference(reference, h, samples * h)
+    if motion is not None:
+        _warn_of_another_start(plant, motion)
     partner = _partner(plant, controller, motion, now)
     sent = motion if isinstance(controller, str) else None
     with _without_collection(paced):
         return PlantLoop(plant, partner, sent, now, paced, within, timeout).run(samples)
+
+
+def _warn_of_another_start(plant: Plant, reference: Reference) -> None:
+    """Warn if the reference starts at other joint angles than the plant, which keeps its state."""
+    own, wanted = plant.q[plant.arm.joint_index], np.asarray(reference.joint_angle(0.0))
+    if wanted.shape == own.shape and np.abs(wanted - own).max() > _FAR:
+        angles = np.array2string(wanted, separator=", ", precision=4)
+        warn_caller(
+            f"realtime: the reference starts {np.abs(wanted - own).max():.3g} rad from the joint "
+            "angles of the plant, and the controller jumps there; "
+            f"plant.reset(arm.rest({angles})) starts the plant with the motion",
+            FlexarmWarning,
+        )
 
 
 def _samples(plant: Plant, duration: float | None) -> int:
