@@ -6,6 +6,7 @@ import xarray as xr
 from scipy.signal import chirp
 
 import flexarm as fa
+from flexarm.histories.multisine import rates_of
 from flexarm.identification.frequency.measured_modes import assurance
 
 pytestmark = pytest.mark.compiled
@@ -82,6 +83,9 @@ def test_a_multisine_has_its_lines_its_peak_and_a_low_crest(shaken):
     assert np.abs(steady).max() / np.sqrt(np.mean(steady**2)) < 1.9
     assert torque(0.0) == 0.0
     assert torque.breaks == (0.5,)
+    times = np.linspace(0.0, 1.0, 101)  # with the rise
+    central = (torque(times + 1e-6) - torque(np.maximum(times - 1e-6, 0.0)))[1:] / 2e-6
+    np.testing.assert_allclose(rates_of(torque, times)[1:], central, atol=1e-6)
     np.testing.assert_array_equal(torque.samples(100.0, 1.0), torque(np.arange(101) / 100.0))
     assert np.ptp(torque(np.array([7.3, 11.3]))) < 1e-15
 

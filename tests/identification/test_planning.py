@@ -197,10 +197,11 @@ def small(limits, **settings):
     return fa.optimal_excitation(arm, free, limits, noise=MEASURED, **given | settings)
 
 
-def test_the_torque_rate_is_limited_also_between_samples():
-    """Three samples per period of the highest sine: their central differences are too small."""
-    settings = {"band": (30.0, 40.0), "lines": 3, "rate": 100.0}
-    found = small(fa.MotionLimits(torque_rate=5.0), **settings)
+# Two samples per period of the highest sine: their central differences are too small. The spline
+# reaches the limit in the first case, the torque in the second one.
+@pytest.mark.parametrize(("band", "lines"), [((30.0, 45.0), 2), ((20.0, 44.0), 3)])
+def test_the_torque_rate_is_limited_also_between_samples(band, lines):
+    found = small(fa.MotionLimits(torque_rate=5.0), band=band, lines=lines, rate=100.0)
     times = np.linspace(0.0, 0.5, 50_001)
     spline = CubicSpline(np.arange(51) / 100.0, found.samples[:, 0])
     rates = [
@@ -208,16 +209,16 @@ def test_the_torque_rate_is_limited_also_between_samples():
         spline(times, 1),
         np.diff(found.samples[:, 0]) * 100.0,
     ]
-    # The peaks between the points at which the rate is limited are 0.2 % higher.
+    # Peaks between the points at which the rate is limited are at most 0.2 % higher.
     assert [float(np.abs(rate).max()) < 1.002 * 5.0 for rate in rates] == [True, True, True]
     assert max(np.abs(rate).max() for rate in rates) > 0.99 * 5.0
 
 
 def test_an_optimal_excitation_keeps_clear_of_obstacles():
-    wall = fa.Wall((0.0, 0.02), (0.0, -1.0))
-    found = small(fa.MotionLimits(torque=10.0, obstacles=[wall], clearance=0.005))
+    walls = [fa.Wall((0.0, -0.02), (0.0, 1.0)), fa.Wall((0.0, 0.02), (0.0, -1.0))]
+    found = small(fa.MotionLimits(torque=10.0, obstacles=walls, clearance=0.005))
     # The limit is reached, to the last halving of the amplitude, far below that of the torque.
-    assert 0.99 * 0.015 < found.run["tip"].sel(axis="y").max() <= 0.015
+    assert 0.99 * 0.015 < np.abs(found.run["tip"].sel(axis="y")).max() <= 0.015
     assert np.abs(found.samples).max() < 1.0
 
 

@@ -49,8 +49,8 @@ class FrequencyResponse:
         response: (F, outputs, inputs) complex, output unit per input unit.
         deviation: (F, outputs, inputs) standard deviations of the complex numbers, by noise of the
             outputs; NaN if there are too few averages to estimate it.
-        coherence: (F, outputs) share of the power of an output that all inputs explain, 0 to 1; NaN if
-            there are too few averages to estimate it.
+        coherence: (F, outputs) share of the power of an output that all inputs explain, 0 to 1;
+            NaN if there are too few averages to estimate it.
         inputs, outputs: names: ``torque_1`` or ``voltage_1``, ``joint_angle_1``, ``tip_x``.
         averages: number of independent averages.
     """
@@ -137,8 +137,8 @@ def frequency_response(
     inputs biases it.
 
     Args:
-        records: as for ``identify``, with torques, currents or voltages as inputs and the same channels and
-            rate. Several inputs require as many records, such as those of
+        records: as for ``identify``, with torques, currents or voltages as inputs and the same
+            channels and rate. Several inputs require as many records, such as those of
             ``Multisine.orthogonal``, or inputs that are not correlated.
         period: s, of a periodic input in steady state: whole periods are transformed, without a
             window. Only the frequencies of the input remain.
