@@ -6,7 +6,6 @@ import xarray as xr
 from scipy.signal import chirp
 
 import flexarm as fa
-from flexarm.histories.multisine import rates_of
 from flexarm.identification.frequency.measured_modes import assurance
 
 pytestmark = pytest.mark.compiled
@@ -83,9 +82,6 @@ def test_a_multisine_has_its_lines_its_peak_and_a_low_crest(shaken):
     assert np.abs(steady).max() / np.sqrt(np.mean(steady**2)) < 1.9
     assert torque(0.0) == 0.0
     assert torque.breaks == (0.5,)
-    times = np.linspace(0.0, 1.0, 101)  # with the rise
-    central = (torque(times + 1e-6) - torque(np.maximum(times - 1e-6, 0.0)))[1:] / 2e-6
-    np.testing.assert_allclose(rates_of(torque, times)[1:], central, atol=1e-6)
     np.testing.assert_array_equal(torque.samples(100.0, 1.0), torque(np.arange(101) / 100.0))
     assert np.ptp(torque(np.array([7.3, 11.3]))) < 1e-15
 
@@ -373,32 +369,3 @@ def test_wrong_arguments_of_modes(shaken):
         response.modes(1, band=(30.0, 1.0))
     with pytest.raises(fa.InputError, match="at least two outputs"):
         response.modes(1).compare(fa.modes(shaken[0], joints="free"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"band": (9.9, 10.1), "period": 1.0 / 3.0}, "multiples of 1/period"),
-        ({"peak": [0.1, -0.1]}, "peak must be greater than 0"),
-        ({"period": 0.0}, "period must be greater than 0"),
-    ],
-)
-def test_wrong_arguments_of_a_multisine(arguments, text):
-    with pytest.raises(fa.InputError, match=text):
-        fa.multisine(**{"period": 2.0, "band": (1.0, 9.0), "peak": 0.1, **arguments})
-
-
-def test_multisines_of_own_coefficients():
-    own = fa.Multisine(2.0, [1, 3], np.array([[1.0, 0.0], [0.5j, 2.0]]))
-    np.testing.assert_allclose(own(0.0), [1.0, 2.0])
-    np.testing.assert_allclose(own(0.25), [np.sqrt(0.5) - 0.5 * np.sqrt(0.5), -np.sqrt(2.0)])
-    assert own.scaled([2.0, 1.0]).coefficients[1, 0] == 1j
-    for wrong in ([[1.0]], np.full((2, 1), np.nan * 1j), "x", np.zeros((2, 0))):
-        with pytest.raises(fa.InputError, match="coefficients"):
-            fa.Multisine(2.0, [1, 3], wrong)
-    with pytest.raises(fa.InputError, match="whole numbers from 1"):
-        fa.Multisine(2.0, [0.5], [[1.0]])
-    with pytest.raises(fa.InputError, match="the highest one 100000"):
-        fa.multisine(2.0, (1e9, 2e9), 0.1)
-    with pytest.raises(fa.InputError, match="rate must be greater than 3 Hz"):
-        own.samples(2.0, 1.0)
