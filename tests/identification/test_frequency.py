@@ -153,6 +153,36 @@ def test_the_stated_deviations_are_those_of_the_noise(shaken):
     np.testing.assert_allclose(ratio, 1.0, atol=0.3)
 
 
+def test_one_average_has_no_coherence(shaken):
+    _, _, result = shaken
+    data = noisy(result, 0, {"strain": 1e-5})
+    found = fa.frequency_response(measured(data, ["strain"]), period=4.0, start=28.0)
+    assert found.averages == 1.0
+    assert np.isnan(found.deviation).all()
+    assert np.isnan(found.coherence).all()
+    assert "coherence unknown>" in repr(found)
+    # The noise hides all but the resonances.
+    with pytest.warns(fa.AccuracyWarning, match=r"strain_1 to torque_1 \(.* %\); 100 %"):
+        assert found.modes(1).fit.max() < 50.0
+
+
+def test_voltages_are_inputs():
+    """The response to the voltage is that to the torque at standstill, times its constant."""
+    winding = fa.Winding(torque_constant=0.04, resistance=1.5)
+    spec = one_link(elements=1).spec
+    joint = spec.joints[0].replace(winding=winding, gear_ratio=5.0)
+    arm = fa.Arm(spec.replace(joints=[joint]))
+    volts = fa.multisine(1.0, (2.0, 20.0), 0.2, rise=0.2).samples(RATE, 4.0)
+    given = {"rate": RATE, "torque_interpolation": "hold", "progress": False}
+    result = fa.simulate(arm, 4.0, torque=arm.motor_torque(volts), **given)
+    data = result[["strain"]].assign(voltage=result["torque"].copy(data=volts))
+    found = fa.frequency_response(measured(data, ["strain"]), period=1.0, start=2.0)
+    assert found.inputs == ("voltage_1",)
+    torque = fa.frequency_response(measured(result, ["strain"]), period=1.0, start=2.0)
+    factor = 5.0 * 0.04 / 1.5
+    np.testing.assert_allclose(found.response, factor * torque.response, rtol=1e-9)
+
+
 def test_sweeps_are_transformed_in_segments():
     arm, rate, duration = one_link(), 400.0, 60.0
     times = np.arange(int(duration * rate) + 1) / rate
@@ -252,6 +282,42 @@ def test_a_clamped_free_link_has_the_frequencies_of_the_textbook():
     np.testing.assert_allclose(found.damping_ratio, 8e-4 * np.pi * exact, rtol=1e-2)
 
 
+def test_outputs_that_do_not_move_have_no_weight():
+    """At a joint angle of pi/2 the tip moves along x, and along y by rounding only."""
+    arm = one_link()
+    q = arm.rest([np.pi / 2.0])
+    torque = fa.multisine(4.0, (0.5, 30.0), 0.003, rise=0.5)
+    samples = torque.samples(RATE, 24.0)
+    given = {"rate": RATE, "torque_interpolation": "hold", "progress": False}
+    result = fa.simulate(arm, 24.0, torque=samples, initial=q, **given)
+    data = noisy(result, 1, {"joint_angle": 0.0, "strain": 0.0, "tip": 1e-7})
+    model = fa.modes(arm, q=q, joints="free")
+    response = fa.frequency_response(
+        measured(data, ["joint_angle", "strain", "tip"]), period=4.0, start=12.0
+    )
+    with pytest.warns(fa.AccuracyWarning, match=r"tip_y to torque_1 \("):
+        found = response.modes(2, band=(1.0, 30.0))
+    mac = found.compare(model)["mac"].sel(model=[2, 3])
+    assert np.all(np.diag(mac) > 0.999)
+    # The size is that of the channel, also if the record has only the axis that does not move.
+    across = measured(data.isel(axis=[1]), ["joint_angle", "strain", "tip"])
+    response = fa.frequency_response(across, period=4.0, start=12.0)
+    assert response.outputs == ("joint_angle_1", "strain_1", "tip_y")
+    with pytest.warns(fa.AccuracyWarning, match=r"tip_y to torque_1 \("):
+        mac = response.modes(2, band=(1.0, 30.0)).compare(model)["mac"].sel(model=[2, 3])
+    without = fa.frequency_response(measured(data), period=4.0, start=12.0)
+    expected = without.modes(2, band=(1.0, 30.0)).compare(model)["mac"].sel(model=[2, 3])
+    np.testing.assert_allclose(mac, expected, atol=1e-3)  # noise of the tip
+
+
+def test_modes_that_do_not_move_the_outputs_are_not_compared(shaken):
+    arm, _, result = shaken
+    outputs = measured(result, ["joint_angle", "joint_rate"])
+    found = fa.frequency_response(outputs, period=4.0, start=20.0).modes(2, band=(1.0, 30.0))
+    with pytest.raises(fa.InputError, match="modes do not move any of the outputs"):
+        found.compare(fa.modes(arm))
+
+
 def test_equal_shapes_have_an_assurance_of_one():
     random = np.random.default_rng(3)
     first = random.standard_normal((3, 4)) + 1j * random.standard_normal((3, 4))
@@ -268,6 +334,8 @@ def test_equal_shapes_have_an_assurance_of_one():
         ({"period": 3.9999}, "a whole number of them, at 200 Hz"),
         ({"period": 4.0, "start": 30.0}, "leave a whole period"),
         ({"segment": 100.0}, "segment must have"),
+        ({"start": 100.0}, "start must leave at least 8 samples in the record of 32 s, got 100"),
+        ({"band": (30.0, 1.0)}, "band must be ascending"),
         ({"records": []}, "must not be empty"),
         ({"period": 4.0, "start": 20.0, "band": (50.0, 60.0)}, "no frequency that is excited"),
     ],
@@ -289,7 +357,7 @@ def test_records_must_agree(shaken):
     with pytest.raises(fa.InputError, match="strain_1 has missing samples"):
         fa.frequency_response(measured(gaps, ["strain"]))
     free = xr.Dataset({"joint_angle": result["joint_angle"]})
-    with pytest.raises(fa.InputError, match="record 1 has no torque or current"):
+    with pytest.raises(fa.InputError, match="record 1 has no torque, current or voltage"):
         fa.frequency_response(free)
 
 
@@ -297,34 +365,7 @@ def test_wrong_arguments_of_modes(shaken):
     response = fa.frequency_response(measured(shaken[2], ["strain"]), period=4.0, start=20.0)
     with pytest.raises(fa.InputError, match="at least 10 frequencies for 2 modes"):
         response.modes(2, band=(3.0, 5.0))
+    with pytest.raises(fa.InputError, match="band must be ascending"):
+        response.modes(1, band=(30.0, 1.0))
     with pytest.raises(fa.InputError, match="at least two outputs"):
         response.modes(1).compare(fa.modes(shaken[0], joints="free"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"band": (9.9, 10.1), "period": 1.0 / 3.0}, "multiples of 1/period"),
-        ({"peak": [0.1, -0.1]}, "peak must be greater than 0"),
-        ({"period": 0.0}, "period must be greater than 0"),
-    ],
-)
-def test_wrong_arguments_of_a_multisine(arguments, text):
-    with pytest.raises(fa.InputError, match=text):
-        fa.multisine(**{"period": 2.0, "band": (1.0, 9.0), "peak": 0.1, **arguments})
-
-
-def test_multisines_of_own_coefficients():
-    own = fa.Multisine(2.0, [1, 3], np.array([[1.0, 0.0], [0.5j, 2.0]]))
-    np.testing.assert_allclose(own(0.0), [1.0, 2.0])
-    np.testing.assert_allclose(own(0.25), [np.sqrt(0.5) - 0.5 * np.sqrt(0.5), -np.sqrt(2.0)])
-    assert own.scaled([2.0, 1.0]).coefficients[1, 0] == 1j
-    for wrong in ([[1.0]], np.full((2, 1), np.nan * 1j), "x", np.zeros((2, 0))):
-        with pytest.raises(fa.InputError, match="coefficients"):
-            fa.Multisine(2.0, [1, 3], wrong)
-    with pytest.raises(fa.InputError, match="whole numbers from 1"):
-        fa.Multisine(2.0, [0.5], [[1.0]])
-    with pytest.raises(fa.InputError, match="the highest one 100000"):
-        fa.multisine(2.0, (1e9, 2e9), 0.1)
-    with pytest.raises(fa.InputError, match="rate must be greater than 3 Hz"):
-        own.samples(2.0, 1.0)

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import flexarm as fa
 from data.bench_records import ONE
@@ -187,6 +188,38 @@ def test_an_optimal_excitation_is_smooth_and_periodic(optimal):
     np.testing.assert_allclose(torque(1.7), torque(0.7), atol=1e-15)
     assert set(torque.harmonics) <= set(range(1, 11))
     np.testing.assert_array_equal(optimal.run["torque"], optimal.samples)
+
+
+def small(limits, **settings):
+    """Return a short optimal excitation with few lines."""
+    given = {"period": 0.5, "band": (2.0, 8.0), "lines": 2, "duration": 0.5, "iterations": 1}
+    arm, free = arm_of(ONE, 1), [RIGIDITY, "joints[0].damping"]
+    return fa.optimal_excitation(arm, free, limits, noise=MEASURED, **given | settings)
+
+
+# Two samples per period of the highest sine: their central differences are too small. The spline
+# reaches the limit in the first case, the torque in the second one.
+@pytest.mark.parametrize(("band", "lines"), [((30.0, 45.0), 2), ((20.0, 44.0), 3)])
+def test_the_torque_rate_is_limited_also_between_samples(band, lines):
+    found = small(fa.MotionLimits(torque_rate=5.0), band=band, lines=lines, rate=100.0)
+    times = np.linspace(0.0, 0.5, 50_001)
+    spline = CubicSpline(np.arange(51) / 100.0, found.samples[:, 0])
+    rates = [
+        np.diff(found.torque(times)[:, 0]) / 1e-5,
+        spline(times, 1),
+        np.diff(found.samples[:, 0]) * 100.0,
+    ]
+    # Peaks between the points at which the rate is limited are at most 0.2 % higher.
+    assert [float(np.abs(rate).max()) < 1.002 * 5.0 for rate in rates] == [True, True, True]
+    assert max(np.abs(rate).max() for rate in rates) > 0.99 * 5.0
+
+
+def test_an_optimal_excitation_keeps_clear_of_obstacles():
+    walls = [fa.Wall((0.0, -0.02), (0.0, 1.0)), fa.Wall((0.0, 0.02), (0.0, -1.0))]
+    found = small(fa.MotionLimits(torque=10.0, obstacles=walls, clearance=0.005))
+    # The limit is reached, to the last halving of the amplitude, far below that of the torque.
+    assert 0.99 * 0.015 < np.abs(found.run["tip"].sel(axis="y")).max() <= 0.015
+    assert np.abs(found.samples).max() < 1.0
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,23 @@ class Multisine:
         return [replace(self, coefficients=self.coefficients * row) for row in turned]
 
 
+def rates_of(torque: Multisine, times: FloatArray) -> FloatArray:
+    """Return the derivatives (T, joints) of the torques at times (T,), N m/s."""
+    turned = 2j * np.pi * torque.frequency_hz[:, None] * torque.coefficients
+    rates = replace(torque, coefficients=turned)(times)
+    if torque.rise:
+        part = np.clip(times / torque.rise, 0.0, 1.0)
+        slope = 0.5 * np.pi / torque.rise * np.sin(np.pi * part)
+        rates += slope[:, None] * replace(torque, rise=0.0)(times)
+    return rates
+
+
+def schroeder(count: int) -> NDArray[np.complex128]:
+    """Return complex numbers (count,) of size one with Schroeder phases, for a low peak."""
+    place = np.arange(count)
+    return np.asarray(np.exp(-1j * np.pi * place * (place + 1.0) / count))
+
+
 @public_call
 def multisine(
     period: float, band: ArrayLike, peak: ArrayLike, *, joints: int = 1, rise: float = 0.0
@@ -199,8 +216,6 @@ def multisine(
     peaks = check_each("peak", peak, positive=True)
     count = peaks.size if peaks.ndim else check_count("joints", joints)
     harmonics = np.arange(first, last + 1)
-    place = np.arange(harmonics.size)
-    phases = -np.pi * place * (place + 1.0) / harmonics.size
-    lines = np.repeat(np.exp(1j * phases)[:, None], count, axis=1)
+    lines = np.repeat(schroeder(harmonics.size)[:, None], count, axis=1)
     found = Multisine(period, harmonics, lines, check_nonnegative("rise", rise))
     return found.scaled(np.broadcast_to(peaks, (count,)) / found.peak)

@@ -81,6 +81,11 @@ class PiecewiseCubic:
         values: FloatArray = c[:, 0] + x * (c[:, 1] + x * (c[:, 2] + x * c[:, 3]))
         return values
 
+    def rates_at(self, times: FloatArray) -> FloatArray:
+        """Evaluate the derivative at times (T,): (T, columns), 1/s; at a break from the right."""
+        c, x = self._pieces_at(times)
+        return np.asarray(c[:, 1] + x * (2.0 * c[:, 2] + 3.0 * x * c[:, 3]))
+
     def shifted(self, values: FloatArray) -> PiecewiseCubic:
         """Add constant values (columns,)."""
         coefficients = self.coefficients.copy()

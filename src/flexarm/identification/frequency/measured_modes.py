@@ -16,6 +16,9 @@ from flexarm.integrate.base import FloatArray
 from flexarm.linear import Modes, linearize
 from flexarm.notebook import html_table
 
+#: Motion of an output, relative to the RMS of its channel, that is rounding.
+_STILL = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredModes:
@@ -91,11 +94,12 @@ class MeasuredModes:
             ``mac``, and ``frequency_error`` and ``damping_error`` (percent), model minus measured.
 
         Raises:
-            InputError: if the arm does not have the outputs, there is only one, or no mode of the
-                model oscillates.
+            InputError: if the arm does not have the outputs, there is only one, no mode of the
+                model oscillates, or these modes do not move the outputs.
 
-        Outputs of different units are divided by their RMS in the modes of the model. Allemang and
-        Brown, Proceedings of the 1st International Modal Analysis Conference, 1982, p. 110.
+        Outputs are divided by the RMS of their channel in the modes of the model, one number for
+        all joints, gauges or axes of a channel: outputs of equal units keep their ratios. Allemang
+        and Brown, Proceedings of the 1st International Modal Analysis Conference, 1982, p. 110.
         """
         modes = check_kind("modes", modes, Modes)
         if len(self.outputs) < 2:
@@ -104,11 +108,10 @@ class MeasuredModes:
         vibrating = np.flatnonzero(modes.eigenvalues.imag > 0.0)
         if not vibrating.size:
             raise InputError(Problem("modes", "contain no mode that oscillates"))
-        own = shapes_at(modes, self._labels)[vibrating]
-        scale = np.sqrt(np.mean(np.abs(own) ** 2, axis=0))
-        if not np.any(scale > 0.0):
+        own, sizes = shapes_at(modes, vibrating, self._labels)
+        if not np.any(np.abs(own) > _STILL * sizes):
             raise InputError(Problem("modes", "do not move any of the outputs"))
-        weight = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
+        weight = np.where(sizes > 0.0, 1.0 / np.where(sizes > 0.0, sizes, 1.0), 0.0)
         mac = assurance(self.shapes * weight, own * weight)
         match = np.argmax(mac, axis=1)
         eigenvalues = modes.eigenvalues[vibrating][match]
@@ -129,23 +132,28 @@ class MeasuredModes:
         )
 
 
-def shapes_at(modes: Modes, labels: tuple[Label, ...]) -> NDArray[np.complex128]:
-    """Return the shapes of the modes of a model in outputs (k, outputs).
+def shapes_at(
+    modes: Modes, numbers: NDArray[np.intp], labels: tuple[Label, ...]
+) -> tuple[NDArray[np.complex128], FloatArray]:
+    """Return shapes (k, outputs) of modes of a model, and the RMS (outputs,) of their channels.
+
+    The RMS is over the modes and all parts of a channel, because a part that does not move, such as
+    the axis along the arm, has no size of its own.
 
     Raises:
         InputError: if the arm does not have an output.
     """
     states = np.concatenate(
         [modes.complex_shapes, modes.eigenvalues[:, None] * modes.complex_shapes], axis=1
-    )
-    rows = {}
+    )[numbers]
     places = [place_of(modes.arm, label) for label in labels]
-    for name in dict.fromkeys(label.channel for label in labels):
-        rows[name] = linearize(modes.arm, modes.q, outputs=[name]).C
-    chosen = np.stack(
-        [rows[label.channel][place] for label, place in zip(labels, places, strict=True)]
-    )
-    return np.asarray(states @ chosen.T)
+    parts = {
+        name: states @ linearize(modes.arm, modes.q, outputs=[name]).C.T
+        for name in dict.fromkeys(label.channel for label in labels)
+    }
+    own = [parts[label.channel][:, place] for label, place in zip(labels, places, strict=True)]
+    sizes = [np.sqrt(np.mean(np.abs(parts[label.channel]) ** 2)) for label in labels]
+    return np.stack(own, axis=1), np.array(sizes)
 
 
 def assurance(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> FloatArray:

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arguments import check_count, check_nonnegative, check_positive
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_caller,
+)
 from flexarm.identification.frequency.fit import fitted
 from flexarm.identification.frequency.measured_modes import MeasuredModes
 from flexarm.identification.frequency.spectra import (
@@ -28,6 +36,8 @@ from flexarm.integrate.base import FloatArray
 _EXCITED, _DISTINCT = 1e-6, 1e-6
 #: Fewest frequencies of a fit, besides two for each mode.
 _SPARE = 6
+#: Fit (%) of modes below which some are missing or noise hides them.
+_POOR = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +49,9 @@ class FrequencyResponse:
         response: (F, outputs, inputs) complex, output unit per input unit.
         deviation: (F, outputs, inputs) standard deviations of the complex numbers, by noise of the
             outputs; NaN if there are too few averages to estimate it.
-        coherence: (F, outputs) share of the power of an output that all inputs explain, 0 to 1.
-        inputs, outputs: names: ``torque_1``, ``joint_angle_1``, ``tip_x``.
+        coherence: (F, outputs) share of the power of an output that all inputs explain, 0 to 1;
+            NaN if there are too few averages to estimate it.
+        inputs, outputs: names: ``torque_1`` or ``voltage_1``, ``joint_angle_1``, ``tip_x``.
         averages: number of independent averages.
     """
 
@@ -56,9 +67,11 @@ class FrequencyResponse:
     def __repr__(self) -> str:
         sizes = f"{len(self.outputs)} outputs, {len(self.inputs)} inputs"
         low, high = self.frequency_hz[[0, -1]]
+        known = not np.isnan(self.coherence).all()
+        coherence = f"{np.nanmin(self.coherence):.3g} or better" if known else "unknown"
         return (
             f"<flexarm.FrequencyResponse: {sizes}, {self.frequency_hz.size} frequencies from "
-            f"{low:.4g} to {high:.4g} Hz, coherence {np.nanmin(self.coherence):.3g} or better>"
+            f"{low:.4g} to {high:.4g} Hz, coherence {coherence}>"
         )
 
     @public_call
@@ -77,9 +90,13 @@ class FrequencyResponse:
             The modes, in the order of ascending frequency, with standard deviations.
 
         Raises:
-            InputError: if the band has too few frequencies for the number of modes.
+            InputError: if the band is not ascending, or has too few frequencies for the number of
+                modes.
+
+        Warns:
+            AccuracyWarning: if the fit of a response is below 50 %.
         """
-        low, high = (0.0, np.inf) if band is None else check_array("band", band, (2,)).tolist()
+        low, high = _check_band(band)
         inside = (self.frequency_hz >= low) & (self.frequency_hz <= high)
         count = check_count("count", count)
         if np.count_nonzero(inside) < 2 * count + _SPARE:
@@ -89,7 +106,19 @@ class FrequencyResponse:
         found = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
+        self._warn_of_poor_fits(found.fit)
         return MeasuredModes(*found, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
+
+    def _warn_of_poor_fits(self, fit: FloatArray) -> None:
+        poor = [
+            f"{output} to {given} ({percent:.2g} %)"
+            for output, row in zip(self.outputs, fit, strict=True)
+            for given, percent in zip(self.inputs, row, strict=True)
+            if percent < _POOR
+        ]
+        if poor:
+            text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
+            warn_caller(text + "Check the number of modes and the noise.", AccuracyWarning)
 
 
 @public_call
@@ -108,8 +137,8 @@ def frequency_response(
     inputs biases it.
 
     Args:
-        records: as for ``identify``, with torques or currents as inputs and the same channels and
-            rate. Several inputs require as many records, such as those of
+        records: as for ``identify``, with torques, currents or voltages as inputs and the same
+            channels and rate. Several inputs require as many records, such as those of
             ``Multisine.orthogonal``, or inputs that are not correlated.
         period: s, of a periodic input in steady state: whole periods are transformed, without a
             window. Only the frequencies of the input remain.
@@ -124,8 +153,9 @@ def frequency_response(
         The response, with delays, recorded filters and the hold of the input removed.
 
     Raises:
-        InputError: if records have different channels or rates or missing samples, a period is not
-            a whole number of samples, or the inputs do not distinguish the effects of the joints.
+        InputError: if records have different channels or rates or missing samples, ``start`` leaves
+            too few samples, a period is not a whole number of samples, the band is not ascending,
+            or the inputs do not distinguish the effects of the joints.
 
     Bendat and Piersol, *Random Data*, 4th ed., 2010, section 7.2 and (9.52).
     """
@@ -133,7 +163,7 @@ def frequency_response(
     start = check_nonnegative("start", start)
     if period is not None and segment is not None:
         raise InputError(Problem("segment", "cannot be combined with period"))
-    low, high = (0.0, np.inf) if band is None else check_array("band", band, (2,)).tolist()
+    limits = _check_band(band)
     inputs, outputs = _signals_of(given)
     if period is not None:
         length = check_positive("period", period, "s")
@@ -142,7 +172,21 @@ def frequency_response(
         width = None if segment is None else check_positive("segment", segment, "s")
         parts = [segment_spectra(record, width, start) for record in given.values()]
     spectra = _average(parts)
-    return _estimate(spectra, next(iter(given.values())), inputs, outputs, (low, high))
+    return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
+
+
+def _check_band(band: ArrayLike | None) -> tuple[float, float]:
+    """Return the lowest and the highest frequency, Hz; all without a band.
+
+    Raises:
+        InputError: if the band is not a pair of ascending numbers.
+    """
+    if band is None:
+        return 0.0, np.inf
+    low, high = check_array("band", band, (2,)).tolist()
+    if low > high:
+        raise InputError(Problem("band", "be ascending", shown([low, high])))
+    return low, high
 
 
 def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], list[Label]]:
@@ -158,7 +202,7 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
     problems = []
     for name, record in records.items():
         if record.input == "none":
-            problems.append(Problem(name, "has no torque or current as its input"))
+            problems.append(Problem(name, "has no torque, current or voltage as its input"))
         if record.settings.prescribed:
             problems.append(Problem(name, "has prescribed joints, which are not supported"))
         if [list(record.inputs), list(record.outputs)] != [inputs, outputs]:
@@ -241,10 +285,10 @@ def _h1(
     response = crossed @ inverse
     own = np.diagonal(matrix[:, m:, m:], axis1=1, axis2=2).real
     explained = np.einsum("foi,foi->fo", response, crossed.conj()).real
+    if averages <= m:  # the inputs explain any outputs
+        return response, np.full(response.shape, np.nan), np.full(own.shape, np.nan)
     safe = np.where(own > 0.0, own, 1.0)
     coherence = np.where(own > 0.0, np.clip(explained / safe, 0.0, 1.0), 1.0)
-    if averages <= m:
-        return response, np.full(response.shape, np.nan), coherence
     noise = np.maximum(own - explained, 0.0) * averages / (averages - m)
     spread = np.diagonal(inverse, axis1=1, axis2=2).real / averages
     return response, np.sqrt(noise[:, :, None] * spread[:, None, :]), coherence

@@ -84,13 +84,16 @@ def segment_spectra(record: MeasuredRecord, segment: float | None, start: float)
     """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch).
 
     Raises:
-        InputError: if a segment is longer than the record, or too short.
+        InputError: if a segment is longer than the record from ``start`` on, or too short.
     """
     from scipy.signal import csd
 
     rate = record.rate
     values = _signals(record)[:, int(np.ceil(start * rate - _WHOLE)) :]
     length = values.shape[1]
+    if length < _FEWEST:
+        rule = f"leave at least {_FEWEST} samples in the record of {record.duration:g} s"
+        raise InputError(Problem("start", rule, f"{start:g}"))
     size = length // _SEGMENTS if segment is None else round(segment * rate)
     if not _FEWEST <= size <= length:
         rule = f"have {_FEWEST} to {length} samples"

@@ -1,1 +1,1 @@
-"""Experiments before they are made: what their records will determine."""
+"""Planned experiments: identifiability of parameters."""

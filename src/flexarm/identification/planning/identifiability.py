@@ -30,7 +30,7 @@ _HEADS = ("parameter", "value", "std. deviation", "%")
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What planned experiments determine, by the derivatives of their channels.
+    """Identifiability of parameters by planned experiments.
 
     Attributes:
         parameters: dataset over ``parameter`` as in `Identification`: ``estimate`` (the value of
@@ -139,7 +139,7 @@ def predicted(
     motors: Motors | None,
     options: dict[str, Any],
 ) -> Identifiability:
-    """Return what records determine; the arguments are those of ``identifiability``, checked.
+    """Return the identifiability of parameters by records, from arguments that are checked.
 
     Raises:
         InputError, SimulationError: as ``identifiability``.
