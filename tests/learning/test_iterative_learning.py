@@ -308,6 +308,7 @@ def test_instruments_measure_the_errors_with_new_noise_in_each_trial():
         ({"derivative": 1.0}, "proportional is required"),
         ({"proportional": 1.0, "change": 0.1}, "change cannot be combined with proportional"),
         ({"hardware": "noisy"}, "hardware must be a Hardware, got 'noisy'"),
+        ({"plant": "soft", "initial": [0.3, 0.2]}, "plant must be an Arm, got 'soft'"),
         ({"load": []}, "load is not an argument of iterative_learning. Did you mean 'loads'"),
         (
             {"foo": 3, "events": []},

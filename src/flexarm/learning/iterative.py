@@ -132,6 +132,8 @@ def iterative_learning(
     given = [name for name, value in own.items() if value is not None]
     if trial is not None and given:
         raise InputError(Problem("trial", f"cannot be combined with {given[0]}"))
+    if plant is not None:
+        check_kind("plant", plant, Arm)
     if hardware is not None:
         check_kind("hardware", hardware, Hardware)
     check_options(options, _OPTIONS, "iterative_learning")
