@@ -171,6 +171,20 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     raise InputError(Problem(name, rule, shown(value), nearest(value, choices)))
 
 
+def check_options(options: Iterable[str], known: Collection[str], function: str) -> None:
+    """Check the names of options that a function passes to another one.
+
+    Raises:
+        InputError: with a problem for each name that is not ``known``.
+    """
+    rule = f"is not an argument of {function}"
+    wrong = [
+        Problem(name, rule, hint=nearest(name, known)) for name in options if name not in known
+    ]
+    if wrong:
+        raise InputError(*wrong)
+
+
 def check_path(name: str, value: object) -> Path:
     """Return the path of a file, from text or a path object.
 

@@ -10,10 +10,10 @@ from flexarm.learning.bench import Bench, window_of
 from flexarm.learning.laws import filtered, norm_optimal, proportional_derivative
 
 
-def bench(arm, motion, controller, interval, output="tip"):
+def bench(arm, motion, controller, interval, output="tip", plant=None, **options):
     """Return trials and the lifted model of one without added torque."""
     window = window_of(arm, motion, controller, None, interval)
-    trials = Bench(arm, motion, window, output, None, None, None, {})
+    trials = Bench(arm, motion, window, output, plant, None, None, options)
     none = AddedTorque(controller, np.zeros((window.intervals, arm.joints)), window.interval)
     return trials, none, trials.model(none)
 
@@ -42,6 +42,39 @@ def test_lifted_model_is_the_derivative_of_a_trial(make, output):
         slope = (ends[0] - ends[1]).ravel() / 0.02
         # The matrices are those in the middle of each sample of 1 ms: an error of second order.
         np.testing.assert_allclose(P[:, 2 * interval + joint], slope, rtol=0, atol=2e-4 * size)
+
+
+def test_lifted_model_starts_where_the_trials_start():
+    """Against differences of trials that start 1.2 rad beside the motion, and moving."""
+    arm = two_links()
+    motion = swing(arm, duration=0.4)
+    rate = np.zeros(arm.dof)
+    rate[arm.joint_index] = [0.5, -2.0]
+    start = {"initial": arm.rest([0.3, 0.8]), "initial_rate": rate}
+    trials, none, P = bench(arm, motion, feedback(arm, motion), 0.02, **start)
+    ends = []
+    for push in (-0.01, 0.01):
+        torque = none.torque.copy()
+        torque[3, 0] += push
+        ends.append(trials.errors(AddedTorque(none.inner, torque, none.interval)))
+    slope = (ends[0] - ends[1]).ravel() / 0.02
+    # As above; about the reference, it differs by a tenth of its size.
+    np.testing.assert_allclose(P[:, 6], slope, rtol=0, atol=1e-3 * abs(P).max())
+
+
+def test_start_of_a_plant_with_other_coordinates_is_that_of_the_model():
+    arm = two_links()
+    motion = swing(arm, duration=0.4)
+    angles, rates = [0.3, 0.8], np.array([0.5, -2.0])
+    whole = np.zeros(arm.dof)
+    whole[arm.joint_index] = rates
+    found = [
+        bench(
+            arm, motion, feedback(arm, motion), 0.02, plant=plant, initial=start, initial_rate=rate
+        )[2]
+        for plant, start, rate in ((None, arm.rest(angles), whole), (arm.rigid(), angles, rates))
+    ]
+    np.testing.assert_array_equal(found[0], found[1])
 
 
 def test_lifted_model_of_a_rigid_link_is_a_double_integrator():
@@ -196,6 +229,55 @@ def test_own_trials_get_the_controller_of_each_trial():
     assert simulated.result is not None
 
 
+def test_exception_of_an_own_trial_is_reported_as_that_of_the_trial():
+    arm = two_links()
+    motion = swing(arm, size=0.05)
+
+    def broken(controller):
+        raise RuntimeError("the camera\nis off")
+
+    def invalid(controller):
+        return fa.simulate(arm, -1.0)
+
+    given = {"interval": 0.02, "trials": 1}
+    text = "trial failed with RuntimeError: the camera is off"
+    with pytest.raises(fa.InputError, match=text) as caught:
+        fa.iterative_learning(arm, motion, feedback(arm, motion), trial=broken, **given)
+    assert isinstance(caught.value.__cause__, RuntimeError)
+    with pytest.raises(fa.InputError, match="duration must be greater than 0"):
+        fa.iterative_learning(arm, motion, feedback(arm, motion), trial=invalid, **given)
+
+
+def test_trials_without_change_have_no_rate():
+    arm = two_links()
+    motion = swing(arm, size=0.05)
+    given = {"interval": 0.02, "trials": 4, "proportional": 0.0, "cutoff": 2.0}
+    with pytest.warns(fa.UnstableLoopWarning):
+        found = fa.iterative_learning(arm, motion, feedback(arm, motion), **given)
+    assert np.all(found.torques == 0.0)
+    assert found.rate.shape == (2,)
+    assert np.all(np.isnan(found.rate))
+
+
+def test_effort_has_no_meaning_without_a_model():
+    arm = two_links()
+    motion = swing(arm, size=0.05)
+    given = {"interval": 0.02, "trials": 2, "proportional": 1.0, "duration": 1.0, "cutoff": 2.0}
+    found = [
+        fa.iterative_learning(arm, motion, feedback(arm, motion), effort=effort, **given)
+        for effort in (0.0, 1e-3)
+    ]
+    np.testing.assert_array_equal(found[0].torques, found[1].torques)
+
+
+def test_added_torque_requires_the_joints_of_both_torques():
+    arm = two_links()
+    three = fa.JointPD([1.0, 2.0, 3.0], 1.0)
+    for inner, joints in ((three, 2), (fa.JointPD(1.0, 1.0), 3)):
+        with pytest.raises(fa.InputError, match="controller is for 3 joints, but the arm has 2"):
+            fa.simulate(arm, 0.1, controller=AddedTorque(inner, np.zeros((4, joints)), 0.02))
+
+
 def test_instruments_measure_the_errors_with_new_noise_in_each_trial():
     arm = two_links()
     motion = swing(arm, size=0.05)
@@ -224,6 +306,14 @@ def test_instruments_measure_the_errors_with_new_noise_in_each_trial():
         ({"duration": 0.01, "interval": 0.02}, "duration must be divided into"),
         ({"effort": 0.0}, "effort must be positive if change is 0"),
         ({"derivative": 1.0}, "proportional is required"),
+        ({"proportional": 1.0, "change": 0.1}, "change cannot be combined with proportional"),
+        ({"hardware": "noisy"}, "hardware must be a Hardware, got 'noisy'"),
+        ({"plant": "soft", "initial": [0.3, 0.2]}, "plant must be an Arm, got 'soft'"),
+        ({"load": []}, "load is not an argument of iterative_learning. Did you mean 'loads'"),
+        (
+            {"foo": 3, "events": []},
+            r"foo is not an argument of iterative_learning[\s\S]*events is not",
+        ),
         ({"proportional": [1.0, 2.0, 3.0]}, r"proportional must be numbers of shape \(2,\)"),
         ({"proportional": [1.0, -2.0]}, "proportional must be at least 0"),
         ({"cutoff": 0.0}, "cutoff must be"),

@@ -162,6 +162,19 @@ def test_controllers_that_plan_the_bending_follow_rigid_angles():
     assert prepare(scenario({**observed, "inner": PD})).followed.kind == "quasi_static"
 
 
+@pytest.mark.parametrize("kind", ["positive_position_feedback", "integral_resonant_control"])
+def test_strain_damping_is_around_controllers_of_the_joint_angles(kind):
+    gauge = fa.Gauge(station=0.05, distance=0.005)
+    links = [fa.Link(length=x, elements=1, gauges=[gauge], **ROD) for x in (1.4, 1.0)]
+    arm = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2).spec
+    damped = {"kind": kind, "inner": {"kind": "loop_shaping", "bandwidth": 6.0}}
+    found = prepare(scenario(damped, arm))
+    assert isinstance(found.options["controller"].inner, fa.LoopShaping)
+    assert found.followed.kind == "quasi_static"
+    with pytest.raises(fa.InputError, match=r"drive\.inner\.kind"):
+        scenario({**damped, "inner": {"kind": "lqg"}}, arm)
+
+
 def test_reference_is_a_key_of_the_outer_drive():
     nested = {"kind": "disturbance_observer", "inner": {**PD, "reference": "rigid"}}
     with pytest.raises(fa.ModelError, match=r"inner\.reference is not supported"):

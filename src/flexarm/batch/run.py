@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count, check_kind
+from flexarm.arguments import check_count, check_kind, check_options
 from flexarm.arm import Arm
 from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
@@ -26,7 +26,6 @@ from flexarm.errors import (
     FlexarmWarning,
     InputError,
     Problem,
-    nearest,
     public_call,
     shown,
     warn_caller,
@@ -137,8 +136,9 @@ def simulate_batch(
     at most 16 MB, or those of eight runs.
     """
     started = time.perf_counter()
+    check_options(options, OPTIONS, "simulate_batch")
     # Code that is compiled in the middle of a run may differ in the last digits.
-    given = OPTIONS | {"specialized": False} | _known(options)
+    given = OPTIONS | {"specialized": False} | options
     threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)
@@ -205,22 +205,6 @@ def simulate_batch(
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])
     return recorder.dataset(own, attributes)
-
-
-def _known(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of ``simulate``.
-
-    Raises:
-        InputError: if ``simulate`` has no such option, or it is not one of a batch.
-    """
-    problems = []
-    for name in options:
-        if name not in OPTIONS:
-            hint = nearest(name, OPTIONS)
-            problems.append(Problem(name, "is not an argument of simulate_batch", hint=hint))
-    if problems:
-        raise InputError(*problems)
-    return dict(options)
 
 
 def _channels(given: object) -> tuple[str, ...]:

@@ -51,7 +51,8 @@ class AddedTorque(Controller):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
         inner = requirements_of(self.inner, arm, reference)
-        return inner._replace(joints=self.torque.shape[1])
+        joints = self.torque.shape[1]
+        return inner._replace(joints=joints if joints != arm.joints else inner.joints)
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.errors import FlexarmError, InputError, Problem, check_array, shown
 from flexarm.hardware.measurement import FloatArray
 from flexarm.learning.added_torque import AddedTorque
 from flexarm.learning.lifted import Window, lifted_model
@@ -21,7 +21,6 @@ from flexarm.motion.geometry.chain import rigid_chain
 from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.simulation.metrics import tip_reference
 from flexarm.simulation.run import simulate
-from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +59,7 @@ class Bench:
     def model(self, controller: AddedTorque) -> FloatArray:
         """Return the lifted model (N p, N joints) of the chosen output."""
         # Loads and changes are not part of the model.
-        result = self._simulate(controller, None, None, {})
+        result = self._simulate(controller, None, None, self._start())
         tip, angle = lifted_model(self.arm, controller, self.reference, result, self.window)
         chosen = tip if self.output == "tip" else angle
         size = self.window.intervals
@@ -69,7 +68,14 @@ class Bench:
     def errors(self, controller: AddedTorque) -> FloatArray:
         """Return the errors (N, p) of the next trial."""
         if self._trial is not None:
-            given = call("trial", self._trial, controller)
+            try:
+                given = self._trial(controller)
+            except FlexarmError:
+                raise
+            except Exception as error:
+                words = " ".join(str(error).split())
+                failure = Problem("trial", f"failed with {type(error).__name__}: {words}")
+                raise InputError(failure) from error
             return self._wanted - check_array("trial", given, self._wanted.shape)
         hardware = self._hardware
         if hardware is not None:
@@ -80,6 +86,19 @@ class Bench:
         values = result[reading if reading in result else self.output].values
         ends = self.window.stride * np.arange(1, self.window.intervals + 1)
         found: FloatArray = self._wanted - values[ends, : self._wanted.shape[1]]
+        return found
+
+    def _start(self) -> dict[str, Any]:
+        """Return the initial state of the trials in coordinates of the model."""
+        found: dict[str, Any] = {}
+        plant = self._plant
+        for name in ("initial", "initial_rate"):
+            value = self._options.get(name)
+            if value is not None and plant is not None and plant.dof != self.arm.dof:
+                # Coordinates of the bending differ, so the links of the model start straight.
+                given = check_array(name, value, (plant.dof,))
+                value = self.arm.rest(given[plant.joint_index])
+            found[name] = value
         return found
 
     def _simulate(

@@ -67,7 +67,9 @@ def check_choice_of_law(
     highest = None if cutoff is None else check_positive("cutoff", cutoff)
     if proportional is None and (np.any(gains["derivative"]) or lead):
         raise InputError(Problem("proportional", "is required with derivative or lead"))
-    if sum(weights) == 0.0:
+    if proportional is not None and weights[1]:
+        raise InputError(Problem("change", "cannot be combined with proportional"))
+    if proportional is None and sum(weights) == 0.0:
         hint = "Without them, the torques would be arbitrarily large."
         raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
     return Choice(*weights, gains.get("proportional"), gains["derivative"], lead, highest)

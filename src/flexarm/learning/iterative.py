@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice, check_count, check_kind
+from flexarm.arguments import check_choice, check_count, check_kind, check_options
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
@@ -28,10 +29,15 @@ from flexarm.learning.laws import Law
 from flexarm.learning.learned_motion import LearnedMotion
 from flexarm.learning.lifted import check_linear
 from flexarm.model import Hardware
+from flexarm.simulation.run import simulate
 
 OUTPUTS = ("tip", "joint_angle")
-#: Arguments of ``simulate`` that a trial determines.
-_OWN = ("torque", "prescribed", "rate", "events")
+#: Arguments of ``simulate`` that a trial does not determine.
+_OPTIONS = tuple(
+    name
+    for name in signature(simulate).parameters
+    if name not in ("torque", "prescribed", "rate", "events")
+)
 
 
 @public_call
@@ -126,17 +132,22 @@ def iterative_learning(
     given = [name for name, value in own.items() if value is not None]
     if trial is not None and given:
         raise InputError(Problem("trial", f"cannot be combined with {given[0]}"))
-    if wrong := [name for name in _OWN if name in options]:
-        raise InputError(Problem(wrong[0], "is not an argument of iterative_learning"))
+    if plant is not None:
+        check_kind("plant", plant, Arm)
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+    check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
     choice = check_choice_of_law(arm.joints, effort, change, proportional, derivative, lead, cutoff)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     with one_warning() as bent:
-        none = AddedTorque(controller, np.zeros((window.intervals, arm.joints)), window.interval)
-        P = bench.model(none)
+        unchanged = AddedTorque(
+            controller, np.zeros((window.intervals, arm.joints)), window.interval
+        )
+        P = bench.model(unchanged)
         law = choice.law(P, arm, reference, window, output)
-        learned = _learn(bench, none, law, P, count)
+        learned = _learn(bench, unchanged, law, P, count)
     warn_of_first(bent)
     return learned
 
@@ -167,6 +178,8 @@ def _learn(
         following = law.Q @ v + law.G @ e
         v, e = following, e - P @ (following - v)
     changes = np.linalg.norm(np.diff(torques, axis=0), axis=(1, 2))
+    undefined = np.full(max(trials - 2, 0), np.nan)
+    rate_of_change = np.divide(changes[1:], changes[:-1], out=undefined, where=changes[:-1] > 0.0)
     return LearnedMotion(
         controller,
         controller.interval,
@@ -175,6 +188,6 @@ def _learn(
         np.array(predicted),
         rate,
         bound,
-        changes[1:] / changes[:-1],
+        rate_of_change,
         bench.result,
     )

@@ -28,7 +28,8 @@ class LearnedMotion:
             spectral radius of the learning; (C.103). Learning converges if it is below one.
         predicted_bound: largest factor in any trial, the largest singular value. If it is below
             one, the change of torque decreases in every trial.
-        rate: (trials - 2,), measured factors: norm of each change of torque over that before it.
+        rate: (trials - 2,), measured factors: norm of each change of torque over that before it;
+            NaN after no change.
         result: dataset of the last trial; None for trials of your own.
     """
 

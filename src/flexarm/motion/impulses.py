@@ -145,9 +145,9 @@ def specified_insensitivity(
     )
     # At a degenerate optimum SLSQP reports a failed line search, so the result is examined.
     if np.min(margin(found.x)) < -1e-6 or found.fun > 1.01 * start.phases[-1]:
-        rule = "allow a shaper, but the search did not converge"
+        rule = f"is {insensitivity:g}, for which the search for a shaper did not converge"
         hint = "Increase tolerance or reduce insensitivity."
-        raise InputError(Problem("insensitivity", rule, f"{insensitivity:g}", hint))
+        raise InputError(Problem("insensitivity", rule, hint=hint))
     amplitudes, phases = shaper(found.x)
     used = amplitudes > _SMALLEST
     return Impulses(amplitudes[used] / amplitudes[used].sum(), phases[used])

@@ -58,7 +58,7 @@ class Kept(fa.RepetitiveControl):
 
 
 def control(kind=fa.RepetitiveControl, **changes):
-    inner = fa.JointPD(300.0, 20.0, sample_time=STEP)
+    inner = changes.pop("inner", None) or fa.JointPD(300.0, 20.0, sample_time=STEP)
     given = {"period": PERIOD, "proportional": 150.0, "derivative": 10.0, "cutoff": 8.0}
     return kind(inner, **{**given, **changes})
 
@@ -85,6 +85,15 @@ def test_torque_is_that_of_its_law():
         errors[k] = -gains[0] * angle - gains[1] * rate
         np.testing.assert_allclose(torque, learned[k], atol=1e-12)
     assert abs(learned[169]).max() > 0.1
+
+
+class Unknown(fa.Controller):
+    """Controller that does not declare its memory."""
+
+    sample_time = STEP
+
+    def update(self, t, measurement, reference):
+        return np.zeros(1)
 
 
 class Still:
@@ -150,6 +159,19 @@ def test_measured_rate_becomes_the_largest_predicted_one():
     assert 0.6 < predicted < 0.7
 
 
+def test_rate_is_measured_from_the_third_period_on():
+    """The torque of the first period is that of the filter's ends, not a learned one."""
+    plant = one_link(payload=0.4)
+    for periods, known in ((1.5, False), (2.5, False), (3.5, True)):
+        made = control(Kept)
+        result = fa.simulate(plant, periods * PERIOD, controller=made, reference=Waves())
+        rate = result.attrs["repetitive_rate"]
+        assert np.isfinite(rate) == known, periods
+    learned = np.array(made.learned)[:, 0][: round(3 * PERIOD / STEP)].reshape(3, -1)
+    changes = np.linalg.norm(np.diff(learned, axis=0), axis=1)
+    assert rate == pytest.approx(changes[1] / changes[0], rel=1e-12)
+
+
 def test_periodic_errors_vanish():
     plant = one_link(payload=0.4)
     made = control(lead=0.01, cutoff=16.0)
@@ -206,3 +228,42 @@ def test_wrong_arguments_are_rejected(changes, text):
 def test_wrong_times_are_rejected_at_the_start_of_a_run(changes, text):
     with pytest.raises(fa.InputError, match=text):
         control(**changes).reset()
+
+
+def two_links():
+    link = {"length": 0.5, "flexural_rigidity": 800.0, "mass_per_length": 0.4, "elements": 1}
+    return fa.Arm(links=[fa.Link(**link)] * 2, joints=[fa.Joint(hub_inertia=0.1)] * 2)
+
+
+def rates(changes, **given):
+    return lambda: control(**changes).harmonic_rates(**{"posture": [0.0], **given})
+
+
+READ = [fa.Instrument("joint_angle", sample_time=2 * STEP), fa.Instrument("joint_rate")]
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (rates({}, plant="x"), "plant must be an Arm, got 'x'"),
+        (rates({}, plant=None), "plant must be an Arm"),
+        (rates({}, plant=one_link(), hardware="y"), "hardware must be a Hardware, got 'y'"),
+        (
+            rates({}, plant=one_link(), hardware=fa.Hardware(READ)),
+            "has instruments with their own sample_time",
+        ),
+        (
+            rates({"proportional": [1.0, 2.0, 3.0]}, plant=two_links(), posture=[0.0, 0.0]),
+            r"3 joint\(s\), but the plant has 2",
+        ),
+        (
+            rates({"inner": fa.JointPD([1.0] * 3, 1.0)}, plant=two_links(), posture=[0.0, 0.0]),
+            r"3 joint\(s\), but the plant '1' has 2",
+        ),
+        (rates({}, plant=one_link(), posture=[0.0, 1.0]), "posture must be numbers of shape"),
+        (rates({"inner": Unknown()}, plant=one_link()), "does not declare its memory"),
+    ],
+)
+def test_wrong_arguments_of_the_prediction_are_rejected(call, text):
+    with pytest.raises(fa.InputError, match=text):
+        call()

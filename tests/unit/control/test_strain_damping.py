@@ -268,18 +268,49 @@ def test_two_modes_of_two_links_are_separate_loops(law):
     [
         ({"damping_ratio": 1.0}, "damping_ratio must be less than 1"),
         ({"damping_ratio": 0.0}, "damping_ratio must be greater than 0"),
-        ({"modes": 2}, "modes must be at most 1"),
+        ({"modes": 2}, r"modes is 2, but the arm has 1 joint\(s\), 1 gauge\(s\) "),
         ({"posture": [0.0, 1.0]}, "posture must have length 1"),
         ({"inner": "PD"}, "inner must have the method reset"),
         ({"inner": fa.LQG(one_link())}, "inner must be a controller of the joint angles"),
         ({"arm": fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0)])},
-         "modes must be at most 0"),
+         r"modes is 1, but the arm has 1 joint\(s\), 0 gauge\(s\) and "),
     ],
 )  # fmt: skip
 @every
 def test_wrong_arguments_are_rejected(law, options, words):
     with pytest.raises(fa.InputError, match=words):
         law(**{"arm": one_link(), "inner": fa.JointPD(1.0, 1.0), **options})
+
+
+def around(inner):
+    """Return controllers of the joint angles, or not, around an inner one."""
+    return [
+        inner,
+        fa.DisturbanceObserver(one_link(), inner),
+        fa.RepetitiveControl(inner, 0.5, 1.0),
+        fa.RepetitiveControl(fa.DisturbanceObserver(one_link(), inner), 0.5, 1.0),
+    ]
+
+
+NOT_OF_JOINTS = [fa.LQG(one_link()), fa.Impedance(one_link())] + [
+    kind(one_link(), fa.JointPD(1.0, 1.0)) for kind in LAWS
+]
+
+
+@every
+@pytest.mark.parametrize("innermost", NOT_OF_JOINTS, ids=lambda one: one.name)
+def test_innermost_controller_must_be_one_of_the_joint_angles(law, innermost):
+    for inner in around(innermost):
+        with pytest.raises(fa.InputError, match="inner must be a controller of the joint angles"):
+            law(one_link(), inner)
+
+
+@every
+def test_controllers_around_one_of_the_joint_angles_are_accepted(law):
+    own = [Echo(), fa.JointPD(1.0, 1.0), fa.LoopShaping(one_link())]
+    for innermost in own:
+        for inner in around(innermost):
+            assert law(one_link(), inner).inner is inner
 
 
 @every

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
@@ -20,8 +21,8 @@ from flexarm.control.base import (
 )
 from flexarm.control.parametrised import Parametrised
 from flexarm.control.requirements import JOINTS, joints_of
-from flexarm.errors import InputError, Problem, public_call, shown
-from flexarm.loop_analysis.margins import loop_at
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.loop_analysis.margins import check_single_rate, loop_at, plants_of
 from flexarm.loop_analysis.sampled_loop import ComplexArray
 from flexarm.model import Hardware
 from flexarm.model.drives.around import RepetitiveParameters
@@ -117,7 +118,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
         """Return the measured rate, and the report of the inner controller.
 
         The rate is the change of the learned torque in the last period divided by that in the
-        period before; NaN in the first periods.
+        period before; NaN before the end of the third.
         """
         rate = np.nan if self._history is None else self._history.rate
         return {"repetitive_rate": rate} | report_of(self.inner)
@@ -141,10 +142,21 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
             frequency j / period.
 
         Raises:
-            InputError: if the inner controller does not declare its memory.
+            InputError: if the inner controller does not declare its memory, an instrument has its
+                own ``sample_time``, or an argument has the wrong type or number of joints.
         """
+        check_kind("plant", plant, Arm)
+        if hardware is not None:
+            check_kind("hardware", hardware, Hardware)
+        plants_of(self.inner, plant, "plant")
+        required = joints_of(plant.joints, *self._per_joint())
+        if required != plant.joints:
+            rule = f"has numbers for {required} joint(s), but the plant has {plant.joints}"
+            raise InputError(Problem("controller", rule))
+        posture = check_array("posture", posture, (plant.joints,))
         count, lead = self._samples()
         loop = loop_at(self.inner, plant, posture, hardware)
+        check_single_rate(loop)
         signal = _LearningSignal(self)
         errors = loop_at(signal, plant, posture, hardware).controller.D
         A, push = loop.matrices()[0], loop.plant.B
@@ -247,8 +259,9 @@ class _History:
         self._change += float(change @ change)
         self._k = k + 1
         if self._k % count == 0:
-            # The first period learns nothing, so the second has no change to compare with.
-            if self._last > 0.0:
+            # The first period learns only from errors that the filter takes from its end, so the
+            # change of the second is the first to compare with.
+            if self._k >= 3 * count and self._last > 0.0:
                 self.rate = math.sqrt(self._change / self._last)
             self._last, self._change = self._change, 0.0
         return learned

@@ -35,9 +35,9 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
     def _law(self, omega: FloatArray) -> ModalLaw:
         """See `StrainDamping._law`; (C.19)."""
         count = len(omega)
-        spread = 1.0 + 2.0 * self.damping_ratio  # of the frequencies of pole and zero
-        through = 1.0 / (spread**2 - 1.0)
-        gain = np.diag(omega * np.sqrt(spread) / (1.0 + through))
+        ratio = 1.0 + 2.0 * self.damping_ratio  # of the frequencies of pole and zero
+        through = 1.0 / (ratio**2 - 1.0)
+        gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
         one = np.eye(count)
         return ModalLaw(
             -through * gain,

@@ -35,12 +35,12 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
     def _law(self, omega: FloatArray) -> ModalLaw:
         """See `StrainDamping._law`; (C.18)."""
         count = len(omega)
-        one, none = np.eye(count), np.zeros((count, count))
+        one, zero = np.eye(count), np.zeros((count, count))
         ratio = 2.0 * self.damping_ratio
         stiffness, damping = np.diag(omega**2), np.diag(2.0 * ratio * omega)
         return ModalLaw(
-            np.block([[none, one], [-stiffness, -damping]]),
-            np.vstack([none, stiffness]),
+            np.block([[zero, one], [-stiffness, -damping]]),
+            np.vstack([zero, stiffness]),
             -(ratio**2) * np.eye(2 * count),
             np.zeros((2 * count, count)),
         )

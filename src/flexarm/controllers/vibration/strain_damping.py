@@ -29,7 +29,8 @@ from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
 from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
-from flexarm.model.drives.around import StrainDampingParameters
+from flexarm.model.drives.around import JOINT_CONTROLLERS, StrainDampingParameters
+from flexarm.model.drives.base import ControllerParameters
 
 #: Smallest singular value, relative to the largest one, at which strains distinguish modes and
 #: joints move them independently.
@@ -100,11 +101,14 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
     def __post_init__(self) -> None:
         arm, count = self.arm, self.modes
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
-        most = min(arm.joints, len(arm.gauges), arm.dof - arm.joints)
-        if count > most:
-            rule = f"be at most {most}: the least of joints, gauges and bending coordinates"
-            raise InputError(Problem("modes", rule, str(count)))
-        if getattr(self.inner, "plans_bending", False):
+        bending = arm.dof - arm.joints
+        if count > min(arm.joints, len(arm.gauges), bending):
+            rule = (
+                f"is {count}, but the arm has {arm.joints} joint(s), {len(arm.gauges)} gauge(s) "
+                f"and {bending} bending coordinate(s)"
+            )
+            raise InputError(Problem("modes", rule, hint="Each mode requires one of each."))
+        if not _of_joints(self.inner):
             rule = "be a controller of the joint angles, without a model of the bending"
             raise InputError(Problem("inner", rule, shown(self.inner)))
         rest = equilibrium(arm, self.posture)
@@ -197,6 +201,18 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
     def report(self) -> dict[str, float]:
         """Return the report of the inner controller."""
         return report_of(self.inner)
+
+
+def _of_joints(controller: Any) -> bool:
+    """Return whether a controller, or the innermost one in it, is one of the joint angles."""
+    while not isinstance(controller, StrainDamping):
+        inner = getattr(controller, "inner", None)
+        if inner is None:
+            # The kind of a user's controller is unknown, so it is accepted.
+            own = not isinstance(controller, ControllerParameters)
+            return own or controller.name in JOINT_CONTROLLERS
+        controller = inner
+    return False
 
 
 def _inverse(matrix: FloatArray, rule: str, count: int) -> Any:

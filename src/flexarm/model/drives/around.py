@@ -117,7 +117,14 @@ FilterSpec = record_of(
 )
 _OBSERVED = drive_of(DisturbanceObserverParameters)
 _REPETITIVE = drive_of(RepetitiveParameters)
-_OF_JOINTS = (*GROUPS["joint control"], *GROUPS["uncertain arms"])
+_LINEAR = GROUPS["linear models of the flexible arm"]
+_OF_JOINTS = (
+    *GROUPS["joint control"],
+    *GROUPS["uncertain arms"],
+    *(drive for drive in _LINEAR if not drive.declaration.plans_bending),
+)
+#: Names of the controllers of the joint angles, which do not plan the bending.
+JOINT_CONTROLLERS = tuple(drive.declaration.name for drive in _OF_JOINTS)
 
 
 class StrainDampingParameters(ControllerParameters):
