@@ -28,6 +28,10 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
             bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
             bending itself.
         EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if ``modes`` is less than possible, and a mode up to the largest
+            possible number grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"
