@@ -239,6 +239,8 @@ def printed_law(law, ratio, omega, s):
     return -k / (s + k * f)
 
 
+# The third mode would grow, around joints that follow exactly.
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @every
 def test_two_modes_of_two_links_are_separate_loops(law):
     """Joints move two modes, and gauges read them, as if each had its own joint and gauge."""
@@ -324,6 +326,16 @@ def test_growing_mode_that_is_not_designed_is_reported():
         near = poles[(poles.imag > 0.6 * second) & (poles.imag < 1.2 * second)]
         ratios.append(min(-near.real / abs(near)))
     assert ratios[0] < 0.0 < 0.2 < ratios[1]
+
+
+def test_growing_mode_above_all_that_can_be_designed_is_reported():
+    arm, posture = two_links(), [0.8, 0.4]
+    inner = fa.JointPD([2000.0, 500.0], [120.0, 20.0], sample_time=TICK)
+    with pytest.warns(fa.UnstableLoopWarning, match="With modes=2, a mode of 13.* Hz"):
+        made = fa.IntegralResonantControl(arm, inner, 0.3, modes=2, posture=posture)
+    assert float(fa.loop_margins(made, arm, posture).growth.max()) > 1.0
+    made = fa.IntegralResonantControl(arm, inner, 0.3, posture=posture)
+    assert float(fa.loop_margins(made, arm, posture).growth.max()) < 0.0
 
 
 def test_reported_growth_is_that_of_joints_that_follow():

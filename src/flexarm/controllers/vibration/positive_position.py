@@ -30,8 +30,8 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
         EquilibriumError: if the arm has no equilibrium at the posture.
 
     Warns:
-        UnstableLoopWarning: if ``modes`` is less than possible, and a mode up to the largest
-            possible number grows around joints that follow exactly.
+        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
+            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"

@@ -37,7 +37,7 @@ from flexarm.model.drives.around import StrainDampingParameters
 _DISTINCT = 1e-6
 #: Damping ratio below which a mode is reported, because joint loops damp it too little; and range
 #: of frequencies in which a mode is recognised, relative to that without control.
-_GROWING, _NEAR = -0.01, 1.2
+_GROWING, _NEAR = -0.005, 1.2
 
 
 class ModalLaw(NamedTuple):
@@ -124,8 +124,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         model = linearize(arm, rest)
         stiffness = model.stiffness[np.ix_(elastic, elastic)]
         self._bend = self._strains[:, elastic] @ np.linalg.inv(stiffness)
-        if count < most:
-            self._warn_of_growth(model, float(found.frequency_hz[most - 1]), most)
+        self._warn_of_growth(model, float(found.frequency_hz[: most + 1].max()))
         self._sag = Interpolated(PostureGrid(self.posture, None), [[rest.q[elastic]]])
         self.reset()
 
@@ -196,10 +195,10 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
             return None
         return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
 
-    def _warn_of_growth(self, model: LinearModel, highest: float, most: int) -> None:
+    def _warn_of_growth(self, model: LinearModel, highest: float) -> None:
         """Warn if a mode that is not designed grows around joints that follow exactly.
 
-        Modes above ``highest`` (Hz), that of mode ``most``, are left to the joint loop.
+        Modes above ``highest`` (Hz) are left to the joint loop.
         """
         elastic, count = self._model.elastic, self.modes
         n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
@@ -227,8 +226,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         if ratio < _GROWING:
             text = (
                 f"With modes={count}, a mode of {hertz:.3g} Hz that is not damped grows if the "
-                f"joints follow exactly: its damping ratio is {ratio:.2g}. Use modes={most}, or "
-                "check the loop with flexarm.loop_margins."
+                f"joints follow exactly: its damping ratio is {ratio:.2g}. Choose another number "
+                "of modes or a smaller damping_ratio, and check the loop with flexarm.loop_margins."
             )
             warn_caller(text, UnstableLoopWarning)
 
