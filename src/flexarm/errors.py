@@ -272,7 +272,7 @@ class LargeDeflectionWarning(FlexarmWarning):
 
 
 class UnstableLoopWarning(FlexarmWarning):
-    """The sampled loop of a controller and the simulated arm is unstable."""
+    """The loop of a controller and the arm, simulated or of its design, is unstable."""
 
 
 class InconsistentEstimateWarning(FlexarmWarning):

@@ -225,7 +225,8 @@ def test_an_optimal_excitation_keeps_clear_of_obstacles():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"limits": fa.MotionLimits()}, "limits do not bound the torque"),
+        ({"limits": fa.MotionLimits()}, "limits must contain at least one limit"),
+        ({"limits": fa.MotionLimits(clearance=0.1)}, "limits must contain at least one limit"),
         ({"limits": fa.MotionLimits(joint_angle=(0.2, 0.5))}, "limits exclude the start"),
         ({"noise": {}}, "noise must not be empty"),
         ({"noise": {"strian": 1e-6}}, "strian"),

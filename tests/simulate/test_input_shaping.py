@@ -212,3 +212,40 @@ def test_average_over_whole_periods_leaves_no_vibration(window, turns):
     wanted = abs(sinc if window == "moving_average" else sinc / (1.0 - x**2))
     left = abs(amplitude(arm, fa.smoothed(motion, x / hertz, window), hertz))
     assert left / plain == pytest.approx(wanted, abs=1e-5)
+
+
+def two_links():
+    link = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2}
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(mass=0.8, hub_inertia=0.01)]
+    return fa.Arm(links=[fa.Link(length=length, **link) for length in (0.8, 0.6)], joints=joints)
+
+
+def test_overdamped_modes_are_named():
+    arm = two_links()
+    motion = fa.joint_motion(arm, [0.2, 0.9], [0.8, 0.4], 0.6)
+    gains = fa.JointPD([200.0, 60.0], [15.0, 3.0])
+    ratios = fa.track_modes(arm, motion, gains, count=4, samples=49).damping_ratio.max(axis=0)
+    over = int(np.flatnonzero(ratios >= 1.0)[0])
+    text = (
+        f"modes must be vibrations.*got mode {over + 1} with the damping ratio {ratios[over]:.3g}"
+    )
+    with pytest.raises(fa.InputError, match=text):
+        fa.shaped(motion, arm, modes=over + 1, joints=gains)
+    assert fa.shaped(motion, arm, modes=over, joints=gains).end_time > motion.end_time
+
+
+def test_free_rotation_in_a_backlash_is_not_a_vibration():
+    drive = {"rotor_inertia": 2e-5, "gear_ratio": 80.0, "stiffness": 900.0, "damping": 0.5}
+    link = fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.5)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(**drive, backlash=0.01)])
+    motion = fa.joint_motion(arm, [0.0], [0.5], 0.8)
+    with pytest.raises(fa.InputError, match="got mode 1 with the damping ratio"):
+        fa.shaped(motion, arm, "zvdd")
+
+
+def test_gains_of_the_wrong_form_name_the_function():
+    arm = two_links()
+    motion = fa.joint_motion(arm, [0.2, 0.9], [0.8, 0.4], 0.6)
+    text = r"^shaped: joints must be 'locked', 'free' or \[proportional, derivative\].*got 400"
+    with pytest.raises(fa.InputError, match=text):
+        fa.shaped(motion, arm, "zv", joints=[400.0, 100.0])

@@ -101,3 +101,12 @@ def test_largest_seed_is_the_largest_number_of_63_bits():
     assert samples("random", 4, seed=2**63 - 1).count == 4
     with pytest.raises(fa.ModelError, match="seed"):
         samples("random", 4, seed=2**63)
+
+
+def test_relative_values_of_zero_are_rejected():
+    """All samples would be equal."""
+    vary = {"payload.mass": {"kind": "uniform", "low": 0.5, "high": 1.5, "relative": True}}
+    given = content(vary=vary, samples={"method": "random", "count": 4})
+    given["arm"] = {**given["arm"], "payload": {"mass": 0.0}}
+    with pytest.raises(fa.InputError, match=r"relative to a number that is 0, got 'payload\.mass'"):
+        Samples(StudySpec(**given))

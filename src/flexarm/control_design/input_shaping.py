@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_each, check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, public_call, shown
-from flexarm.linear.vibration.held import Joints
+from flexarm.linear.vibration.held import Joints, joint_feedback
 from flexarm.linear.vibration.tracking import track_modes
 from flexarm.model.checks import checked_arguments
 from flexarm.model.scenarios.shaping import ShapingSpec
@@ -68,7 +68,8 @@ def shaped(
 
     Raises:
         InputError: if an argument has the wrong value, neither an arm nor frequencies are given, or
-            both ``modes`` and frequencies; or if the search for the impulses of "si" fails.
+            both ``modes`` and frequencies; if a mode is overdamped along the motion; or if the
+            search for the impulses of "si" fails.
 
     Impulse times follow the phase of the vibration along the shaped motion, (C.7). Several modes
     are shaped one after another.
@@ -103,11 +104,13 @@ def shaped(
 def _by_modes(motion: Motion, arm: Arm, options: ShapingSpec, joints: Joints) -> ShapedMotion:
     """Iterate until the frequencies are those along the motion that is shaped with them."""
     chosen = _chosen(options.modes, arm)
+    joint_feedback(arm, joints)  # names this function if the argument is wrong
     unshaped, made = motion, motion
     before = np.zeros((_POSTURES, len(chosen)))
     for _ in range(_REPEATED):
         along = track_modes(arm, made, joints, count=int(chosen.max()) + 1, samples=_POSTURES)
         hertz, own = along.frequency_hz[:, chosen], along.damping_ratio[:, chosen]
+        _check_vibration(chosen, own)
         given = options.damping_ratio
         ratios = _ratios(own.mean(axis=0) if given is None else given, len(chosen))
         if np.max(np.abs(hertz / np.where(before > 0.0, before, 1.0) - 1.0)) < _SETTLED:
@@ -170,6 +173,20 @@ def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
         rule = f"be different numbers from 1 to {most} (the bending modes of the arm)"
         raise InputError(Problem("modes", rule, shown(modes)))
     return np.array(numbers, dtype=np.intp) - 1
+
+
+def _check_vibration(chosen: NDArray[np.intp], ratios: FloatArray) -> None:
+    """Raise if the damping ratios (postures, modes) of a mode reach 1."""
+    most = ratios.max(axis=0)
+    wrong = [
+        f"mode {number + 1} with the damping ratio {ratio:.3g}"
+        for number, ratio in zip(chosen, most, strict=True)
+        if not ratio < 1.0
+    ]
+    if wrong:
+        hint = "Leave such modes out by a list of mode numbers, or change the joints."
+        rule = "be vibrations, with damping ratios below 1 along the motion"
+        raise InputError(Problem("modes", rule, ", ".join(wrong), hint))
 
 
 def _ratios(given: ArrayLike, count: int) -> FloatArray:

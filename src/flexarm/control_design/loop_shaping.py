@@ -37,6 +37,8 @@ class ShapedDesign:
         margin: guaranteed robust stability margin of the shaped loop, between 0 and 1: no smaller
             change of the normalised coprime factors of the shaped plant makes the loop unstable.
         best_margin: the largest margin of any controller.
+        growth: largest real part of the poles of the sampled loop with the arm itself, without the
+            damping that stands for the uncertainty, 1/s.
     """
 
     posture: FloatArray
@@ -46,6 +48,7 @@ class ShapedDesign:
     D: FloatArray
     margin: float
     best_margin: float
+    growth: float
 
 
 def shaped_design(
@@ -78,7 +81,10 @@ def shaped_design(
     A, B, C, D = _series(weight, (A, B, C, D))
     whole = A, B @ shown, C, D @ shown
     A, B, C, D, _ = cont2discrete(whole, sample_time, method="bilinear")
-    return ShapedDesign(posture, A, B, C, D, margin, best)
+    own, pushed = held(model.A, model.B, sample_time)
+    loop = np.block([[own + pushed @ D @ model.C, pushed @ C], [B @ model.C, A]])
+    growth = float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
+    return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
 
 def _added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:

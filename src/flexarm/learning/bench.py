@@ -131,10 +131,14 @@ def window_of(
 ) -> Window:
     """Divide a trial into intervals."""
     sample_time = check_positive("controller.sample_time", controller.sample_time)
-    until = getattr(reference, "end_time", None) if duration is None else duration
+    end = getattr(reference, "end_time", None)
+    until = end if duration is None else duration
     if until is None:
         raise InputError(Problem("duration", "is required, because the reference has no end_time"))
     samples = check_positive("duration", until) / sample_time
+    if end is not None and until < end * (1.0 - _ROUNDING):
+        rule = f"be at least the end of the reference, {end:.6g} s"
+        raise InputError(Problem("duration", rule, shown(duration)))
     if interval is None:
         stride = max(1, math.ceil(samples / _INTERVALS * (1.0 - _ROUNDING)))
     else:

@@ -74,8 +74,8 @@ def iterative_learning(
         controller: feedback during the trials, which declares its ``memory``.
         output: "tip", or "joint_angle", whose errors are learned.
         trials: number of trials.
-        duration: s, of a trial; by default to the end of the reference. The arm vibrates less at
-            the end of the motion if the trial lasts longer.
+        duration: s, of a trial, at least and by default to the end of the reference. The arm
+            vibrates less at the end of the motion if the trial lasts longer.
         interval: s, in which the learned torque is constant, a multiple of the controller's sample
             time; by default the least with up to 400 intervals.
         effort: weight of the squared torques, relative to the squares of the errors that the most

@@ -187,6 +187,8 @@ class _Experiment:
         self.duration, self.rate, self._angles = duration, rate, angles
         self._bounds = bounds_of(limits, arm)
         self._torques = torque_limits(limits, arm)
+        if not self._bounds and np.all(np.isinf(self._torques)):
+            raise InputError(Problem("limits", "must contain at least one limit"))
         self._rates = limits.torque_rate is not None
         self.evaluations = 0
 

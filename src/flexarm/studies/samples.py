@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flexarm.errors import InputError
+from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.paths import number_at
@@ -39,7 +39,8 @@ class Samples:
         paths: of the varied numbers. count: number of samples.
 
     Raises:
-        InputError: if a path leads to no number; all such paths are listed.
+        InputError: if a path leads to no number, or relative values to 0; all such paths are
+            listed.
     """
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
@@ -116,13 +117,17 @@ def _nominal_values(study: StudySpec, place: Where) -> list[float]:
     """Return the numbers of a study at the paths of the varied ones.
 
     Raises:
-        InputError: if a path leads to none.
+        InputError: if a path leads to none, or relative values to 0.
     """
     values, problems = [], []
-    for path in study.vary:
+    for path, item in study.vary.items():
         whole = (study, path, "study") if in_study(path) else (study.arm, path)
         try:
             values.append(number_at("vary", *whole))
+            if item.relative and values[-1] == 0.0:
+                rule = "not be relative to a number that is 0"
+                hint = "All samples would be equal. Give the values without `relative: true`."
+                raise InputError(Problem("vary", rule, shown(path), hint))
         except InputError as error:
             where = place(("vary", path))
             problems += [replace(problem, where=where) for problem in error.problems]

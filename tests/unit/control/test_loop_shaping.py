@@ -152,3 +152,25 @@ def test_synthesis_of_slycot_has_the_same_least_bound():
     )
     *_, gamma, _ = control.hinfsyn(whole, 1, 1)
     assert gamma == pytest.approx(1.0 / best, rel=1e-3)
+
+
+def test_design_that_does_not_stabilise_the_arm_itself_warns():
+    """With this much added damping the controller relies on damping that the links do not have."""
+    gauge_free = {"material": "aluminium", "elements": 2, "damping": fa.ModalDamping(ratio=0.0)}
+    links = [
+        fa.Link(length=0.8, section=fa.Rectangle(width=0.05, height=0.006), **gauge_free),
+        fa.Link(length=0.6, section=fa.Rectangle(width=0.04, height=0.004), **gauge_free),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(mass=0.8, hub_inertia=0.01)]
+    arm = fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.3))
+    with pytest.warns(fa.UnstableLoopWarning, match="The loop with the arm itself is unstable"):
+        made = fa.LoopShaping(arm, [0.5, 0.7], bandwidth=10.0, rigidity_uncertainty=1.0)
+    growth = float(fa.loop_margins(made, arm, [0.5, 0.7]).growth.max())
+    assert growth > 0.1
+    assert made.designs[0].growth == pytest.approx(growth, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", [fa.LoopShaping, fa.LQG, fa.Composite])
+def test_rigidity_uncertainty_is_a_fraction(kind):
+    with pytest.raises(fa.InputError, match="rigidity_uncertainty must be at most 1, got 30"):
+        kind(robust_arm(), POSTURE, rigidity_uncertainty=30)

@@ -239,6 +239,8 @@ def printed_law(law, ratio, omega, s):
     return -k / (s + k * f)
 
 
+# The third mode would grow, around joints that follow exactly.
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @every
 def test_two_modes_of_two_links_are_separate_loops(law):
     """Joints move two modes, and gauges read them, as if each had its own joint and gauge."""
@@ -321,3 +323,62 @@ def test_gauges_at_one_place_do_not_distinguish_two_modes(law):
     arm = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=1.0)] * 2)
     with pytest.raises(fa.InputError, match="modes must be observed by the gauges, got 2"):
         law(arm, fa.JointPD(1.0, 1.0), modes=2)
+
+
+def aluminium_links():
+    section = {"elements": 2, "material": "aluminium", "damping": fa.ModalDamping(ratio=0.005)}
+    gauges = [fa.Gauge(station=0.02, distance=0.002)]
+    sizes = [(0.8, 0.05, 0.006), (0.6, 0.04, 0.004)]
+    links = [
+        fa.Link(length=length, section=fa.Rectangle(width=b, height=h), gauges=gauges, **section)
+        for length, b, h in sizes
+    ]
+    joints = [
+        fa.Joint(hub_inertia=0.05),
+        fa.Joint(mass=0.8, hub_inertia=0.01, housing_inertia=0.005),
+    ]
+    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.3))
+
+
+def test_growing_mode_that_is_not_designed_is_reported():
+    """The second mode grows around stiff joints with one mode, and is damped with two."""
+    arm, posture = aluminium_links(), [0.8, 0.4]
+    inner = fa.JointPD([2000.0, 500.0], [120.0, 20.0], sample_time=TICK)
+    ratios = []
+    for count in (1, 2):
+        options = {"modes": count, "posture": posture}
+        if count == 1:
+            with pytest.warns(fa.UnstableLoopWarning, match="With modes=1, a mode of 5.8.* Hz"):
+                made = fa.IntegralResonantControl(arm, inner, 0.3, **options)
+        else:
+            made = fa.IntegralResonantControl(arm, inner, 0.3, **options)
+        poles = loop_at(made, arm, np.array(posture)).poles()
+        second = 2.0 * np.pi * fa.modes(arm, posture).frequency_hz[1]
+        near = poles[(poles.imag > 0.6 * second) & (poles.imag < 1.2 * second)]
+        ratios.append(min(-near.real / abs(near)))
+    assert ratios[0] < 0.0 < 0.2 < ratios[1]
+
+
+def test_growing_mode_above_all_that_can_be_designed_is_reported():
+    arm, posture = two_links(), [0.8, 0.4]
+    inner = fa.JointPD([2000.0, 500.0], [120.0, 20.0], sample_time=TICK)
+    with pytest.warns(fa.UnstableLoopWarning, match="With modes=2, a mode of 13.* Hz"):
+        made = fa.IntegralResonantControl(arm, inner, 0.3, modes=2, posture=posture)
+    assert float(fa.loop_margins(made, arm, posture).growth.max()) > 1.0
+    made = fa.IntegralResonantControl(arm, inner, 0.3, posture=posture)
+    assert float(fa.loop_margins(made, arm, posture).growth.max()) < 0.0
+
+
+def test_reported_growth_is_that_of_joints_that_follow():
+    """The damping ratio in the warning, against the sampled loop around joints of 130 Hz."""
+    arm, posture = aluminium_links(), np.array([0.8, 0.4])
+    inertia = np.diag(arm.mass_matrix(arm.rest(posture)))[arm.joint_index]
+    w = 2.0 * np.pi * 130.0
+    inner = fa.JointPD(10.0 * inertia * w**2, 14.0 * inertia * w, sample_time=1e-5)
+    with pytest.warns(fa.UnstableLoopWarning) as kept:
+        made = fa.IntegralResonantControl(arm, inner, 0.3, posture=posture)
+    reported = float(str(kept[0].message).partition("damping ratio is ")[2].partition(". ")[0])
+    poles = loop_at(made, arm, posture).poles()
+    poles = poles[(poles.imag > 30.0) & (poles.imag < 45.0)]
+    assert len(poles) == 1
+    assert reported == pytest.approx(float(-poles[0].real / abs(poles[0])), abs=0.003)

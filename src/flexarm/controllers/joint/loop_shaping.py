@@ -19,8 +19,11 @@ from flexarm.control.requirements import JOINTS
 from flexarm.control_design.loop_shaping import ShapedDesign, shaped_design
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
 from flexarm.controllers.joint.follower import JointFollower
-from flexarm.errors import public_call
+from flexarm.errors import UnstableLoopWarning, few, public_call, warn_caller
 from flexarm.model.drives.linear import LoopShapingParameters
+
+#: Growth that is rounding, 1/s.
+_ROUNDING = 1e-6
 
 
 class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
@@ -37,6 +40,10 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
     Raises:
         InputError: if a shape or number is wrong, or the Riccati equations have no solution.
         EquilibriumError: if the arm has no equilibrium at a posture.
+
+    Warns:
+        UnstableLoopWarning: if the loop with the arm itself, without the damping that stands for
+            ``rigidity_uncertainty``, is unstable.
     """
 
     memory = ("_state",)
@@ -72,6 +79,14 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
                 for posture in self._grid.postures
             )
         warn_of_first(bent)
+        worst = max(self.designs, key=lambda one: one.growth)
+        if worst.growth > _ROUNDING:
+            text = (
+                f"The loop with the arm itself is unstable at joint angles {few(worst.posture)}: "
+                f"deviations grow by {worst.growth:.3g} 1/s. The margin is that of the model with "
+                "the damping of rigidity_uncertainty. Reduce it, or give the links damping."
+            )
+            warn_caller(text, UnstableLoopWarning)
         nodes = [[np.block([[one.A, one.B], [one.C, one.D]])] for one in self.designs]
         self._arrays = Interpolated(self._grid, nodes)
         self._state = np.zeros(len(self.designs[0].A))

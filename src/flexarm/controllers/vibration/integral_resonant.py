@@ -21,13 +21,18 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
 
     The design assumes that the joints follow their reference at the frequency of the mode. The
     inner controller must act on the joint angles of its reference. The arm needs one gauge for
-    each mode.
+    each mode. Around one link the law damps higher modes as well. With several links modes
+    that are not damped can grow: compare ``modes`` up to the number of joints by `loop_margins`.
 
     Raises:
         InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
             bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
             bending itself.
         EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
+            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "AphaleEtAl2007 PereiraEtAl2011 NamavarEtAl2014"

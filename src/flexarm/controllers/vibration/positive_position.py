@@ -28,6 +28,10 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
             bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
             bending itself.
         EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
+            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"

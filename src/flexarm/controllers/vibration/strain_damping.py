@@ -24,8 +24,9 @@ from flexarm.control.requirements import JOINTS
 from flexarm.control_design.flexible_model import FlexibleModel
 from flexarm.control_design.nominal import PreviewedReference, strain_matrix
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown, warn_caller
 from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
 from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
@@ -35,6 +36,9 @@ from flexarm.model.drives.base import ControllerParameters
 #: Smallest singular value, relative to the largest one, at which strains distinguish modes and
 #: joints move them independently.
 _DISTINCT = 1e-6
+#: Damping ratio below which a mode is reported, because joint loops damp it too little; and range
+#: of frequencies in which a mode is recognised, relative to that without control.
+_GROWING, _NEAR = -0.005, 1.2
 
 
 class ModalLaw(NamedTuple):
@@ -121,8 +125,10 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         self._driven = _inverse(moved, "be moved by the joints", count)
         self._model = FlexibleModel(arm)
         elastic = self._model.elastic
-        stiffness = linearize(arm, rest).stiffness[np.ix_(elastic, elastic)]
+        model = linearize(arm, rest)
+        stiffness = model.stiffness[np.ix_(elastic, elastic)]
         self._bend = self._strains[:, elastic] @ np.linalg.inv(stiffness)
+        self._warn_of_growth(model, float(found.frequency_hz[: most + 1].max()))
         self._sag = Interpolated(PostureGrid(self.posture, None), [[rest.q[elastic]]])
         self.reset()
 
@@ -192,6 +198,42 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         if isinstance(reference, FrozenReference) or not hasattr(reference, "coordinates"):
             return None
         return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
+
+    def _warn_of_growth(self, model: LinearModel, highest: float) -> None:
+        """Warn if a mode that is not designed grows around joints that follow exactly.
+
+        Modes above ``highest`` (Hz) are left to the joint loop.
+        """
+        elastic, count = self._model.elastic, self.modes
+        n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
+        own = np.ix_(elastic, elastic)
+        signal = -law.B @ self._observed @ self._strains[:, elastic]
+        # The angles have no feedthrough, so their accelerations follow from the state of the law.
+        push = -model.mass[np.ix_(elastic, self.arm.joint_index)] @ self._driven @ law.C[:count]
+        forces = (
+            push @ law.A @ signal - model.stiffness[own],
+            push @ signal - model.damping[own],
+            push @ law.A @ law.A,
+        )
+        none = np.zeros((n, n))
+        loop = np.block(
+            [
+                [none, np.eye(n), np.zeros((n, len(law.A)))],
+                [np.linalg.solve(model.mass[own], np.hstack(forces))],
+                [signal, np.zeros((len(law.A), n)), law.A],
+            ]
+        )
+        poles = np.linalg.eigvals(loop)
+        poles = poles[np.abs(poles) < _NEAR * 2.0 * np.pi * highest]
+        worst = poles[np.argmax(poles.real / np.abs(poles))]
+        ratio, hertz = -worst.real / abs(worst), abs(worst) / (2.0 * np.pi)
+        if ratio < _GROWING:
+            text = (
+                f"With modes={count}, a mode of {hertz:.3g} Hz that is not damped grows if the "
+                f"joints follow exactly: its damping ratio is {ratio:.2g}. Choose another number "
+                "of modes or a smaller damping_ratio, and check the loop with flexarm.loop_margins."
+            )
+            warn_caller(text, UnstableLoopWarning)
 
     def _static_strain(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the strains (T, gauges) at q (T, dof)."""

@@ -14,6 +14,7 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, shown
 
 JOINTS = ("locked", "free")
+_RULE = "be 'locked', 'free' or [proportional, derivative] (N m/rad, N m s/rad) for each joint"
 
 
 class Gains(Protocol):
@@ -72,8 +73,9 @@ def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
                 raise _unknown("joints", item)
             moving[place] = item == "free"
         else:
-            gains = check_array("joints", item, (2,))
-            stiffness[place], damping[place] = gains
+            if len(as_list(item) or ()) != 2:
+                raise InputError(Problem("joints", _RULE, shown(item)))
+            stiffness[place], damping[place] = check_array("joints", item, (2,))
     return JointFeedback(np.flatnonzero(moving), stiffness, damping)
 
 

@@ -12,6 +12,7 @@ from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleT
 from flexarm.model.quantities import (
     Finite,
     Flag,
+    Fraction,
     Listed,
     ListPerJoint,
     Named,
@@ -84,11 +85,11 @@ class LinearParameters(ControllerParameters):
         "acceptable_torque. A larger value brings the margins closer to those of a regulator that "
         "measures the whole state, and amplifies noise (Doyle and Stein 1981).",
     )
-    rigidity_uncertainty: _Robustness = Field(
+    rigidity_uncertainty: Fraction = Field(
         default=0.0,
         description="Relative error of the stiffness of the links for which the design is robust, "
-        "such as 0.3: elastic forces of this relative size are noise of the filter, and the "
-        "regulator damps vibrations more (Tahk and Speyer 1987).",
+        "at most 1, such as 0.3: elastic forces of this relative size are noise of the filter, and "
+        "the regulator damps vibrations more (Tahk and Speyer 1987).",
     )
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
@@ -175,11 +176,11 @@ class LoopShapingParameters(ControllerParameters):
         description="Frequency below which the feedback is integral, one for all joints or one "
         "for each; 0 for none, otherwise a tenth of the bandwidth or less (rad/s).",
     )
-    rigidity_uncertainty: _Robustness = Field(
+    rigidity_uncertainty: Fraction = Field(
         default=0.0,
         description="Relative error of the stiffness of the links for which the design is robust, "
-        "such as 0.3: a third of it is added to the damping ratios of the design model, so that "
-        "the controller does not rely on the frequencies of the links (Collins, King and "
+        "at most 1, such as 0.3: a third of it is added to the damping ratios of the design model, "
+        "so that the controller does not rely on the frequencies of the links (Collins, King and "
         "Bernstein 1992). The arm must have damping, too.",
     )
     suboptimality: _Suboptimality = Field(
