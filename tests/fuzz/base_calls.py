@@ -45,7 +45,9 @@ def limits() -> fa.MotionLimits:
 
 @cache
 def optimal() -> fa.OptimalMotion:
-    return fa.optimal_motion(arm(), start, end, limits=limits(), intervals=10)
+    return fa.optimal_motion(
+        arm(), start, end, "energy", duration=1.0, limits=limits(), intervals=20
+    )
 
 
 @cache
@@ -177,7 +179,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
     "iterative_learning": {
         "arm": arm,
-        "reference": motion,
+        "reference": lambda: fa.joint_motion(arm(), start, [0.101, 0.301], 0.03),
         "controller": lambda: controller(),
         "duration": 0.04,
         "trials": 1,

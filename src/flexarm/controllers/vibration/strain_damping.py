@@ -106,7 +106,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         arm, count = self.arm, self.modes
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
         bending = arm.dof - arm.joints
-        if count > min(arm.joints, len(arm.gauges), bending):
+        most = min(arm.joints, len(arm.gauges), bending)
+        if count > most:
             rule = (
                 f"is {count}, but the arm has {arm.joints} joint(s), {len(arm.gauges)} gauge(s) "
                 f"and {bending} bending coordinate(s)"
