@@ -1,5 +1,8 @@
 """Studies: the numbers of a sample equal those of `compare`, and failures are recorded."""
 
+import contextlib
+import socket
+
 import numpy as np
 import pytest
 from small_study import CONTENT, PD, READING, content
@@ -10,6 +13,7 @@ from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.model import StudySpec
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.simulation.compare import evaluated
+from flexarm.studies.workers import cluster
 
 GAUGE = {"station": 0.05, "distance": 0.005}
 LARGE = {"kind": "values", "values": [0.1, 5.0]}
@@ -156,3 +160,16 @@ def test_comparison_in_processes_has_the_same_numbers(monkeypatch):
 def test_run_study_refuses_samples():
     with pytest.raises(fa.InputError, match="has samples, which run_study does not run"):
         fa.run_study(StudySpec(**content()))
+
+
+def test_local_workers_do_not_need_the_port_of_another_cluster(recwarn):
+    """Dask warns if its default port is in use."""
+    pytest.importorskip("distributed")
+    with socket.socket() as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with contextlib.suppress(OSError):  # in use already: just as well
+            other.bind(("127.0.0.1", 8787))
+            other.listen()
+        with cluster(None, 1) as client:
+            assert client.submit(abs, -3).result() == 3
+    assert not [one for one in recwarn if "8787" in str(one.message)]

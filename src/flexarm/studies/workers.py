@@ -65,8 +65,10 @@ def cluster(client: object, workers: int) -> Iterator[Any]:
                 threads_per_worker=1,
                 memory_limit=None,
                 silence_logs=logging.ERROR,
-                dashboard_address=None,
-                worker_dashboard_address=None,
+                # Not the default port, which may be in use: Dask would warn.
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
             )
         except RuntimeError:
             hint = 'A script needs the guard `if __name__ == "__main__":`; workers=1 does not.'
