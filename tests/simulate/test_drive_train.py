@@ -254,3 +254,13 @@ def test_batches_give_the_numbers_of_single_runs(backlash):
     for k, start in enumerate(starts):
         one = fa.simulate(arm, 0.1, initial=start, torque=torque, rate=400.0)
         np.testing.assert_array_equal(batch.tip.values[k], one.tip.values)
+
+
+def test_linear_model_between_the_contacts_is_reported():
+    """No spring acts there, so a design for it would not be one of the arm."""
+    arm = bar(0.2, rotor_inertia=0.15, stiffness=800.0, backlash=0.02)
+    for function in (fa.modes, fa.linearize):
+        with pytest.warns(fa.FlexarmWarning, match=r"joints\[0\]: between the contacts"):
+            function(arm)
+    pressed = np.array([0.0, 0.015])
+    assert fa.modes(arm, q=pressed).frequency_hz[-1] > 0.0  # on a contact, without a warning

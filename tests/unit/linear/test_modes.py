@@ -212,7 +212,7 @@ class TestCurves:
     [
         ({"joints": "loked"}, "joints must be one of 'locked', 'free' or gains"),
         ({"joints": ["locked"]}, "for each of the 2 joints"),
-        ({"joints": ["locked", (1.0,)]}, "joints must be numbers of shape"),
+        ({"joints": ["locked", (1.0,)]}, "proportional, derivative"),
         ({"q": [0.0]}, "q must be numbers of shape"),
         ({"joint_angles": ANGLES, "q": np.zeros(8)}, "joint_angles cannot be combined with q"),
         ({"spin": np.nan}, "spin must be finite"),

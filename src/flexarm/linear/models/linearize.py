@@ -37,6 +37,7 @@ from flexarm.linear.models.signals import (
 )
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
+from flexarm.linear.statics.gaps import warn_of_backlash
 from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of, contact_channels
@@ -94,6 +95,7 @@ def linearize(
     with one_warning():
         point = _operating_point(arm, q, qd, torque, environment)
     warn_of_bending(arm, point.q)
+    warn_of_backlash(arm, point.q)
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
         holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
         point.torque[:] = holding[arm.joint_index]
