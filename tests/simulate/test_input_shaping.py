@@ -234,6 +234,7 @@ def test_overdamped_modes_are_named():
     assert fa.shaped(motion, arm, modes=over, joints=gains).end_time > motion.end_time
 
 
+@pytest.mark.filterwarnings("ignore:.*between the contacts:flexarm.FlexarmWarning")
 def test_free_rotation_in_a_backlash_is_not_a_vibration():
     drive = {"rotor_inertia": 2e-5, "gear_ratio": 80.0, "stiffness": 900.0, "damping": 0.5}
     link = fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.5)
