@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.stats import chi2
+from scipy.stats import chi2, lognorm, norm
 
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
@@ -296,6 +296,33 @@ def test_sum_of_gaussians_has_the_given_mean_and_covariance(mass, deviation):
     assert np.sqrt(filters.covariance[-1, -1]) == pytest.approx(deviation, rel=0.05)
     # Links sag in proportion to the mass: fully correlated except for vibration.
     assert np.min(np.linalg.eigvalsh(filters.covariance)) >= 0.0
+
+
+def test_a_reading_changes_the_weights_as_bayes_theorem_says():
+    arm = one_link(payload=0.2)
+    filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN])
+    deflection = np.array([[[0.0, 1.0]], [[0.0, 0.0]]])
+    strain = arm.strains(deflection[None])[0, 0]
+    # The deflection is proportional to the deviation of the mass, and otherwise nearly known.
+    by_mass, deviation, missed = 30.0 * STRAIN.noise / strain, 0.1, 4.5 * STRAIN.noise
+    slope = np.array([0.0, by_mass, 0.0, 0.0, 1.0])
+    filters.begin(
+        np.zeros(2), np.zeros(2), 0.2, deviation**2 * np.outer(slope, slope) + 1e-16 * np.eye(5)
+    )
+    filters.correct(Measurement(joint_angle=np.zeros(1), strain=np.array([missed])))
+
+    # The mass that moves with the tip, of the payload, the hub and the rod, is lognormal.
+    own = 0.05 + 0.4 / 3.0
+    mass = np.linspace(1e-4, 2.0, 20_001)
+    spread = np.log1p(deviation**2 / (0.2 + own) ** 2)
+    prior = lognorm.pdf(mass, np.sqrt(spread), scale=(0.2 + own) * np.exp(-0.5 * spread))
+    readings = strain * by_mass * (mass - own - 0.2)
+    weights = prior * norm.pdf(missed, readings, STRAIN.noise)
+    mean = np.average(mass, weights=weights)
+    # The Gaussians end at 2.5 deviations: a fiftieth of the deviation after the reading.
+    found = np.sqrt(np.average((mass - mean) ** 2, weights=weights))
+    assert filters.payload_mass == pytest.approx(mean - own, abs=0.02 * found)
+    assert np.sqrt(filters.covariance[-1, -1]) == pytest.approx(found, rel=0.03)
 
 
 def test_estimated_payload_is_not_negative():
