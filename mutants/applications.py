@@ -18,7 +18,11 @@ APPLICATIONS: dict[str, Area] = {
             ),
             Group(
                 sources=("engine/contact_*.py", "engine/impacts.py"),
-                tests=("simulate/test_contacts.py", "simulate/test_rejected_contact_starts.py"),
+                tests=(
+                    "simulate/test_contacts.py",
+                    "simulate/test_rejected_contact_starts.py",
+                    "simulate/test_joint_stops.py",
+                ),
             ),
             Group(
                 sources=(
@@ -45,6 +49,8 @@ APPLICATIONS: dict[str, Area] = {
                 sources=("engine/**/*.py", "simulation/**/*.py"),
                 tests=(
                     "simulate/test_results.py",
+                    "simulate/test_hardware.py",
+                    "simulate/test_features_in_time.py",
                     "simulate/test_torques.py",
                     "simulate/test_plant.py",
                     "simulate/test_accuracy_and_failure.py",

@@ -164,12 +164,16 @@ AREAS: dict[str, Area] = {
         groups=(
             Group(
                 sources=("linear/**/equilibrium.py", "linear/**/descent.py", "linear/**/held.py"),
-                tests=("unit/linear/test_equilibrium.py", "unit/linear/test_reprs.py"),
+                tests=(
+                    "unit/linear/test_equilibrium.py",
+                    "unit/linear/test_reprs.py",
+                    "unit/linear/test_modes.py",
+                ),
             ),
             Group(sources=("linear/**/pressed.py",), tests=("unit/linear/test_pressed.py",)),
             Group(
                 sources=("linear/**/quasi_static.py", "linear/**/curves.py"),
-                tests=("simulate/test_flexible_references.py",),
+                tests=("simulate/test_flexible_references.py", "unit/linear/test_modes.py"),
             ),
             Group(sources=("linear/**/tracking.py",), tests=("unit/linear/test_tracking.py",)),
             Group(sources=("linear/**/transfer.py",), tests=("unit/linear/test_transfer.py",)),

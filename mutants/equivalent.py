@@ -61,6 +61,34 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "if old_h >= 0.0:",
         ): "before the first span the difference that the ratio multiplies is zero",
     },
+    "plant.py": {
+        (
+            "sample_times=np.zeros(0),",
+            "sample_times=np.zeros( 1),",
+        ): "the samples of such a run are not read",
+    },
+    "lane_loop.py": {
+        (
+            "runs.until[:] = np.where(self.alive, change, -1.0)",
+            "runs.until[:] = np.where(self.alive, change, 1.0)",
+        ): "a run that has failed is repeated alone; what lanes compute after that is not read",
+        (
+            "row = int(self.rows[0])",
+            "row = int(self.rows[ -1])",
+        ): "there is one row",
+    },
+    "schedule.py": {
+        (
+            "inner = np.unique(times[(times > 0.0) & (times < last)])",
+            "inner = np.unique(times[(times > 0.0) & (times <= last)])",
+        ): "an interval of no length has the value of the next one and is left out",
+    },
+    "tables.py": {
+        (
+            "table = Table.grid(padding=(0, 2, 0, 0))",
+            "table = Table.grid(padding=(0, 2, 0, -1))",
+        ): "a negative padding is none",
+    },
     "point_motion.py": {
         (
             "for k in range(stations.body.shape[0]):",

@@ -3,6 +3,7 @@ errors."""
 
 import csv
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scenarios import invoke
 from scipy.io import loadmat
 
 import flexarm as fa
+from flexarm.cli.commands.linearize import _poles
 
 ARM = """\
 flexarm: 1
@@ -139,6 +141,13 @@ def test_poles_of_an_arm_with_free_joints(path, tmp_path):
     rows = [line.split() for line in outcome.stdout.splitlines()]
     assert sum(row == ["0", "0", "0", "-"] for row in rows) == 4  # two rigid modes, twice each
     assert json.loads((tmp_path / "arm.json").read_text())["inputs"] == ["torque[1]", "torque[2]"]
+
+
+def test_rounding_of_poles_is_shown_as_zero():
+    """Compared with the fastest pole: 1e-5 is rounding beside 1e6 rad/s, and a pole beside 1."""
+    for fastest, shown in ((1e6, "0"), (1.0, "-1e-05")):
+        model = SimpleNamespace(poles=np.array([-1e-5, 1j * fastest, -1j * fastest]))
+        assert [row[0] for row in _poles(model, 3)] == [shown, "0"]
 
 
 CLAMPED = """\

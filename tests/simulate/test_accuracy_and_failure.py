@@ -1,5 +1,7 @@
 """Accuracy for given tolerances, and runs that fail."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,18 @@ def run(arm, **options):
     return fa.simulate(
         arm, 1.0, torque=torque, initial=arm.rest([0.8, -1.5]), rate=100.0, **options
     )
+
+
+def test_run_whose_steps_shrink_is_stopped(monkeypatch):
+    """The limits are days of computing; here they are ten steps."""
+    module = sys.modules["flexarm.engine.stepping"]
+    for name in ("_MOST_STEPS", "_MOST_STEPS_A_TICK"):
+        monkeypatch.setattr(module, name, 10.0)
+    with pytest.raises(fa.SimulationError, match=r"the step has shrunk to 0\.001 s") as failure:
+        run(table_one_arm(), step=1e-3)
+    kept = failure.value.result
+    assert 0 < kept.sizes["time"] < 101
+    assert kept.ended_by == "failure"
 
 
 @pytest.mark.parametrize("integrator", ["dormand_prince_8"])

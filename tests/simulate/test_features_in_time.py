@@ -210,6 +210,8 @@ def test_result_states_the_shortest_feature():
     assert long.shortest_feature == pytest.approx(100.0 / 20_000, rel=1e-9)
     exact = fa.simulate(arm, 1.0, torque=np.ones((1001, 1)), rate=1000.0)
     assert exact.shortest_feature == 0.0
+    loop = fa.simulate(arm, 0.01, controller=fa.JointPD(1.0, 1.0))
+    assert loop.shortest_feature == 0.0
     load = fa.Load(1, moment=1.0, factor=lambda t: t)
     loaded = fa.simulate(arm, 1.0, loads=[load], prescribed={1: fa.PrescribedAngle.hold(0.0)})
     assert loaded.shortest_feature == pytest.approx(1e-3, rel=1e-9)

@@ -5,6 +5,7 @@ I) p dp. In at v and out at -u, both at p = 0: c v - ln(1 + c v) = -c u - ln(1 -
 """
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -178,6 +179,24 @@ def test_motion_that_tolerances_do_not_determine_gives_a_warning(monkeypatch):
     assert "impacts on joint stops amplify errors" in result.warning
     tight = pushed(bouncing(fa.Friction(coulomb=0.3)), rtol=1e-9, atol=1e-11)  # given: no check
     assert tight.warning == ""
+
+
+@pytest.mark.parametrize(("share", "doubtful"), [(0.009, False), (0.011, True)])
+def test_warning_begins_at_a_hundredth_of_the_reach(share, doubtful, monkeypatch):
+    limits = fa.JointLimits(lower=-0.05, upper=0.05, stiffness=STIFFNESS)
+    links = [fa.Link(length=2.0, mass_per_length=1.0, flexible=False)]
+    long = fa.Arm(links=links, joints=[fa.Joint(limits=limits)])
+    module = sys.modules["flexarm.engine.impacts"]
+    monkeypatch.setattr(
+        module, "_apart", lambda run, *_: np.full(len(run.sample_times), share * 2.0)
+    )
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        result = fa.simulate(long, 0.1, initial_rate=[1.0])
+    assert result.impact_steps > 0
+    assert [str(one.message).startswith("impacts on joint stops") for one in found] == (
+        [True] if doubtful else []
+    )
 
 
 def test_events_of_a_second_run_are_reported_once():

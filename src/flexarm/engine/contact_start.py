@@ -48,9 +48,11 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
         if not np.isfinite(values[GAP]):  # at the centre of a circle the nearest point is undefined
             rule = f"lies at the centre of the surface of contact {k}"
             raise InputError(Problem("initial", rule, hint="Start outside the surface."))
-        depth = max(-float(values[GAP]), 0.0)
+        depth = -float(values[GAP])
+        if depth <= _DEEP * float(arm.lengths.sum()):
+            continue
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
-        if depth > _DEEP * float(arm.lengths.sum()) and force > _UNHELD * weight:
+        if force > _UNHELD * weight:
             rule = f"start outside the surface of contact {k}"
             value = (
                 f"{depth:.3g} m inside, with a contact force of {force:.3g} N and an energy of "

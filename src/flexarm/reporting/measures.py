@@ -122,7 +122,7 @@ def run_facts(result: xr.Dataset) -> list[tuple[str, str]]:
     add("computing time", "wall_seconds", "{:.3g} s")
     add("controller", "controller")
     add("its sample time", "sample_time", "{:g} s")
-    calls = attributes.get("controller_calls", 0)
+    calls = attributes.get("controller_calls")
     if calls:
         mean = 1e6 * attributes["controller_seconds"] / calls
         rows.append(("its computing time", f"{mean:.3g} µs for each of {calls} samples"))

@@ -66,7 +66,7 @@ def metrics_of(
     """
     channels = {name: result[name].values for name in MEASURED if name in result}
     values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
-    calls = result.attrs.get("controller_calls", 0)
+    calls = result.attrs.get("controller_calls")
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
     return values

@@ -334,6 +334,19 @@ def test_estimated_payload_is_not_negative():
     assert np.all(np.isfinite(filters.covariance))
 
 
+def test_variance_of_the_payload_grows_by_its_drift():
+    """A random walk: its variance is the square of the drift times the time."""
+    found = {}
+    for drift in (0.0, 0.05):
+        filters = fa.ExtendedKalmanFilter(one_link(), [ENCODER], payload_drift=drift)
+        filters.begin(np.zeros(2), np.zeros(2), 0.2, np.diag([1e-8, 1e-8, 1e-6, 1e-6, 1e-4]))
+        for _ in range(10):
+            filters.predict(np.zeros(1))
+        found[drift] = filters.covariance[-1, -1]
+    # The logarithm of the mass walks: the difference is the relative variance, 0.1 % to 1 %.
+    assert found[0.05] - found[0.0] == pytest.approx(0.05**2 * 0.01, rel=1e-2)
+
+
 def test_inconsistent_filter_is_reported():
     arm = two_links()
     plant = fa.varied(arm, flexural_rigidity_factor=0.5)

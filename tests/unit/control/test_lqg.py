@@ -283,6 +283,17 @@ def test_scheduled_gains_at_a_node_equal_those_of_its_posture():
     )
 
 
+def test_recovery_multiplies_the_acceptable_torque():
+    """The fictitious torque noise of loop-transfer recovery is their product."""
+    arm, exact = arm_with_gauges(), {"rigidity_uncertainty": 0.0, "disturbance": {"torque": 0.1}}
+    made = [
+        fa.LQG(arm, POSTURE, recovery=recovery, acceptable_torque=torque, **exact).designs[0]
+        for recovery, torque in ((2.0, [8.0, 1.0]), (1.0, [16.0, 2.0]), (1.0, [8.0, 1.0]))
+    ]
+    np.testing.assert_allclose(made[0].estimator, made[1].estimator, rtol=1e-9, atol=1e-12)
+    assert not np.allclose(made[0].estimator, made[2].estimator, rtol=0.1)
+
+
 def test_saturated_integral_does_not_wind_up():
     class Naive(fa.LQG):
         def _integrate(self, measurement, nominal, excess):

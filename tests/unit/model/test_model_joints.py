@@ -17,6 +17,7 @@ def test_defaults_are_an_ideal_joint():
     assert (joint.stiffness, joint.rest_angle, joint.damping) == (0.0, 0.0, 0.0)
     assert joint.friction is None
     assert joint.limits is None
+    assert (joint.torque_per_voltage, joint.braking) == (0.0, 0.0)
     friction = Friction(coulomb=2.0)
     assert friction.static is None
     assert (friction.stribeck_rate, friction.smoothing_rate) == (0.1, 0.01)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from flexarm.kernels.columns import FREE, JOINT_STIFFNESS, W2
-from flexarm.kernels.compilation.cache import unlocked
+from flexarm.kernels.compilation.cache import merged, unlocked
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
@@ -51,22 +51,25 @@ def fastest_vibrations(
             for j in range(len(sizes.modes)):
                 change[0, i, 1 + j] = math.sqrt(c.mode[i, j, W2])
                 change[1, i, 1 + j] = work.acceleration[i, 1 + j]
-        length = 0.0
-        for i in range(len(sizes.bodies)):
-            for j in range(1 + len(sizes.modes)):
-                length += change[0, i, j] * change[0, i, j]
         for _ in range(_ITERATIONS):
-            scale = _SMALL / math.sqrt(length)
+            scale = _SMALL / _length(sizes, change)
             for i in range(len(sizes.bodies)):
                 for j in range(1 + len(sizes.modes)):
                     moved[0, i, j] = states[k, 0, i, j] + scale * change[0, i, j]
             forward_dynamics(sizes, c, moved, torque, loads, work)
-            length = 0.0
             for i in range(len(sizes.bodies)):
                 for j in range(1 + len(sizes.modes)):
                     value = work.acceleration[i, j] - change[1, i, j]
                     if j == 0 and c.body[i, FREE] == 0.0:
                         value = 0.0
                     change[0, i, j] = value
-                    length += value * value
-        found[k] = max(1.0, math.sqrt(math.sqrt(length) / _SMALL))
+        found[k] = max(1.0, math.sqrt(_length(sizes, change) / _SMALL))
+
+
+@merged
+def _length(sizes: Sizes, change: Array) -> float:
+    squares = 0.0
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            squares += change[0, i, j] * change[0, i, j]
+    return math.sqrt(squares)
