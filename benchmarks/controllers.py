@@ -55,6 +55,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "rbf_adaptive": lambda arm: fa.RBFAdaptive(
         arm, 10.0, [30.0, 8.0], 2.0, [0.0, 1.0], [1.0, 2.0], centres=(1, 5)
     ),
+    "prescribed_performance": lambda arm: fa.PrescribedPerformance(10.0, [30.0, 8.0], 0.1, 2.0),
     "hybrid_force": lambda arm: fa.HybridForce(arm, frequency=1.5),
     "impedance": lambda arm: fa.Impedance(arm, posture_frequency=1.5),
     "admittance": lambda arm: fa.Admittance(arm, frequency=1.5),
@@ -65,6 +66,8 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "estimator": _estimator,
     "positive_position_feedback": lambda arm: fa.PositivePositionFeedback(arm, fa.JointPD(*_PD)),
     "integral_resonant_control": lambda arm: fa.IntegralResonantControl(arm, fa.JointPD(*_PD)),
+    "wave_based_control": lambda arm: fa.WaveBasedControl(arm, fa.JointPD(*_PD)),
+    "output_redefinition": lambda arm: fa.OutputRedefinition(arm, fa.JointPD(*_PD)),
 }
 #: Conditions in which controllers take longer. Without limits, LQG requests up to 28 and 9 N m.
 CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {

@@ -32,11 +32,14 @@ from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import LoopShaping as LoopShaping
+from .controllers import OutputRedefinition as OutputRedefinition
 from .controllers import PositivePositionFeedback as PositivePositionFeedback
+from .controllers import PrescribedPerformance as PrescribedPerformance
 from .controllers import RBFAdaptive as RBFAdaptive
 from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback
+from .controllers import WaveBasedControl as WaveBasedControl
 from .engine.events import Event as Event
 from .engine.events import contact_event as contact_event
 from .engine.events import joint_event as joint_event

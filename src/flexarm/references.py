@@ -80,6 +80,44 @@ _ENTRIES = {
   journal = {IEEE/ASME Transactions on Mechatronics},
   volume = {19}, number = {2}, pages = {651--659}, year = {2014}
 }""",
+    "OConnor2007": """@article{OConnor2007,
+  author = {O'Connor, W. J.},
+  title = {Wave-based analysis and control of lump-modeled flexible robots},
+  journal = {IEEE Transactions on Robotics},
+  volume = {23}, number = {2}, pages = {342--352}, year = {2007}
+}""",
+    "WangVidyasagar1992": """@article{WangVidyasagar1992,
+  author = {Wang, D. and Vidyasagar, M.},
+  title = {Passive control of a stiff flexible link},
+  journal = {The International Journal of Robotics Research},
+  volume = {11}, number = {6}, pages = {572--578}, year = {1992}
+}""",
+    "MadhavanSingh1991": """@article{MadhavanSingh1991,
+  author = {Madhavan, S. K. and Singh, S. N.},
+  title = {Inverse trajectory control and zero dynamics sensitivity of an elastic manipulator},
+  journal = {International Journal of Robotics and Automation},
+  volume = {6}, number = {4}, pages = {179--192}, year = {1991}
+}""",
+    "Damaren1995": """@article{Damaren1995,
+  author = {Damaren, C. J.},
+  title = {Passivity analysis for flexible multilink space manipulators},
+  journal = {Journal of Guidance, Control, and Dynamics},
+  volume = {18}, number = {2}, pages = {272--279}, year = {1995}
+}""",
+    "BechlioulisRovithakis2008": """@article{BechlioulisRovithakis2008,
+  author = {Bechlioulis, C. P. and Rovithakis, G. A.},
+  title = {Robust adaptive control of feedback linearizable {MIMO} nonlinear systems with
+    prescribed performance},
+  journal = {IEEE Transactions on Automatic Control},
+  volume = {53}, number = {9}, pages = {2090--2099}, year = {2008}
+}""",
+    "BechlioulisRovithakis2014": """@article{BechlioulisRovithakis2014,
+  author = {Bechlioulis, C. P. and Rovithakis, G. A.},
+  title = {A low-complexity global approximation-free control scheme with prescribed performance
+    for unknown pure feedback systems},
+  journal = {Automatica},
+  volume = {50}, number = {4}, pages = {1217--1226}, year = {2014}
+}""",
     "DoyleStein1981": """@article{DoyleStein1981,
   author = {Doyle, J. C. and Stein, G.},
   title = {Multivariable feedback design: concepts for a classical/modern synthesis},

@@ -70,6 +70,9 @@ LAWS = {
         strain_gain=[5.0, 0.0],
         sample_time=SAMPLE_TIME,
     ),
+    "prescribed_performance": lambda: fa.PrescribedPerformance(
+        8.0, [0.8, 0.3], 0.02, 1.0, 0.1, 20.0, sample_time=SAMPLE_TIME, feedforward=feedforward
+    ),
     "disturbance_observer": lambda: fa.DisturbanceObserver(heavy(), joint_pd(), 0.2),
     "lqg": lambda: fa.LQG(heavy(), [0.4, 0.1], sample_time=SAMPLE_TIME),
     "lqg_integral": lambda: fa.LQG(
@@ -91,9 +94,11 @@ REFUSED = {
     "impedance",
     "integral_resonant_control",
     "mpc",
+    "output_redefinition",
     "positive_position_feedback",
     "rbf_adaptive",
     "repetitive",
+    "wave_based_control",
 }
 
 

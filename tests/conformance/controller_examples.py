@@ -58,7 +58,16 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "loop_shaping": {"posture": [0.4, 0.1], "bandwidth": 8.0, "integral": 0.8},
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
+    "output_redefinition": {"inner": joint_pd, "weight": -0.5},
     "positive_position_feedback": {"inner": joint_pd, "damping_ratio": 0.2},
+    "prescribed_performance": {
+        "bandwidth": 8.0,
+        "damping": [0.8, 0.3],
+        "bound": 0.3,
+        "rate_bound": 8.0,
+        "start_bound": 1.0,
+        "gain_limit": 2.0,
+    },
     "rbf_adaptive": {
         "bandwidth": 8.0,
         "damping": [0.8, 0.3],
@@ -84,6 +93,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
         "strain": [[100.0], [0.0]],
         "strain_rate": [[0.1], [0.0]],
     },
+    "wave_based_control": {"inner": joint_pd},
 }
 
 
@@ -113,9 +123,11 @@ DIFFERENT: dict[str, dict[str, Any]] = {
     "estimator": {"inner": _PD, "estimator": {"instruments": _READ}},
     "integral_resonant_control": {"inner": _PD},
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
+    "output_redefinition": {"inner": _PD, "weight": -0.5},
     "positive_position_feedback": {"inner": _PD, "damping_ratio": 0.2},
     "repetitive": {"inner": _PD, "period": 0.4, "proportional": [2.0, 0.8], "derivative": 0.1},
     "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
+    "wave_based_control": {"inner": _PD},
 }
 #: The same controllers as drives of a scenario, without kind and sample time.
 DRIVES = {**ARGUMENTS, **DIFFERENT}

@@ -12,6 +12,7 @@ from flexarm.controllers.joint.computed_torque import ComputedTorque
 from flexarm.controllers.joint.joint_pd import JointPD
 from flexarm.controllers.joint.joint_pid import JointPID
 from flexarm.controllers.joint.loop_shaping import LoopShaping
+from flexarm.controllers.joint.prescribed_performance import PrescribedPerformance
 from flexarm.controllers.joint.strain_feedback import StrainFeedback
 from flexarm.controllers.linear.composite import Composite
 from flexarm.controllers.linear.lqg import LQG
@@ -22,7 +23,9 @@ from flexarm.controllers.uncertain.rbf_adaptive import RBFAdaptive
 from flexarm.controllers.uncertain.repetitive import RepetitiveControl
 from flexarm.controllers.uncertain.sliding_mode import SlidingMode
 from flexarm.controllers.vibration.integral_resonant import IntegralResonantControl
+from flexarm.controllers.vibration.output_redefinition import OutputRedefinition
 from flexarm.controllers.vibration.positive_position import PositivePositionFeedback
+from flexarm.controllers.vibration.wave_based import WaveBasedControl
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
@@ -47,11 +50,14 @@ CONTROLLERS: dict[str, type[Controller]] = {
         LQG,
         LoopShaping,
         MPC,
+        OutputRedefinition,
         PositivePositionFeedback,
+        PrescribedPerformance,
         RBFAdaptive,
         RepetitiveControl,
         SlidingMode,
         StrainFeedback,
+        WaveBasedControl,
     )
 }
 
@@ -78,13 +84,16 @@ __all__ = [
     "LoopShaping",
     "Measurement",
     "Motors",
+    "OutputRedefinition",
     "PositivePositionFeedback",
+    "PrescribedPerformance",
     "RBFAdaptive",
     "Reference",
     "RepetitiveControl",
     "SlidingMode",
     "StrainFeedback",
     "UnscentedKalmanFilter",
+    "WaveBasedControl",
     "loop_margins",
     "shaped",
 ]

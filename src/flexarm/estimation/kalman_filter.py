@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -107,7 +108,7 @@ class Estimates(NamedTuple):
         return found
 
 
-class KalmanFilter(FilterParameters, OfArm):
+class KalmanFilter(FilterParameters, OfArm, ABC):
     """Base of the Kalman filters: a sum of Gaussians, each propagated and corrected alone.
 
     A filter defines ``_propagate`` and ``_update``. The payload is a sum of Gaussians over the
@@ -288,13 +289,14 @@ class KalmanFilter(FilterParameters, OfArm):
             q, qd, x[:, -1], covariance, innovation, self.consistent, self._readings.size
         )
 
+    @abstractmethod
     def _propagate(self, part: Hypothesis) -> FloatArray:
         """Carry a hypothesis to the next sample; return its covariance with the torque error.
 
         (2 dof + 1, joints), for torque errors relative to ``torque_noise``.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def _update(
         self, part: Hypothesis, moved: FloatArray, readings: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -302,7 +304,6 @@ class KalmanFilter(FilterParameters, OfArm):
 
         ``moved`` is the result of ``_propagate``, zero before the first prediction.
         """
-        raise NotImplementedError
 
     def _add_drift(self, part: Hypothesis) -> None:
         """Add the random walk of the payload mass over a sample to the covariance."""

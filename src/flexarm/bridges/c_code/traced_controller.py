@@ -30,12 +30,11 @@ from flexarm.controllers import (
     EstimatorController,
     HybridForce,
     Impedance,
-    IntegralResonantControl,
     JointPID,
-    PositivePositionFeedback,
     RBFAdaptive,
 )
 from flexarm.controllers.joint.follower import JointFollower
+from flexarm.controllers.vibration.strain_damping import StrainDamping
 from flexarm.errors import InputError, Problem
 from flexarm.hardware.measurement import Measurement
 from flexarm.loop_analysis.linear_controller import Memory, memory_of
@@ -46,15 +45,14 @@ _TIP = "It differentiates the tip by complex numbers and branches on the contact
 _LEARNS = "Its estimates are updated by compiled code that branches on values."
 _STATIC = "It computes the static bending along the reference in advance."
 #: Reasons why the law of a controller cannot be exported.
-_REFUSED: dict[type[Controller], str] = {
+_REFUSED: dict[type[Any], str] = {
     Adaptive: _LEARNS,
     RBFAdaptive: _LEARNS,
     Admittance: _TIP,
     HybridForce: _TIP,
     Impedance: _TIP,
     EstimatorController: "Its filter adds and merges hypotheses.",
-    IntegralResonantControl: _STATIC,
-    PositivePositionFeedback: _STATIC,
+    StrainDamping: _STATIC,
     MPC: "It solves an optimisation problem at every sample.",
 }
 _REFERENCE = ("reference_angle", "reference_rate", "reference_acceleration")

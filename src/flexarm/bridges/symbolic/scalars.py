@@ -136,6 +136,10 @@ class Scalar:
         """Hyperbolic tangent."""
         return self._new(self.library.tanh(self.value))
 
+    def arctanh(self) -> Scalar:
+        """Inverse hyperbolic tangent."""
+        return self._new(self.library.arctanh(self.value))
+
 
 def _is(other: Any, number: float) -> bool:
     return isinstance(other, int | float) and other == number

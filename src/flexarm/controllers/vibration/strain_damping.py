@@ -26,7 +26,6 @@ from flexarm.control_design.nominal import PreviewedReference, strain_matrix
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
 from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown, warn_caller
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
 from flexarm.loop_analysis.linear_controller import FrozenReference, memory_of
@@ -37,8 +36,9 @@ from flexarm.model.drives.base import ControllerParameters
 #: joints move them independently.
 _DISTINCT = 1e-6
 #: Damping ratio below which a mode is reported, because joint loops damp it too little; and range
-#: of frequencies in which a mode is recognised, relative to that without control.
-_GROWING, _NEAR = -0.005, 1.2
+#: of frequencies in which a mode is recognised, relative to that without control, and frequency
+#: relative to the range below which a pole is an integral.
+_GROWING, _NEAR, _INTEGRAL = -0.005, 1.2, 1e-6
 
 
 class ModalLaw(NamedTuple):
@@ -103,15 +103,14 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
     inner: Controller
 
     def __post_init__(self) -> None:
-        arm, count = self.arm, self.modes
+        arm = self.arm
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
-        bending = arm.dof - arm.joints
-        most = min(arm.joints, len(arm.gauges), bending)
+        limits = self._most_modes()
+        most = min(limits.values())
+        count = self.modes = max(1, most) if self.modes is None else self.modes
         if count > most:
-            rule = (
-                f"is {count}, but the arm has {arm.joints} joint(s), {len(arm.gauges)} gauge(s) "
-                f"and {bending} bending coordinate(s)"
-            )
+            *others, last = [f"{there} {name}(s)" for name, there in limits.items()]
+            rule = f"is {count}, but the arm has {', '.join(others)} and {last}"
             raise InputError(Problem("modes", rule, hint="Each mode requires one of each."))
         if not _of_joints(self.inner):
             rule = "be a controller of the joint angles, without a model of the bending"
@@ -122,16 +121,30 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         self.frequency_hz = found.frequency_hz[:count]
         self._strains = strain_matrix(arm)
         moved = shapes @ arm.mass_matrix(rest.q)[:, arm.joint_index]
-        self._observed = _inverse(self._strains @ shapes.T, "be observed by the gauges", count)
-        self._driven = _inverse(moved, "be moved by the joints", count)
         self._model = FlexibleModel(arm)
+        self._observed = _inverse(self._strains @ shapes.T, "be observed by the gauges", count)
+        self._driven = self._joint_motion(shapes, moved)
         elastic = self._model.elastic
-        model = linearize(arm, rest)
+        self._linear = model = linearize(arm, rest)
         stiffness = model.stiffness[np.ix_(elastic, elastic)]
         self._bend = self._strains[:, elastic] @ np.linalg.inv(stiffness)
-        self._warn_of_growth(model, float(found.frequency_hz[: most + 1].max()))
+        self._warn_of_growth(float(found.frequency_hz[: most + 1].max()))
         self._sag = Interpolated(PostureGrid(self.posture, None), [[rest.q[elastic]]])
         self.reset()
+
+    def _most_modes(self) -> dict[str, int]:
+        """Return the numbers that limit the number of modes, by their names."""
+        arm = self.arm
+        bending = arm.dof - arm.joints
+        return {"joint": arm.joints, "gauge": len(arm.gauges), "bending coordinate": bending}
+
+    def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17).
+
+        ``moved`` (k, joints) is B of (C.17), for the modes with ``shapes`` (k, dof).
+        """
+        motion: FloatArray = _inverse(moved, "be moved by the joints", len(moved))
+        return motion
 
     @abstractmethod
     def _law(self, omega: FloatArray) -> ModalLaw:
@@ -200,12 +213,12 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
             return None
         return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
 
-    def _warn_of_growth(self, model: LinearModel, highest: float) -> None:
+    def _warn_of_growth(self, highest: float) -> None:
         """Warn if a mode that is not designed grows around joints that follow exactly.
 
         Modes above ``highest`` (Hz) are left to the joint loop.
         """
-        elastic, count = self._model.elastic, self.modes
+        elastic, count, model = self._model.elastic, self.modes, self._linear
         n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
         own = np.ix_(elastic, elastic)
         signal = -law.B @ self._observed @ self._strains[:, elastic]
@@ -225,7 +238,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
             ]
         )
         poles = np.linalg.eigvals(loop)
-        poles = poles[np.abs(poles) < _NEAR * 2.0 * np.pi * highest]
+        limit = _NEAR * 2.0 * np.pi * highest
+        # Integrals of the law have poles at zero.
+        poles = poles[(np.abs(poles) < limit) & (np.abs(poles) > _INTEGRAL * limit)]
         worst = poles[np.argmax(poles.real / np.abs(poles))]
         ratio, hertz = -worst.real / abs(worst), abs(worst) / (2.0 * np.pi)
         if ratio < _GROWING:

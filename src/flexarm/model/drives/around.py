@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
@@ -163,6 +163,51 @@ class IntegralResonantControlParameters(StrainDampingParameters):
     name = "integral_resonant_control"
 
 
+class WaveBasedControlParameters(StrainDampingParameters):
+    """Wave-based control: the joints absorb the waves that return from the links.
+
+    They move the reference of an inner loop.
+    """
+
+    name = "wave_based_control"
+    damping_ratio: _Damping = Field(
+        default=0.5,
+        description="Damping ratio of the modes for joints that follow their reference exactly; "
+        "above 0 and below 1.",
+    )
+    leakage: NonNegative = Field(
+        default=0.2,
+        description="Decay rate of the motion of the joints, relative to the angular frequency of "
+        "the mode, so that constant strains that the model does not explain turn them by a limited "
+        "angle.",
+    )
+
+
+class OutputRedefinitionParameters(StrainDampingParameters):
+    """Output redefinition: an inner loop controls angles to the tips of the links.
+
+    Or to points between joints and tips, or on the other side: the reflected tip.
+    """
+
+    name = "output_redefinition"
+    damping_ratio: ClassVar[None] = None  # type: ignore[misc, assignment]
+    modes: Count | None = Field(  # type: ignore[assignment]
+        default=None,
+        description="Number of lowest modes with locked joints whose bending the gauges determine; "
+        "by default as many as there are gauges.",
+    )
+    weight: Number = Field(
+        default=1.0,
+        description="Fraction of the rotation of the chord of each link by its bending that is "
+        "added to the joint angle: 0 for the joint angle, 1 for the tip, -1 for the reflected tip.",
+    )
+    cutoff: Positive | None = Field(
+        default=None,
+        description="Cutoff of the low-pass filter of these rotations; by default a twentieth of "
+        "the lowest frequency with locked joints (Hz).",
+    )
+
+
 class EstimatorParameters(ControllerParameters):
     """An inner controller whose measurement is the estimate of a Kalman filter."""
 
@@ -182,4 +227,6 @@ AROUND = (
     drive_of(EstimatorParameters),
     drive_of(PositivePositionFeedbackParameters),
     drive_of(IntegralResonantControlParameters),
+    drive_of(WaveBasedControlParameters),
+    drive_of(OutputRedefinitionParameters),
 )

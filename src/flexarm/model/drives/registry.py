@@ -28,6 +28,7 @@ from flexarm.model.drives.linear import (
 )
 from flexarm.model.drives.uncertain import (
     AdaptiveParameters,
+    PrescribedPerformanceKeys,
     RBFAdaptiveParameters,
     SlidingModeParameters,
 )
@@ -40,7 +41,12 @@ _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
         CompositeParameters,
         LoopShapingKeys,
     ),
-    "uncertain arms": (AdaptiveParameters, SlidingModeParameters, RBFAdaptiveParameters),
+    "uncertain arms": (
+        AdaptiveParameters,
+        SlidingModeParameters,
+        RBFAdaptiveParameters,
+        PrescribedPerformanceKeys,
+    ),
     "tip position and contact force": (
         HybridForceParameters,
         ImpedanceParameters,

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from flexarm.model.drives.base import ControllerParameters, SampleTime
+from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
 from flexarm.model.quantities import (
     Count,
     Flag,
@@ -150,3 +150,42 @@ class RBFAdaptiveParameters(ControllerParameters):
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
+
+
+class PrescribedPerformanceParameters(ControllerParameters):
+    """Prescribed performance: angle errors stay within bounds that decrease with time.
+
+    The gains need no model and grow without limit towards the bounds.
+    """
+
+    name = "prescribed_performance"
+    bandwidth: Bandwidth
+    damping: Damping
+    bound: Annotated[Any, PerJoint(Positive)] = Field(
+        description="Bound of the angle error after a long time (rad), one for all joints or one "
+        "for each."
+    )
+    rate_bound: Annotated[Any, PerJoint(Positive)] = Field(
+        description="Bound of the difference between the joint rate and the requested rate "
+        "(rad/s), one for all joints or one for each."
+    )
+    start_bound: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
+        description="Bound of the angle error at the start, which must exceed the first error "
+        "(rad); that after a long time by default.",
+    )
+    decay: NonNegative = Field(
+        default=1.0, description="Rate at which the bound of the angle error decreases (1/s)."
+    )
+    gain_limit: Annotated[Number, Field(gt=1)] = Field(
+        default=20.0,
+        description="Factor, above 1, up to which the gains increase towards the bounds; the "
+        "sampled loop must be stable with ``damping`` times this factor.",
+    )
+    sample_time: SampleTime = 0.001
+
+
+class PrescribedPerformanceKeys(PrescribedPerformanceParameters):
+    """Keys of the drive `prescribed_performance`."""
+
+    feedforward: Feedforward = None

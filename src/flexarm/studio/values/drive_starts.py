@@ -123,6 +123,8 @@ _STARTS: dict[str, _Start] = {
     "cutoff": _at_most(lambda of: of.slowest / (2.0 * np.pi)),
     "damping_ratio": _at_most(lambda of: _DAMPING),
     "boundary_layer": lambda of, _: 0.5,
+    "bound": lambda of, _: 0.2,
+    "rate_bound": lambda of, _: 2.0,
     "adaptation": lambda of, _: 0.001,
     "strain": lambda of, _: 0.0,
     "torque_limit": _if_required(lambda of: of.each(20.0 * of.inertia)),
