@@ -347,6 +347,14 @@ for _name in ("LQG", "MPC", "Composite"):
         },
     )
 
+METHODS["OutputRedefinition"] = (
+    METHODS["OutputRedefinition"][0],
+    {**_UPDATE, "damping_weights": {}},
+)
+METHODS["PrescribedPerformance"] = (
+    METHODS["PrescribedPerformance"][0],
+    {**_UPDATE, "angle_bound": {"t": [0.0, 1.0]}},
+)
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
     {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},

@@ -113,7 +113,7 @@ def test_steady_error_under_a_constant_torque():
         ({"rate_bound": -1.0}, "rate_bound must be greater than 0"),
         ({"start_bound": [0.2, 0.05]}, "start_bound must be at least bound"),
         ({"start_bound": [0.2] * 3, "bound": [0.1] * 2}, "start_bound must have length 2"),
-        ({"gain_limit": 1.0}, "gain_limit must be greater than 1"),
+        ({"gain_limit": 1.0}, "gain_limit must be at least 1.01"),
         ({"decay": -1.0}, "decay must be at least 0"),
         ({"feedforward": 3.0}, "feedforward must be a function"),
     ],

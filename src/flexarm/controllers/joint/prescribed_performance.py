@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_numbers
 from flexarm.control.base import FloatArray, Measurement, Reference
 from flexarm.controllers.joint.follower import JointFollower
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.model.drives.uncertain import PrescribedPerformanceParameters
 
 
@@ -56,12 +57,16 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         super().reset()
         self._excess = 1.0 * (self.start_bound - self.bound)
 
+    @public_call
     def angle_bound(self, t: ArrayLike) -> FloatArray:
         """Return the bounds (T, joints) rad of the angle errors at times (T,) s.
 
         The shape is (T, 1) with one bound for all joints.
+
+        Raises:
+            InputError: if t does not consist of numbers.
         """
-        fading = np.exp(-self.decay * np.asarray(t, dtype=np.float64))[..., None]
+        fading = np.exp(-self.decay * check_numbers("t", t))[..., None]
         found: FloatArray = self.bound + (self.start_bound - self.bound) * fading
         return found
 

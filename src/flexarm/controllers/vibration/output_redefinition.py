@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm.control.base import FloatArray
 from flexarm.controllers.vibration.strain_damping import ModalLaw, StrainDamping
+from flexarm.errors import public_call
 from flexarm.model.drives.around import OutputRedefinitionParameters
 
 #: Vibrations of the arm with free joints have at least this frequency, relative to the highest one.
@@ -55,6 +56,7 @@ class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
     def _warn_of_growth(self, highest: float) -> None:
         """Do nothing: a loop that does not follow exactly provides the damping."""
 
+    @public_call
     def damping_weights(self) -> tuple[float, float]:
         """Return the range of weights for which small rate gains at any joint damp every mode.
 

@@ -177,9 +177,9 @@ class PrescribedPerformanceParameters(ControllerParameters):
     decay: NonNegative = Field(
         default=1.0, description="Rate at which the bound of the angle error decreases (1/s)."
     )
-    gain_limit: Annotated[Number, Field(gt=1)] = Field(
+    gain_limit: Annotated[Number, Field(ge=1.01, le=1e6)] = Field(
         default=20.0,
-        description="Factor, above 1, up to which the gains increase towards the bounds; the "
+        description="Factor up to which the gains increase towards the bounds; the "
         "sampled loop must be stable with ``damping`` times this factor.",
     )
     sample_time: SampleTime = 0.001
