@@ -63,6 +63,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "loop_shaping": lambda arm: fa.LoopShaping(arm),
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
+    "nonlinear_mpc": lambda arm: fa.NonlinearMPC(arm, torque_limit=_LIMIT),
     "estimator": _estimator,
     "positive_position_feedback": lambda arm: fa.PositivePositionFeedback(arm, fa.JointPD(*_PD)),
     "integral_resonant_control": lambda arm: fa.IntegralResonantControl(arm, fa.JointPD(*_PD)),
@@ -75,6 +76,9 @@ CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
         arm, torque_limit=[6.0, 2.0], horizon=10
     ),
     ("mpc", "torques at their limits, horizon 40"): lambda arm: fa.MPC(
+        arm, torque_limit=[6.0, 2.0]
+    ),
+    ("nonlinear_mpc", "torques at their limits"): lambda arm: fa.NonlinearMPC(
         arm, torque_limit=[6.0, 2.0]
     ),
     ("estimator", "payload unknown"): lambda arm: _estimator(arm, payload_deviation=0.4),

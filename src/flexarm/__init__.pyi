@@ -32,6 +32,7 @@ from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import LoopShaping as LoopShaping
+from .controllers import NonlinearMPC as NonlinearMPC
 from .controllers import OutputRedefinition as OutputRedefinition
 from .controllers import PositivePositionFeedback as PositivePositionFeedback
 from .controllers import PrescribedPerformance as PrescribedPerformance

@@ -166,6 +166,12 @@ _ENTRIES = {
   title = {Solving Least Squares Problems},
   publisher = {Prentice-Hall}, address = {Englewood Cliffs}, year = {1974}
 }""",
+    "DiehlBockSchloeder2005": """@article{DiehlBockSchloeder2005,
+  author = {Diehl, M. and Bock, H. G. and Schl\\"oder, J. P.},
+  title = {A real-time iteration scheme for nonlinear optimization in optimal feedback control},
+  journal = {SIAM Journal on Control and Optimization},
+  volume = {43}, number = {5}, pages = {1714--1736}, year = {2005}
+}""",
     "Kutta1901": """@article{Kutta1901,
   author = {Kutta, W.},
   title = {Beitrag zur n\\"aherungsweisen Integration totaler Differentialgleichungen},

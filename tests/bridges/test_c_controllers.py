@@ -95,6 +95,7 @@ REFUSED = {
     "integral_resonant_control",
     "mpc",
     "output_redefinition",
+    "nonlinear_mpc",
     "positive_position_feedback",
     "rbf_adaptive",
     "repetitive",

@@ -59,6 +59,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
     "output_redefinition": {"inner": joint_pd, "weight": -0.5},
+    "nonlinear_mpc": {**_BOUNDS, "horizon": 8},
     "positive_position_feedback": {"inner": joint_pd, "damping_ratio": 0.2},
     "prescribed_performance": {
         "bandwidth": 8.0,

@@ -247,6 +247,7 @@ def test_controllers_without_memory_are_documented(name, call):
 PYTHON_ONLY = {
     ("lqg", "nominal"): "a result of a run",
     ("mpc", "nominal"): "a result of a run",
+    ("nonlinear_mpc", "nominal"): "a result of a run",
     ("estimator", "sample_time"): "that of the inner controller",
 }
 #: Keys that every drive has: a motion and a kind are objects in Python.

@@ -46,6 +46,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Controller", "ControllerRequirements", "Measurement"),
         *("Hardware", "Instrument", "Motors"),
         *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
+        "NonlinearMPC",
         *("SlidingMode", "Adaptive", "RBFAdaptive", "PrescribedPerformance", "DisturbanceObserver"),
         *("PositivePositionFeedback", "IntegralResonantControl", "WaveBasedControl"),
         "OutputRedefinition",

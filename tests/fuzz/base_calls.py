@@ -329,7 +329,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "rigid_torque()": (lambda: fa.rigid_torque(arm(), motion()), {"__call__": {"t": 0.2}}),
     "quintic()": (quintic, {"__call__": {"u": 0.2}}),
 }
-for _name in ("LQG", "MPC", "Composite"):
+for _name in ("LQG", "MPC", "NonlinearMPC", "Composite"):
     METHODS[_name] = (
         METHODS[_name][0],
         {
@@ -342,7 +342,7 @@ for _name in ("LQG", "MPC", "Composite"):
                 "posture": start,
                 "plants": arm,
                 "disk_margin": 1e-6,
-                **({"torque_limit": 10.0, "horizon": 3} if _name == "MPC" else {}),
+                **({"torque_limit": 10.0, "horizon": 3} if "MPC" in _name else {}),
             },
         },
     )
@@ -355,6 +355,7 @@ METHODS["PrescribedPerformance"] = (
     METHODS["PrescribedPerformance"][0],
     {**_UPDATE, "angle_bound": {"t": [0.0, 1.0]}},
 )
+METHODS["NonlinearMPC"][1].update(feedback=_UPDATE["update"], prepare={})
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
     {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},

@@ -100,6 +100,11 @@ def _linear_control() -> None:
     _controlled(fa.LQG(_arm(), _START, sample_time=_SAMPLE_TIME))
 
 
+def _predictive_control() -> None:
+    law = fa.NonlinearMPC(_arm(), _START, torque_limit=5.0, horizon=3, sample_time=_SAMPLE_TIME)
+    _controlled(law)
+
+
 def _adaptive_control() -> None:
     _controlled(fa.Adaptive(_arm(), 2.0, [0.8, 0.2], 0.003, sample_time=_SAMPLE_TIME))
     _controlled(fa.RBFAdaptive(_arm(), 8.0, [0.8, 0.3], 0.001, -1.0, 1.0, sample_time=_SAMPLE_TIME))
@@ -176,6 +181,7 @@ FEATURES: dict[str, Callable[[], None]] = {
     "linearize and modes": _linearize,
     "contacts": _contacts,
     "adaptive control": _adaptive_control,
+    "nonlinear predictive control": _predictive_control,
     "linear control": _linear_control,
     "closed loops": _loop,
     "prescribed joints": _prescribe,

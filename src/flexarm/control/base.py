@@ -65,7 +65,11 @@ class Controller(ABC):
         """Wrap the methods of built-in controllers with checks of their arguments."""
         super().__init_subclass__(**options)
         if cls.__module__.startswith("flexarm."):
-            checks = (("update", _checked_update), ("requirements", _checked_requirements))
+            checks = (
+                ("update", _checked_update),
+                ("feedback", _checked_update),
+                ("requirements", _checked_requirements),
+            )
             for name, checked in checks:
                 if name in vars(cls):
                     setattr(cls, name, checked(vars(cls)[name]))

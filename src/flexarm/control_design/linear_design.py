@@ -263,15 +263,31 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
     """
     from scipy.linalg import solve
 
+    push = np.vstack([item.B, np.zeros((len(item.integrated), item.B.shape[1]))])
+    inner = item.torque_weight + push.T @ item.cost @ push
+    return _previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
+
+
+def preview_cost(item: Design, steps: int, stride: int) -> FloatArray:
+    """Return s_k of (C.27), by elastic forces as for ``preview_gain``: (n + k, ...) for joints."""
+    return _previewed(item, _loop(item).T, steps, stride)
+
+
+def _loop(item: Design) -> FloatArray:
+    """Return the matrix (n + k, n + k) of the regulator's loop, with integrals."""
     n, k = len(item.A), len(item.integrated)
     push = np.vstack([item.B, np.zeros((k, item.B.shape[1]))])
     whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
-    loop = whole - push @ item.gain
-    inner = item.torque_weight + push.T @ item.cost @ push
-    forced = item.cost[:, :n] @ item.B_elastic
-    gains = np.zeros((item.B.shape[1], 1 + steps // stride, forced.shape[1]))
+    loop: FloatArray = whole - push @ item.gain
+    return loop
+
+
+def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> FloatArray:
+    """Return ``left`` times the cost of elastic forces, for each node of the preview."""
+    loop, forced = _loop(item), item.cost[:, : len(item.A)] @ item.B_elastic
+    gains = np.zeros((len(left), 1 + steps // stride, forced.shape[1]))
     for i in range(steps):
-        gain = solve(inner, push.T @ forced, assume_a="pos")
+        gain = left @ forced
         node, part = divmod(i, stride)
         gains[:, node] += (1.0 - part / stride) * gain
         if part:

@@ -106,6 +106,11 @@ class PreviewedReference:
         """Return the torques (count, joints) from the current sample on, N m."""
         return self._torque[self._start : self._start + min(count, self._steps)]
 
+    def states(self, count: int) -> FloatArray:
+        """Return q and qd (count, 2 dof) from the current sample on."""
+        here = slice(self._start, self._start + min(count, self._steps))
+        return np.hstack([self._q[here], self._qd[here]])
+
     def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
         """Compute more samples, at least up to the end of the preview."""
         many = reference is None or bool(getattr(reference, "vectorized", False))
@@ -200,6 +205,11 @@ class RecordedRun:
         """Return the torques (count, joints) from the current sample on, N m."""
         times = self._now + self._sample_time * np.arange(count)
         return np.array([self._torque_from(t) for t in times])
+
+    def states(self, count: int) -> FloatArray:
+        """Return q and qd (count, 2 dof) from the current sample on."""
+        times = self._now + self._sample_time * np.arange(count)
+        return np.array([np.concatenate(self._state(t)) for t in times.tolist()])
 
     def _torque_from(self, t: float) -> FloatArray:
         """Return the torque at mid-sample: a zero-order-hold torque has the effect of its mean."""

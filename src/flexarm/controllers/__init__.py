@@ -17,6 +17,7 @@ from flexarm.controllers.joint.strain_feedback import StrainFeedback
 from flexarm.controllers.linear.composite import Composite
 from flexarm.controllers.linear.lqg import LQG
 from flexarm.controllers.linear.mpc import MPC
+from flexarm.controllers.linear.nonlinear_mpc import NonlinearMPC
 from flexarm.controllers.uncertain.adaptive import Adaptive
 from flexarm.controllers.uncertain.disturbance_observer import DisturbanceObserver
 from flexarm.controllers.uncertain.rbf_adaptive import RBFAdaptive
@@ -51,6 +52,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         LoopShaping,
         MPC,
         OutputRedefinition,
+        NonlinearMPC,
         PositivePositionFeedback,
         PrescribedPerformance,
         RBFAdaptive,
@@ -84,6 +86,7 @@ __all__ = [
     "LoopShaping",
     "Measurement",
     "Motors",
+    "NonlinearMPC",
     "OutputRedefinition",
     "PositivePositionFeedback",
     "PrescribedPerformance",

@@ -8,9 +8,10 @@ from flexarm.integrate.implicit.additive import AdditiveRecord, advance_additive
 from flexarm.integrate.memory import Memory
 from flexarm.integrate.samples import copy_state
 from flexarm.integrate.status import DONE, PAUSED
+from flexarm.integrate.step_sensitivity import held_torque_step
 from flexarm.kernels.compilation.cache import merged, unlocked
 from flexarm.kernels.compilation.numbers import real
-from flexarm.kernels.layout import Array, Sizes
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
 
 @merged
@@ -69,3 +70,37 @@ def additive_transfers(
             return status
         copy_state(system.sizes, memory.state, transfers[k])
     return DONE
+
+
+@unlocked
+def held_torque_transfers(
+    sizes: Sizes,
+    constants: ArmConstants,
+    A: Array,
+    h: float,
+    steps: int,
+    torques: Array,
+    seeds: Array,
+    torque_seeds: Array,
+    state: Array,
+    torque: Array,
+    loads: Loads,
+    work: Workspace,
+    stages: Array,
+    new: Array,
+    transfers: Array,
+) -> None:
+    """Fill ``transfers`` as ``explicit_transfers`` does, by equal steps without step control.
+
+    Each interval has ``steps`` steps h (s) of ``held_torque_step`` with its row of ``torques``
+    (intervals, n). Derivatives are by ``seeds`` and by ``torque_seeds`` (n,) of the torque.
+    ``state`` is the state at the start, and, as ``torque`` (n,), is overwritten.
+    """
+    for k in range(transfers.shape[0]):
+        _seed(sizes, state, seeds)
+        for i in range(len(sizes.bodies)):
+            torque[i] = torque_seeds[i] + torques[k, i]
+        for _ in range(steps):
+            held_torque_step(sizes, constants, A, h, state, torque, loads, work, stages, new)
+            copy_state(sizes, new, state)
+        copy_state(sizes, state, transfers[k])

@@ -111,19 +111,19 @@ class MPC(MPCParameters, LQG):
         free = self._free @ self._whole + self._by_torque @ fed
         free += self._by_force @ missing[:N].ravel()
         nominal = self._motion.torques(N).ravel()
-        low, high = self._bounds(nominal, free)
-        if np.all(low <= 0.0) and np.all(high >= 0.0):
-            correction = free  # the regulator is optimal if it is within the limits
-        else:
-            self.limited += 1
-            correction = self._limited(nominal, free, low, high)
-        self._plan = nominal + correction
-        return correction[:m]
+        self._plan = self._limited(nominal + free)
+        found: FloatArray = self._plan[:m] - nominal[:m]
+        return found
 
-    def _limited(
-        self, nominal: FloatArray, free: FloatArray, low: FloatArray, high: FloatArray
-    ) -> FloatArray:
-        """Return optimal torques (horizon joints,) within the limits, or the last plan."""
+    def _limited(self, free: FloatArray) -> FloatArray:
+        """Return optimal torques (horizon joints,) within the limits, or the last plan.
+
+        ``free`` (horizon joints,) are those without limits, which are optimal if they are within.
+        """
+        low, high = self._bounds(free)
+        if np.all(low <= 0.0) and np.all(high >= 0.0):
+            return free
+        self.limited += 1
         change, excess = self._change(low, high)
         if excess > _TOLERANCE:
             self.inaccurate += excess <= _ACCEPTED
@@ -133,11 +133,10 @@ class MPC(MPCParameters, LQG):
         if self._plan is None:
             return free  # there is no plan at the first sample; the caller clips the torque
         m = self.arm.joints
-        return np.append(self._plan[m:], self._plan[-m:]) - nominal
+        return np.append(self._plan[m:], self._plan[-m:])
 
-    def _bounds(self, nominal: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the distances of the regulator's torques from the limits, over the horizon."""
-        torque = nominal + free
+    def _bounds(self, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the distances of torques over the horizon from the limits."""
         most = np.tile(self._most, self.horizon)
         low, high = -most - torque, most - torque
         if self._rate_step is not None:
@@ -156,10 +155,8 @@ class MPC(MPCParameters, LQG):
 
         The second result is its relative excess over a limit, infinite if no change was found.
         """
-        N, m = self.horizon, self.arm.joints
-        # Scale the unknowns so that the cost is their sum of squares.
-        root = np.linalg.inv(np.linalg.cholesky(self._price)).T
-        by_unknown = (self._by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
+        N = self.horizon
+        by_unknown = self._torque_by_unknown()
         rows, limit = by_unknown, np.tile(self._most, N)
         if self._rate_step is not None:
             rows = np.vstack([rows, self._difference @ rows])
@@ -171,9 +168,16 @@ class MPC(MPCParameters, LQG):
         matrix, floor = matrix[finite], floor[finite]
         least = least_distance(matrix, floor)
         if least is None:
-            return np.zeros(N * m), np.inf
+            return np.zeros(len(by_unknown)), np.inf
         excess = float(np.max(floor - matrix @ least))
         return by_unknown @ least, excess if np.isfinite(excess) else np.inf
+
+    def _torque_by_unknown(self) -> FloatArray:
+        """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
+        N, m = self.horizon, self.arm.joints
+        root = np.linalg.inv(np.linalg.cholesky(self._price)).T
+        by: FloatArray = (self._by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
+        return by
 
 
 def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:

@@ -54,7 +54,7 @@ class SampledStep:
         by = constants_by(arm, parameter)
         self._by = [(k, d) for k, d in enumerate(by) if np.any(d)]
         self.places = state_places(arm)
-        self._rows = _classical()
+        self._rows = classical()
         self._kernels = kernels = KernelView(exact, complex)
         self._stages = kernels.zeros(len(self._rows) - 1, 2)
         self._before, self._new = kernels.zeros(2), kernels.zeros(2)
@@ -133,7 +133,8 @@ def fastest_rate(arm: Arm) -> float:
     return float(abs(np.linalg.eigvals(A)).max())
 
 
-def _classical() -> FloatArray:
+def classical() -> FloatArray:
+    """Return the classical Runge-Kutta method as the rows of ``held_torque_step``."""
     kind = INTEGRATORS["rk4"]
     assert issubclass(kind, ExplicitRungeKutta)
     tableau = kind().tableau

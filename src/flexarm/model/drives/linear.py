@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
 from flexarm.model.quantities import (
+    Count,
     Finite,
     Flag,
     Fraction,
@@ -46,7 +47,11 @@ _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
 _Preview = Annotated[Finite, Field(ge=0, le=60), BeforeValidator(plain)]
 # At 1 the matrix L of (C.144) is singular.
 _Suboptimality = Annotated[Finite, Field(ge=1.001, le=100), BeforeValidator(plain)]
-_Horizon = Annotated[int, Field(strict=True, ge=1, le=500), BeforeValidator(plain)]
+_Horizon = Annotated[
+    int,
+    Field(strict=True, ge=1, le=500, description="Prediction horizon in samples."),
+    BeforeValidator(plain),
+]
 
 
 class LinearParameters(ControllerParameters):
@@ -134,8 +139,27 @@ class MPCParameters(LQGParameters):
         description="Largest rate of change of torques from sample to sample, one for all joints "
         "or one for each (N m/s); no limit by default.",
     )
-    horizon: _Horizon = Field(default=40, description="Prediction horizon in samples.")
+    horizon: _Horizon = 40
     sample_time: SampleTime = 0.005
+
+
+class NonlinearMPCParameters(MPCParameters):
+    """Nonlinear MPC: as `mpc`, with the nonlinear dynamics of the arm as prediction model."""
+
+    name = "nonlinear_mpc"
+    _: KW_ONLY
+    horizon: _Horizon = 20
+    modes: Count = Field(
+        default=2,
+        description="Number of modes of each link (of each segment) in the model of the "
+        "controller; links with fewer modes keep theirs.",
+    )
+    iterations: Count = Field(
+        default=1,
+        description="Number of times at each sample that the prediction is linearised and the "
+        "torques are optimised; 1 for real-time iterations.",
+    )
+    sample_time: SampleTime = 0.01
 
 
 class CompositeParameters(LinearParameters):

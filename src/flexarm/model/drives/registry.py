@@ -25,6 +25,7 @@ from flexarm.model.drives.linear import (
     LoopShapingKeys,
     LQGParameters,
     MPCParameters,
+    NonlinearMPCParameters,
 )
 from flexarm.model.drives.uncertain import (
     AdaptiveParameters,
@@ -38,6 +39,7 @@ _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
     "linear models of the flexible arm": (
         LQGParameters,
         MPCParameters,
+        NonlinearMPCParameters,
         CompositeParameters,
         LoopShapingKeys,
     ),

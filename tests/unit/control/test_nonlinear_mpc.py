@@ -1,0 +1,241 @@
+"""Nonlinear MPC against IPOPT, against linear control for small motions, and at its limits."""
+
+import casadi
+import numpy as np
+import pytest
+from linear_arm import POSTURE, arm_with_gauges
+
+import flexarm as fa
+from flexarm.controllers.linear.nonlinear_mpc import with_modes
+from flexarm.linear.step_derivatives import sampled_steps
+from flexarm.linear.step_derivatives.sampled_steps import SampledSteps
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return arm_with_gauges(gravity=(0.0, -9.81))
+
+
+@pytest.fixture(scope="module")
+def few(arm):
+    """One mode for each link."""
+    return with_modes(arm, 1)
+
+
+def test_derivatives_of_the_prediction_are_those_of_single_steps(few):
+    """Ten directions in two blocks; ``step_jacobian`` perturbs by complex numbers."""
+    random = np.random.default_rng(4)
+    torques = random.uniform(-2.0, 2.0, (3, 2))
+    model = SampledSteps(few, 0.03, 5)
+    x = np.concatenate([few.rest(POSTURE), [1.0, -2.0, 0.05, 0.03]])
+    found = model.take(x, torques)
+    assert model.steps > 1
+    for k, torque in enumerate(torques):
+        state, by = np.eye(8), np.zeros((8, 2))
+        for _ in range(model.steps):
+            one = fa.step_jacobian(few, x[:4], x[4:], torque, 0.03 / model.steps)
+            state, by = one.state @ state, one.state @ by + one.torque
+            x = np.concatenate([one.q, one.qd])
+        # Rounding of sums in another order.
+        np.testing.assert_allclose(found.after[k], x, rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(found.state[k], state, rtol=0, atol=1e-11 * abs(state).max())
+        np.testing.assert_allclose(found.torque[k], by, rtol=0, atol=1e-11 * abs(by).max())
+
+
+def torques_of(few, law, start, motion=None):
+    run = {"reference": motion, "rate": 100.0, "initial": start}
+    found = fa.simulate(few, 0.8, controller=law, **run)
+    assert found.attrs.get("mpc_limited", 0) == 0
+    return found.torque.values
+
+
+def test_small_deviations_are_controlled_as_by_the_regulator(few, monkeypatch):
+    """Vibration of 0.1 mm about rest: the rest is the error of the steps."""
+    how = {"sample_time": 0.01, "integral": True}
+    regulator, start = fa.LQG(few, POSTURE, **how), fa.equilibrium(few, POSTURE).q.copy()
+    start[~np.isin(np.arange(4), few.joint_index)] += 1e-4
+    hold = fa.joint_motion(few, POSTURE, POSTURE, 1.0)
+    wanted = torques_of(few, regulator, start, hold)
+    moved = np.abs(wanted - wanted[-1]).max()
+    for reach, error in ((2.0, 0.1), (0.25, 2e-3)):
+        monkeypatch.setattr(sampled_steps, "_REACH", reach)
+        law = fa.NonlinearMPC(few, POSTURE, torque_limit=100.0, **how)
+        found = torques_of(few, law, start, hold)
+        assert np.abs(found - wanted).max() < error * moved
+    margins = [fa.loop_margins(one).disk_margin.values for one in (law, regulator)]
+    np.testing.assert_allclose(margins[0], margins[1], rtol=0, atol=2e-3)
+
+
+def test_small_motions_are_followed_as_by_the_regulator(few):
+    """`LQG` neglects changes of the nominal torque within a sample, of first order in its time."""
+    motion = fa.joint_motion(few, POSTURE, np.add(POSTURE, 1e-3), 0.4, start_time=0.1)
+    start, errors = fa.equilibrium(few, POSTURE).q, []
+    for sample_time in (0.01, 0.005):
+        regulator = fa.LQG(few, POSTURE, sample_time=sample_time, preview=0.3)
+        law = fa.NonlinearMPC(
+            few,
+            POSTURE,
+            torque_limit=100.0,
+            sample_time=sample_time,
+            preview=0.3 - 20 * sample_time,
+        )
+        wanted = torques_of(few, regulator, start, motion)
+        away = torques_of(few, law, start, motion) - wanted
+        errors.append(np.abs(away).max() / np.abs(wanted - wanted[0]).max())
+    assert errors[0] < 0.2
+    assert errors[1] < 0.6 * errors[0]
+
+
+def horizon_by_ipopt(few, law, start, wanted, torques):
+    """Return the optimal torques (horizon, joints): multiple shooting with the same steps."""
+    dynamics, design = fa.to_casadi(few).forward_dynamics, law.designs[0]
+    N, n, limit = law.horizon, 2 * few.dof, law.torque_limit
+    steps = law._model_steps.steps
+    h = law.sample_time / steps
+
+    def rate(x, u):
+        q, qd = x[: few.dof], x[few.dof :]
+        return casadi.vertcat(qd, dynamics(q, qd, u, 0, []))
+
+    x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", few.joints)
+    after = x
+    for _ in range(steps):
+        k1 = rate(after, u)
+        k2 = rate(after + h / 2 * k1, u)
+        k3 = rate(after + h / 2 * k2, u)
+        k4 = rate(after + h * k3, u)
+        after = after + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    step = casadi.Function("step", [x, u], [after])
+    problem = casadi.Opti()
+    X, U = problem.variable(n, N + 1), problem.variable(few.joints, N)
+    cost = 0
+    for k in range(N):
+        away, push = X[:, k] - wanted[k], U[:, k] - torques[k]
+        cost += away.T @ design.weight @ away + push.T @ design.torque_weight @ push
+        problem.subject_to(X[:, k + 1] == step(X[:, k], U[:, k]))
+    away = X[:, N] - wanted[N]
+    problem.minimize(1e-3 * (cost + away.T @ design.cost @ away))
+    problem.subject_to(X[:, 0] == start)
+    for joint in range(few.joints):
+        problem.subject_to(problem.bounded(-limit[joint], U[joint, :], limit[joint]))
+    problem.set_initial(X, np.tile(start[:, None], N + 1))
+    options = {"print_level": 0, "sb": "yes", "tol": 1e-10, "bound_relax_factor": 0.0}
+    problem.solver("ipopt", {"print_time": False}, options)
+    return problem.solve().value(U).T
+
+
+def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
+    """From a posture 0.5 rad away, with limits active."""
+    limit = np.array([7.0, 2.5])
+    goal = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    reading = fa.Measurement(
+        joint_angle=np.add(POSTURE, [0.5, -0.4]), joint_rate=np.zeros(2), strain=np.zeros(2)
+    )
+    plans = []
+    for iterations in (1, 20):
+        law = fa.NonlinearMPC(
+            arm,
+            POSTURE,
+            torque_limit=limit,
+            acceptable={"joint_angle": 0.1, "tip": 0.1, "joint_rate": 0.5},
+            sample_time=0.02,
+            horizon=12,
+            preview=0.0,
+            modes=1,
+            iterations=iterations,
+        )
+        law.reset()
+        torque = law.update(0.0, reading, goal)
+        plans.append(law._plan.reshape(12, 2))
+        np.testing.assert_array_equal(torque, plans[-1][0])
+    wanted, torques = law._motion.states(13), law._motion.torques(12)
+    best = horizon_by_ipopt(few, law, wanted[0] + law.estimate, wanted, torques)
+    assert np.any(np.abs(best) > 0.999 * limit)
+    assert np.any(np.abs(best) < 0.9 * limit)
+    # The tolerance of IPOPT.
+    np.testing.assert_allclose(plans[1], best, rtol=0, atol=1e-5)
+    assert np.abs(plans[0] - best).max() > 0.01
+
+
+def settled(arm, law):
+    """Simulate a motion that requires more than the limits allow, and return the run."""
+    fast = fa.joint_motion(arm, [0.0, 1.4], [0.8, 0.4], 0.4, start_time=0.1)
+    return fa.simulate(arm, 2.5, controller=law, reference=fast, rate=200.0)
+
+
+def test_limits_hold_and_vibration_is_less_than_with_cut_torques():
+    arm = arm_with_gauges()
+    limit, rate = np.array([3.0, 0.8]), np.array([200.0, 80.0])
+    how = {"torque_limit": limit, "sample_time": 0.01}
+    run = settled(arm, fa.NonlinearMPC(arm, POSTURE, torque_rate=rate, **how))
+    torque = run.torque.values
+    assert np.all(np.abs(torque) <= limit)
+    assert np.any(np.abs(torque) == limit)
+    steps = np.abs(np.diff(torque[:-1], axis=0))
+    assert np.all(steps <= 0.01 * rate * (1.0 + 1e-12))
+    assert np.any(steps > 0.01 * rate * (1.0 - 1e-9))
+    assert run.mpc_limited > 10
+    assert run.mpc_inaccurate == run.mpc_fallback == 0
+    np.testing.assert_allclose(run.joint_angle.values[-1], [0.8, 0.4], atol=2e-3)
+    cut = settled(arm, fa.LQG(arm, POSTURE, **how))
+    late = slice(1.2, None)
+    swings = [
+        np.ptp(one.link_tip_deflection.sel(time=late).values, axis=0).max() for one in (run, cut)
+    ]
+    assert swings[0] < 0.5 * swings[1]
+
+
+def test_feedback_and_preparation_are_an_update(arm):
+    how = {"torque_limit": [14.0, 4.0], "horizon": 6}
+    first, second = (fa.NonlinearMPC(arm, POSTURE, **how) for _ in range(2))
+    goal = fa.joint_motion(arm, POSTURE, np.add(POSTURE, 0.1), 0.1)
+    for law in (first, second):
+        law.reset()
+    for k in range(4):
+        reading = fa.Measurement(
+            joint_angle=np.add(POSTURE, 1e-3 * k), joint_rate=np.zeros(2), strain=np.zeros(2)
+        )
+        found = second.feedback(0.01 * k, reading, goal)
+        if k != 2:  # a forgotten preparation is made up for
+            second.prepare()
+            second.prepare()
+        np.testing.assert_array_equal(first.update(0.01 * k, reading, goal), found)
+
+
+def test_recorded_run_is_followed():
+    few = with_modes(arm_with_gauges(), 1)
+    motion = fa.joint_motion(few, POSTURE, [0.6, 0.6], 0.5)
+    planned = fa.simulate(few, 0.8, torque=fa.rigid_torque(few, motion), initial=few.rest(POSTURE))
+    law = fa.NonlinearMPC(few, [0.5, 0.75], nominal=planned, torque_limit=20.0, sample_time=0.005)
+    run = fa.simulate(few, 0.7, controller=law, reference=motion)  # and 0.1 s of horizon
+    # Torques are constant over 5 ms instead of smooth.
+    wanted = planned.tip.sel(time=run.time).values
+    np.testing.assert_allclose(run.tip.values, wanted, rtol=0, atol=2e-4)
+
+
+def test_model_has_few_modes(arm):
+    law = fa.NonlinearMPC(arm, POSTURE, torque_limit=5.0, modes=1)
+    assert law.arm.dof == 4
+    assert len(law.designs[0].A) == 8
+    assert fa.NonlinearMPC(arm, POSTURE, torque_limit=5.0, modes=9).arm is arm
+    rod = {"length": 1.0, "flexural_rigidity": 9.0, "mass_per_length": 0.4}
+    ratios = fa.ModalDamping(ratio=(0.01, 0.02, 0.03))
+    links = [fa.Link(**rod, damping=ratios), fa.Link(**rod, flexible=False)]
+    other = with_modes(fa.Arm(links=links), 2)
+    assert other.spec.links[0].damping.ratio == (0.01, 0.02)
+    assert other.spec.links[1] is links[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"modes": 0}, "modes"),
+        ({"iterations": 1.5}, "iterations"),
+        ({"horizon": 0}, "horizon"),
+        ({"torque_limit": None}, "torque_limit"),
+    ],
+    ids=lambda value: str(value),
+)
+def test_wrong_arguments_are_rejected(arm, options, word):
+    with pytest.raises(fa.InputError, match=word):
+        fa.NonlinearMPC(arm, POSTURE, **{"torque_limit": 1.0, **options})
