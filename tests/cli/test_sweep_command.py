@@ -42,14 +42,23 @@ def test_sweep_prints_statistics_and_keeps_results(path, tmp_path):
     done = call("sweep", path, "--workers", 1, "--verify", "--plot", tmp_path / "a.png")
     assert done.exit_code == 0, done.output
     assert "Along move: median / 95 % quantile" in done.output
-    assert "33 (0.84-91)" in done.output  # one of three runs: Clopper and Pearson
-    assert "torque alone on as believed along move: 1 of 3 runs, the first of sample 2" in (
-        done.output.replace("\n", " ")
-    )
+    assert "0 (0-84)" in done.output  # none of two possible runs: Clopper and Pearson
+    assert (
+        "torque alone on as believed along move: 1 of 3 runs are infeasible and not in the rates, "
+        "the first of sample 2: payload.mass must be at least 0"
+    ) in done.output.replace("\n", " ")
     assert "3 samples repeated: identical" in done.output
     assert (tmp_path / "a.png").stat().st_size > 1000
     table = fa.read_study(tmp_path / "study.zarr")
     assert table["payload.mass"].values.tolist() == [0.1, 0.2, -1.0]
+
+
+def test_a_study_without_variation_gives_a_notice(path):
+    varied = STUDY.split("vary:")[0]
+    path.write_text(f"{varied}run: {{duration: 0.05, rate: 200}}\n")
+    done = call("sweep", path, "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert "warning: the study has one sample. Add `vary` and `samples`" in done.output
 
 
 def test_existing_results_are_continued_on_request_only(path):
@@ -62,7 +71,7 @@ def test_existing_results_are_continued_on_request_only(path):
 
 def test_limits_count_as_failures(path):
     done = call("sweep", path, "--workers", 1, "--limit", "tip_error_peak=1e-9")
-    assert "100 (29-100)" in done.output
+    assert "100 (16-100)" in done.output  # two of two possible runs
     unused = path.with_name("unused.zarr")
     wrong = call("sweep", path, "--workers", 1, "--out", unused, "--limit", "tip=1")
     assert wrong.exit_code == 2
@@ -93,7 +102,7 @@ def test_compare_prints_ratios_to_the_nominal_runs(path, tmp_path):
         *(f"{nominal:.3g}", f"{median:.3g}", "/", f"{high:.3g}"),
         *(f"{median / nominal:.3g}", "/", f"{high / nominal:.3g}"),
     ]
-    assert "67 (9.4-99)" in done.output  # the heavier payload exceeds the limit, and one run fails
+    assert "50 (1.3-99)" in done.output  # the heavier payload exceeds the limit
     with xr.open_dataset(out) as table:
         assert np.isnan(table["tip_error_peak"].values.ravel()).tolist() == [False, False, True]
 

@@ -14,6 +14,8 @@ VARY = {
     "links[1].flexural_rigidity": {"kind": "log_uniform", "low": 0.1, "high": 10.0, "levels": 3},
     "run.duration": {"kind": "values", "values": [0.05, 0.07]},
 }
+EXACT = {"instruments": [{"signal": "joint_angle"}, {"signal": "joint_rate"}]}
+NOISE = {"count": 3, "noise": "different"}
 NORMAL = {"links[0].length": {"kind": "normal", "mean": 1.0, "deviation": 0.1, "relative": True}}
 
 
@@ -87,6 +89,14 @@ def test_relative_values_are_factors():
         ({"samples": {"method": "grid"}}, "is not supported with a grid"),
         ({"vary": {}, "samples": {"count": 3}}, "Study: vary is required with 3 samples. All"),
         ({"samples": {"count": 2, "noise": "different"}}, "requires hardware"),
+        (
+            {"vary": {}, "samples": NOISE, "hardware": READING},  # of a drive without feedback
+            "vary is required without noise. All samples would be equal",
+        ),
+        (
+            {"vary": {}, "samples": NOISE, "hardware": EXACT, "drives": {"PD": PD}},
+            "vary is required without noise",
+        ),
         ({"vary": {"payload.mass": {"kind": "uniform", "low": 1, "high": 1}}}, "greater than low"),
     ],
 )

@@ -69,16 +69,18 @@ def test_arm_of_the_file_varies_in_models_and_plants():
     assert error[1] != unknown["tip_error_rms"].values.ravel()[1]
 
 
-def test_failures_are_recorded_with_their_reasons():
+def test_impossible_numbers_are_no_failures_of_a_drive():
     vary = {"payload.mass": {"kind": "values", "values": [0.1, -1.0]}}
     table = run(vary=vary, samples={"method": "grid"})
-    good, bad = table["failure"].values.ravel()
+    good, bad = table["infeasible"].values.ravel()
     assert good == ""
     assert bad == "payload.mass must be at least 0, got -1."
+    assert not table["failure"].values.any()
     assert np.isnan(table["tip_error_rms"].values.ravel()).tolist() == [False, True]
-    found = fa.study_statistics(table)
-    assert found["failure_rate"].item() == 0.5
+    found = fa.study_statistics(table, limits={"tip_error_rms": 1.0})
+    assert found["failure_rate"].item() == 0.0
     assert found["samples"].item() == 1
+    assert found["infeasible"].item() == 1
 
 
 def test_diverging_runs_are_recorded():

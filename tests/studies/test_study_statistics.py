@@ -26,6 +26,22 @@ def test_quantiles_leave_out_failures():
     assert found["samples"].item() == 11
 
 
+def test_infeasible_runs_are_not_in_the_rates():
+    own = table(range(6), failed=[0, 1, 2])
+    reasons = np.full((6, 1, 1, 1), "", dtype="<U4")
+    reasons[1:3] = "mass"
+    own["infeasible"] = (DIMS, reasons)
+    own["failure"][1:3] = ""
+    found = fa.study_statistics(own, limits={"tip_error_rms": 4.0})
+    assert found["failure_rate"].item() == 0.5  # one of four failed, one exceeds the limit
+    assert (found["samples"].item(), found["infeasible"].item()) == (3, 2)
+    nothing = fa.study_statistics(own.isel(sample=[1, 2]), limits={"tip_error_rms": 4.0})
+    assert np.isnan(nothing["failure_rate"].item())
+    assert np.isnan(nothing["failure_rate_high"].item())
+    bad = fa.study_statistics(own.isel(sample=[0, 1]), limits={"tip_error_rms": 4.0})
+    assert bad["failure_rate"].item() == 1.0
+
+
 def test_interval_of_failures_is_exact():
     """No failure in 20 runs: (alpha / 2)^(1/20) of the binomial distribution."""
     found = fa.study_statistics(table(range(20)), confidence=0.95)

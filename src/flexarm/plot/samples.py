@@ -28,7 +28,7 @@ def samples(table: xr.Dataset, metric: str = "tip_error_rms", *, axes: Any = Non
     """Draw a metric of a study against each varied number, a row of panels per reference.
 
     A dot is a run, a colour a controller on a plant. Crosses at the upper edge are runs that
-    failed.
+    failed. Runs whose numbers are not possible are left out.
 
     Args:
         table: as returned by ``Study.run`` or ``read_study``.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
-from flexarm.errors import FlexarmError
+from flexarm.errors import FlexarmError, InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, StudySpec
 from flexarm.model.file_format.files import record_of_bytes
@@ -28,6 +28,9 @@ from flexarm.studies.samples import Samples, in_study
 RECORDED = tuple(metric for metric in METRICS if metric.name != "controller_time")
 #: Samples that are simulated together, in the lanes of ``simulate_batch`` where it has them.
 _TOGETHER = 128
+#: Beginning of the recorded failure of a run whose numbers no arm or file can have, such as a
+#: negative mass. It is no failure of a controller.
+INFEASIBLE = "infeasible: "
 #: Code that is compiled in the middle of a run may differ in the last digits.
 _EXACT = {"specialized": False}
 
@@ -39,7 +42,8 @@ class Outcomes(NamedTuple):
         parameters: (samples, parameters), the values of the varied numbers.
         metrics: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run
             that failed.
-        failure, warning: (samples, controllers, plants, references) texts, or empty.
+        failure, warning: (samples, controllers, plants, references) texts, or empty; the failure
+            of an infeasible run begins with ``INFEASIBLE``.
     """
 
     parameters: FloatArray
@@ -107,8 +111,12 @@ class Executor:
         for k, sample in samples.items():
             try:
                 simulated, seed = sample.simulated(chosen[1]), self.samples.noise_seed(start + k)
+            except InputError as error:
+                yield k, Evaluation(failure=INFEASIBLE + str(error))
+                continue
+            try:
                 cases.append(Case(k, sample.prepared, simulated, seed))
-            except FlexarmError as error:  # impossible values, or no reference exists for them
+            except FlexarmError as error:  # for example, there is no reference for these values
                 yield k, Evaluation(failure=str(error))
         together = evaluated_together(cases, *chosen)
         for case in cases:
@@ -140,19 +148,26 @@ class _Sample:
         self._arms: dict[str, Arm] = {}
 
     @cached_property
-    def prepared(self) -> PreparedStudy:
-        """The study with the numbers of its file.
+    def study(self) -> StudySpec:
+        """The file with the numbers of the sample.
 
         Raises:
             InputError: if the numbers are not possible.
-            FlexarmError: if a reference or an equilibrium for them was not found.
         """
-        if not self._own:
-            return self._study
         study: StudySpec = self._study.study
         for path, value in self._own.items():
             study = with_number(study, path, value)
-        return PreparedStudy(study)
+        return study
+
+    @cached_property
+    def prepared(self) -> PreparedStudy:
+        """The study, ready to run.
+
+        Raises:
+            FlexarmError: if a drive or a motion does not fit the numbers of the sample, or a
+                reference or an equilibrium for them was not found.
+        """
+        return PreparedStudy(self.study) if self._own else self._study
 
     def simulated(self, plant: str) -> Arm | None:
         """Return the simulated arm if it differs from that of the plant in the file.
@@ -160,15 +175,16 @@ class _Sample:
         Raises:
             InputError: if the numbers are not possible.
         """
+        study = self.study
         if not self._of_arm:
             return None
         if plant not in self._arms:
-            self._arms[plant] = Arm(plant_spec(self._spec, self.prepared.study.plants[plant]))
+            self._arms[plant] = Arm(plant_spec(self._spec, study.plants[plant]))
         return self._arms[plant]
 
     @cached_property
     def _spec(self) -> ArmSpec:
-        spec = self.prepared.study.arm
+        spec = self.study.arm
         for path, value in self._of_arm.items():
             spec = with_number(spec, path, value)
         return spec

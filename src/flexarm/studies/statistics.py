@@ -50,7 +50,9 @@ def study_statistics(
     Returns:
         Dataset over controller, plant and reference with each metric over ``quantile``, from the
         runs that did not fail; ``samples``, their number; ``failure_rate`` and its limits
-        ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson.
+        ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson;
+        ``infeasible``, the number of runs whose numbers are not possible, such as a negative mass.
+        They are neither failures nor in the number of runs of the rate.
         With ``nominal`` also ``NAME_ratio`` for each metric: its quantiles divided by its nominal
         value, NaN if that is zero or its run failed.
 
@@ -64,7 +66,6 @@ def study_statistics(
     hypercubes and Sobol sequences; a grid has no probability.
     """
     import xarray as xr
-    from scipy.stats import binomtest
 
     table = _checked(table)
     probabilities = check_array("quantiles", quantiles, (-1,))
@@ -72,8 +73,9 @@ def study_statistics(
         raise InputError(Problem("quantiles", "be numbers from 0 to 1", shown(quantiles)))
     level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
     failed = table["failure"].transpose(*DIMS).values != ""
+    possible = _possible(table)
     for name, limit in _limits(table, limits).items():
-        failed |= ~(table[name].transpose(*DIMS).values <= limit)
+        failed |= possible & ~(table[name].transpose(*DIMS).values <= limit)
     found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
     found = found.assign_coords(quantile=probabilities)
     for metric in METRICS:
@@ -84,17 +86,29 @@ def study_statistics(
         found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
     if nominal is not None:
         found = found.assign(_ratios(found, nominal))
-    count = table.sizes["sample"]
-    intervals = np.array(
-        [binomtest(int(k), count).proportion_ci(level) for k in failed.sum(axis=0).ravel()]
-    ).reshape(*failed.shape[1:], 2)
-    runs = (table["failure"].transpose(*DIMS).values == "").sum(axis=0)
-    found["samples"] = (DIMS[1:], runs, {"long_name": "runs that did not fail"})
-    meaning = "fraction of the runs that failed or exceed a limit"
-    found["failure_rate"] = (DIMS[1:], failed.mean(axis=0), {"long_name": meaning})
-    for j, end in enumerate(("low", "high")):
+    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), level)
+    complete = possible & (table["failure"].transpose(*DIMS).values == "")
+    found["samples"] = (DIMS[1:], complete.sum(axis=0), {"long_name": "runs that did not fail"})
+    label = {"long_name": "runs whose numbers are not possible"}
+    found["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
+    label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
+    found["failure_rate"] = (DIMS[1:], rates[..., 0], label)
+    for j, end in enumerate(("low", "high"), start=1):
         label = {"long_name": f"{end} limit of the confidence interval"}
-        found[f"failure_rate_{end}"] = (DIMS[1:], intervals[..., j], label)
+        found[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    return found
+
+
+def _rates(
+    failed: NDArray[np.int64], runs: NDArray[np.int64], confidence: float
+) -> NDArray[np.float64]:
+    """Return rates of failures and the limits of their intervals (..., 3); NaN without runs."""
+    from scipy.stats import binomtest
+
+    found = np.full((*runs.shape, 3), np.nan)
+    for index in zip(*np.nonzero(runs), strict=True):
+        test = binomtest(int(failed[index]), int(runs[index]))
+        found[index] = test.statistic, *test.proportion_ci(confidence)
     return found
 
 
@@ -199,6 +213,13 @@ def _quantiles(
     return found
 
 
+def _possible(table: xr.Dataset) -> NDArray[np.bool_]:
+    """Return which runs (samples, controllers, plants, references) have possible numbers."""
+    if "infeasible" not in table:
+        return np.ones([table.sizes[dim] for dim in DIMS], dtype=np.bool_)
+    return np.asarray(table["infeasible"].transpose(*DIMS).values == "")
+
+
 def _checked(table: object) -> xr.Dataset:
     return check_dataset("table", table, (*DIMS, "failure"), "a table of a study")
 
@@ -212,7 +233,7 @@ def _limits(table: xr.Dataset, limits: object) -> dict[str, float]:
         check_choice("limits", name, known): float(check_array(f"limits[{name!r}]", value, ()))
         for name, value in given.items()
     }
-    complete = table["failure"] == ""
+    complete = (table["failure"].transpose(*DIMS) == "") & _possible(table)
     problems = [
         Problem("limits", f"cannot contain {name}, which is NaN for all runs")
         for name in found

@@ -105,7 +105,8 @@ class Study:
         Returns:
             Dataset (sample, controller, plant, reference) with the metrics of ``compare`` without
             the computing times. The metrics of a run that failed are NaN. ``failure`` is its
-            reason, or empty; ``warning`` likewise. The varied numbers are coordinates of
+            reason, or empty; ``warning`` likewise, and ``infeasible`` for a run whose numbers are
+            not possible, such as a negative mass. The varied numbers are coordinates of
             ``sample``, by their paths.
 
         Raises:

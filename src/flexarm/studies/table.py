@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.studies.execution import RECORDED, Outcomes
+from flexarm.studies.execution import INFEASIBLE, RECORDED, Outcomes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,6 +43,11 @@ def table_of(
     for j, metric in enumerate(RECORDED):
         labels = {"units": metric.unit, "long_name": metric.meaning}
         table[metric.name] = (DIMS, outcomes.metrics[..., j], labels)
-    table["failure"] = (DIMS, outcomes.failure.astype(str), {"long_name": "why a run failed"})
+    texts = outcomes.failure.astype(str)
+    absent = np.char.startswith(texts, INFEASIBLE)
+    reasons = np.where(absent, np.char.replace(texts, INFEASIBLE, "", count=1), "")
+    table["failure"] = (DIMS, np.where(absent, "", texts), {"long_name": "why a run failed"})
+    label = {"long_name": "why the numbers of a run are not possible"}
+    table["infeasible"] = (DIMS, reasons, label)
     table["warning"] = (DIMS, outcomes.warning.astype(str), {"long_name": "warnings of a run"})
     return table

@@ -33,6 +33,12 @@ _COLUMNS = (
 #: The same for a comparison with the runs without variation.
 _ROBUSTNESS = (_COLUMNS[0], ("tip_error_rms_ratio", "ratio", 1.0), _COLUMNS[2])
 _QUANTILES = (0.5, 0.95)
+#: Variables whose first text is printed, with the words for their number of runs.
+_REPORTED = {
+    "failure": "runs",
+    "infeasible": "runs are infeasible and not in the rates",
+    "warning": "runs",
+}
 #: Samples that ``--verify`` repeats.
 _REPEATED = 10
 
@@ -78,6 +84,8 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
     table = study.run(out, options.scheduler, resume=options.resume, **given)
     print_statistics(table, limits)
     screen = console()
+    if study.samples == 1:
+        warn("the study has one sample. Add `vary` and `samples`, or use `flexarm compare`.")
     screen.print(f"{study.runs} runs in {out}", soft_wrap=True)
     if options.plot is not None:
         draw_samples(table, options.plot)
@@ -117,8 +125,8 @@ def print_statistics(
     screen = console()
     for reference in found["reference"].values:
         screen.print(_printed(found.sel(reference=reference), str(reference)), soft_wrap=True)
-    for kind in ("failure", "warning"):
-        for text in _first_of(table, kind):
+    for kind, runs in _REPORTED.items():
+        for text in _first_of(table, kind, runs):
             warn(text)
 
 
@@ -178,7 +186,7 @@ def _percent(fraction: float) -> str:
     return f"{100.0 * fraction:.0f}" if fraction > 0.1 else f"{100.0 * fraction:.2g}"
 
 
-def _first_of(table: xr.Dataset, kind: str) -> Iterator[str]:
+def _first_of(table: xr.Dataset, kind: str, runs: str) -> Iterator[str]:
     """Yield the first failure or warning of each drive, plant and motion, and their number."""
     stacked = table[kind].stack(run=("controller", "plant", "reference"))
     for drive, plant, reference in stacked["run"].values:
@@ -187,5 +195,5 @@ def _first_of(table: xr.Dataset, kind: str) -> Iterator[str]:
         if given.any():
             k = int(np.argmax(given))
             where = f"{drive} on {plant} along {reference}"
-            count = f"{int(given.sum())} of {given.size} runs"
+            count = f"{int(given.sum())} of {given.size} {runs}"
             yield f"{where}: {count}, the first of sample {one.sample.values[k]}: {one.values[k]}"

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
+from flexarm.model.drives import CONTROLLED
 from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, plain
 from flexarm.model.wording import Fault
 
@@ -107,6 +108,14 @@ class SamplePlan(Record):
             yield Fault(("count",), f"is required with method {given.method}")
 
 
+def _without_noise(given: Given) -> bool:
+    """Return whether no noise acts on any drive of a valid study."""
+    if not given.has("hardware", "drives"):
+        return False
+    noisy = any(item.noise > 0.0 for item in given.hardware.instruments or ())
+    return not noisy or all(drive.kind not in CONTROLLED for drive in given.drives.values())
+
+
 def sampling_faults(given: Given) -> Iterator[Fault]:
     """Yield the faults between the distributions, the plan and the hardware of a study."""
     if not given.has("vary"):
@@ -124,6 +133,9 @@ def sampling_faults(given: Given) -> Iterator[Fault]:
     elif not vary and plan.noise == "same" and (plan.count or 1) > 1:
         hint = "All samples would be equal. Give each its own noise with `noise: different`."
         yield Fault(("vary",), f"is required with {plan.count} samples", hint=hint)
+    elif not vary and plan.noise == "different" and _without_noise(given):
+        hint = "All samples would be equal, because no drive reads an instrument with `noise`."
+        yield Fault(("vary",), "is required without noise", hint=hint)
     count = plan.count or 1
     for name, item in vary.items() if plan.method == "grid" else ():
         if isinstance(item, NormalDistribution):
