@@ -41,7 +41,7 @@ def assert_run(batch, k, single, channels=("joint_angle", "tip")):
     for name in channels:
         np.testing.assert_array_equal(batch[name].values[k], single[name].values)
     own = batch.isel(run=k)
-    for name in ("ended_by", "failure", "warning", "integrator", "steps"):
+    for name in ("ended_by", "failure", "warning", "integrator", "steps", "evaluations"):
         assert own[name].item() == single.attrs[name]
 
 

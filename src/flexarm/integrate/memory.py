@@ -11,7 +11,7 @@ from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
 #: method divides into equal steps.
-CLOCK_PLACES = 12
+CLOCK_PLACES = 13
 (
     TIME,  # s
     STEP,  # s, next step to try; for a method that works in spans, the longest step
@@ -25,6 +25,7 @@ CLOCK_PLACES = 12
     COUNT,  # number of these steps
     PLACE,  # number of completed steps
     SOFTENED,  # s, step length of the constants of an implicit method
+    BETWEEN,  # 1.0 if the last call paused between two steps, else 0.0
 ) = range(CLOCK_PLACES)
 
 #: Indices of ``Memory.counts``.

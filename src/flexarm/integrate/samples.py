@@ -13,7 +13,7 @@ symbol         meaning
 from __future__ import annotations
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import SAMPLES, STEPS, TIME, Memory
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SAMPLES, STEPS, TIME, Memory
 from flexarm.kernels.columns import W2
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.layout import Array, Sizes
@@ -61,6 +61,17 @@ def begin_call(sizes: Sizes, memory: Memory) -> float:
     t: float = memory.clock[TIME]
     samples_at(sizes, memory, memory.state, t)
     return t
+
+
+@merged
+def count_first(memory: Memory) -> None:
+    """Count the evaluation at the start of a call, unless the last call paused there.
+
+    A run then has the same count however often it pauses, which depends on the computer.
+    """
+    if memory.clock[BETWEEN] == 0.0:
+        memory.counts[EVALUATIONS] += 1
+    memory.clock[BETWEEN] = 0.0
 
 
 @merged

@@ -7,9 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import EVALUATIONS, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
 from flexarm.integrate.nearness import step_on
-from flexarm.integrate.samples import begin_call, dense_weights, end_step, sample_before
+from flexarm.integrate.samples import (
+    begin_call,
+    count_first,
+    dense_weights,
+    end_step,
+    sample_before,
+)
 from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import (
     LONGEST,
@@ -64,7 +70,7 @@ def advance_explicit(
     if t >= until:
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
-    counts[EVALUATIONS] += 1
+    count_first(memory)
     step_on(system.drive.loads.contacts)
     for _ in range(max_steps):
         h = clock[STEP]
@@ -124,4 +130,5 @@ def advance_explicit(
         if lands:  # the torque may jump here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
+    clock[BETWEEN] = 1.0
     return PAUSED

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
 from flexarm.integrate.nearness import step_on
-from flexarm.integrate.samples import begin_call, end_step, samples_between
+from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
 from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
 from flexarm.integrate.torque import drive_at, slope_at
@@ -127,7 +127,7 @@ def advance_additive(
     if t >= until:
         return DONE
     slope_at(system, t, from_right, state, torque, stages, zero)
-    counts[EVALUATIONS] += 1
+    count_first(memory)
     step_on(system.drive.loads.contacts)
     for _ in range(max_steps):
         t_new, h, lands = step_landing(system.drive.stops, t, clock[STEP], until)
@@ -158,4 +158,5 @@ def advance_additive(
         if lands:  # the torque may jump here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
+    clock[BETWEEN] = 1.0
     return PAUSED
