@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.execution import ClosedLoop
 from flexarm.batch.lane_loop import LaneLoop, LoopOfRun, can_read
@@ -50,8 +51,9 @@ class ClosedLanes(Lanes):
         options: RunOptions,
         channels: Collection[str],
         alone: ClosedLoop,
+        environment: Environment,
     ) -> None:
-        super().__init__(variations, options, channels, alone)
+        super().__init__(variations, options, channels, alone, environment)
         self._references: dict[tuple[int, float], Reference | None] = {}
         self._poles: dict[tuple[Any, ...], dict[Any, Any]] = {}
 
@@ -76,7 +78,7 @@ class ClosedLanes(Lanes):
         own, duration = self._variations, self._options.duration
         controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
         assert controller is not None
-        sample_time = controller.sample_time
+        sample_time, loads = controller.sample_time, self._loads_on(arm)
         with self._alone.users:
             if state is None:
                 state = start_of(arm, *own.state_of(k), reference, None)
@@ -90,7 +92,7 @@ class ClosedLanes(Lanes):
                 self._references[key] = sampled_reference(reference, sample_time, duration)
             unstable = self._instability(k, arm, state)
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
-        return Ready(k, arm, state, loop, (sample_time,))
+        return Ready(k, arm, state, loads, loop, (sample_time,))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
@@ -107,7 +109,8 @@ class ClosedLanes(Lanes):
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
         loops = [run.drive for run in ready]
         duration, users = self._options.duration, self._alone.users
-        loop = LaneLoop([run.arm for run in ready], loops, duration, users)
+        loads = ready[0].loads
+        loop = LaneLoop([run.arm for run in ready], loops, duration, users, loads)
         loop.execute(advance, runs)
         runs.status[~loop.alive] = Status.PAUSED
         return loop

@@ -83,6 +83,9 @@ class OpenLoop:
         acting: the arguments ``tip_force``, ``loads``, ``base_acceleration``, ``contacts``,
             ``events``, ``prescribed`` and ``changes`` of ``simulate``.
         channels: names of the required channels.
+
+    Attributes:
+        users: lock of functions of users.
     """
 
     def __init__(
@@ -101,8 +104,7 @@ class OpenLoop:
         self._meter = Meter("simulating", False)
         self._template: Run | None = None
         self._histories: dict[float, PiecewiseCubic] = {}
-        # Functions of users are called by one thread at a time.
-        self._users = Lock()
+        self.users = Lock()
 
     def prepare(self) -> None:
         """Validate what the first run shares with the others.
@@ -158,7 +160,7 @@ class OpenLoop:
         if self._template is not None:
             requested = options.integrator, options.step
             return restarted(self._template, state, *requested), state
-        with self._users:
+        with self.users:
             environment = Environment.of(arm, *self._environment)
             log = event_log(arm, self._events)
             run = options.new_run(arm, state, environment, log, self._meter, self._changes)
@@ -172,7 +174,7 @@ class OpenLoop:
         return run, state
 
     def _loads(self, loads_of: Any, relative: float) -> LoadHistory:
-        with self._users:
+        with self.users:
             history: LoadHistory = loads_of(relative)
             return history
 
@@ -182,7 +184,7 @@ class OpenLoop:
         Raises:
             InputError: if it does not fit the arm.
         """
-        with self._users:  # the motion of a torque may be a function of the user
+        with self.users:  # the motion of a torque may be a function of the user
             return start_of(arm, *self._variations.state_of(k), None, self._variations.torque(k))
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
@@ -194,7 +196,7 @@ class OpenLoop:
         """
         torque, prescribed = self._variations.torque(k), self._prescribed
         shared = self._variations.same_torque and not prescribed
-        with self._users:
+        with self.users:
             if shared and relative in self._histories:
                 return self._histories[relative]
             found = torque_history(arm, torque, prescribed, state, self._options, relative)

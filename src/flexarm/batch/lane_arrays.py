@@ -3,30 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.engine.tolerance import tip_units
+from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.lanes.data import LaneDrive
-from flexarm.kernels.layout import ArmConstants
+from flexarm.integrate.lanes.stepper import LOAD_PLACES, LOAD_VALUES
+from flexarm.kernels.layout import ArmConstants, Loads
 
 
-def arms_of_runs(arms: Sequence[Arm]) -> tuple[ArmConstants, FloatArray]:
-    """Return constants and units of the tolerance of arms, with the first axis ``arms``."""
+def arms_of_runs(
+    arms: Sequence[Arm], loads: Sequence[Loads]
+) -> tuple[ArmConstants, FloatArray, Loads]:
+    """Return constants, units of the tolerance and loads of arms, in the form of ``LaneRuns``.
+
+    Args:
+        loads: of each arm, on the same bodies.
+    """
     found = [arm.assembly.constants for arm in arms]
     constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
-    return constants, np.stack([tip_units(arm) for arm in arms])
+    names = LOAD_VALUES + LOAD_PLACES
+    stacked: dict[str, Any] = {
+        name: np.stack([getattr(one, name) for one in loads]) for name in names
+    }
+    return constants, np.stack([tip_units(arm) for arm in arms]), loads[0]._replace(**stacked)
 
 
-def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
-    """Join the torques of the runs; equal objects are stored once."""
+def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:
+    """Join the torques of the runs; equal objects are stored once.
+
+    Args:
+        loads: of all runs.
+    """
     different = list({id(history): history for history in histories}.values())
     places, starts = {}, np.zeros(3, dtype=np.int64)
-    for history in different:
-        sizes = [history.breaks.size, len(history.coefficients), history.stops.size]
+    stops = [stops_of(history, loads) for history in different]
+    for history, own in zip(different, stops, strict=True):
+        sizes = [history.breaks.size, len(history.coefficients), own.size]
         ends = starts + sizes
         places[id(history)] = np.stack([starts, ends], axis=1).ravel()
         starts = ends
@@ -35,6 +53,21 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic]) -> LaneDrive:
         coefficients=np.concatenate(
             [arm.padded_torque(history.coefficients) for history in different]
         ),
-        stops=np.concatenate([history.stops for history in different]),
+        stops=np.concatenate(stops),
         places=np.array([places[id(history)] for history in histories]),
+        **factors_of(loads),
     )
+
+
+def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+    """Return the fields of ``LaneDrive`` for loads."""
+    return {
+        "amplitude": loads.placed.value,
+        "factor_breaks": loads.factors.breaks,
+        "factor_coefficients": np.ascontiguousarray(loads.factors.coefficients),
+    }
+
+
+def stops_of(history: PiecewiseCubic, loads: LoadHistory) -> FloatArray:
+    """Return the times (s) at which the torque or the loads of a run are not smooth."""
+    return np.unique(np.concatenate([history.stops, loads.factors.stops]))

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.assembly.scratch import as_slice
+from flexarm.batch.lane_arrays import factors_of
 from flexarm.control.base import Controller, Reference, declares
 from flexarm.engine.validity import RunawayWatch
 from flexarm.errors import check_array
 from flexarm.hardware.instruments import NoiseOfRuns, Readings
 from flexarm.hardware.measurement import Measurement
+from flexarm.histories.loads import LoadHistory
 from flexarm.integrate.base import FloatArray, Status
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.memory import REJECTED, STEPS
@@ -97,6 +99,7 @@ class LaneLoop:
     Args:
         arms: of the runs. loops: their controllers.
         users: lock of functions of users, and of objects that runs share.
+        loads: of all runs.
 
     Attributes:
         alive: (runs,) whether a run has not failed.
@@ -105,7 +108,12 @@ class LaneLoop:
     """
 
     def __init__(
-        self, arms: Sequence[Arm], loops: Sequence[LoopOfRun], duration: float, users: Lock
+        self,
+        arms: Sequence[Arm],
+        loops: Sequence[LoopOfRun],
+        duration: float,
+        users: Lock,
+        loads: LoadHistory,
     ) -> None:
         self._arms, self._loops, self._count = arms, loops, len(arms)
         self._arm = arms[0] if all(arm is arms[0] for arm in arms) else None
@@ -115,7 +123,7 @@ class LaneLoop:
         hardware = loops[0].hardware
         self.acting = Acting(hardware, arms[0], runs=self._count)
         self._bodies = as_slice(arms[0].assembly.joint_body)
-        self._drive = self._new_drive(arms[0].assembly.bodies)
+        self._drive = self._new_drive(arms[0].assembly.bodies, loads)
         self._exact = hardware is None or hardware.instruments is None
         self._readers = self._sensors()
         self._watches = _by_object(arms, RunawayWatch)
@@ -127,14 +135,16 @@ class LaneLoop:
         with users:
             self._teams = self._new_teams()
 
-    def _new_drive(self, bodies: int) -> LaneDrive:
+    def _new_drive(self, bodies: int, loads: LoadHistory) -> LaneDrive:
         pieces, count = self.acting.pieces, self._count
         first = pieces * np.arange(count)
         places = np.zeros((count, 6), dtype=np.int64)
         places[:, 1] = pieces + 1
         places[:, 2], places[:, 3] = first, first + pieces
-        coefficients = np.zeros((count * pieces, 4, bodies))
-        return LaneDrive(np.arange(pieces + 1.0), coefficients, np.zeros(0), places)
+        coefficients, stops = np.zeros((count * pieces, 4, bodies)), loads.factors.stops
+        places[:, 5] = stops.size
+        breaks = np.arange(pieces + 1.0)
+        return LaneDrive(breaks, coefficients, stops, places, **factors_of(loads))
 
     def _new_teams(self) -> list[_Team]:
         """Return the controllers, each with as many runs as it accepts."""

@@ -11,14 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
-from flexarm.batch.execution import OpenLoop, Outcome, attempt
-from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs
+from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs, stops_of
 from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
+from flexarm.histories.loads import LoadHistory
+from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
@@ -36,6 +39,8 @@ MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
+#: Arguments of ``simulate`` that act on an arm, in lanes too.
+_LOADS = frozenset({"tip_force", "loads", "base_acceleration"})
 #: Function that advances runs under a drive to their ends, or by at most that many steps.
 Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
@@ -51,7 +56,7 @@ def fits_lanes(
     Args:
         acting: as for ``OpenLoop``.
     """
-    plain = all(map(_is_absent, acting.values()))
+    plain = all(_is_absent(value) for name, value in acting.items() if name not in _LOADS)
     if not plain or options.specialized or options.stations:
         return False
     return all(map(arm_fits_lanes, variations.arms)) and not BY_FORCES.intersection(channels)
@@ -73,6 +78,7 @@ class Ready(NamedTuple):
     number: int
     arm: Arm
     state: FloatArray  # (2, n, 1 + m)
+    loads: LoadHistory
     drive: Any  # torque over time, or what computes it
     group: tuple[Any, ...] = ()  # runs with equal groups are executed together
 
@@ -82,6 +88,9 @@ class Lanes(ABC):
 
     Runs that fail, that need another method, or whose functions of time fail are executed by
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
+
+    Args:
+        environment: loads and base acceleration of all runs.
     """
 
     def __init__(
@@ -89,9 +98,12 @@ class Lanes(ABC):
         variations: Variations,
         options: RunOptions,
         channels: Collection[str],
-        alone: Callable[[int], Outcome],
+        alone: OpenLoop | ClosedLoop,
+        environment: Environment,
     ) -> None:
-        self._variations = variations
+        self._variations, self._environment = variations, environment
+        self._factors: dict[tuple[int, ...], PiecewiseCubic] = {}
+        self._loads: LoadHistory | None = None  # of the only arm
         self._options, self._channels, self._alone = options, channels, alone
         self._times = options.times
         self._steppers: dict[tuple[int, ...], LaneStepper] = {}
@@ -111,11 +123,11 @@ class Lanes(ABC):
             if place == 0 or self._options.integrator == "auto":
                 method = self._method(run, float(fastest[place]))
             if method is not None:
-                sizes = () if self._arm else _structure(run.arm)
+                sizes = () if self._arm else _structure(run)
                 key = (method.name, sizes, *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1], ready[places[0]].arm)
+            stepper = self._stepper(key[1], ready[places[0]])
             group = [ready[place] for place in places]
             for outcome in self._advance(method, stepper, group, fastest[places]):
                 done.update(outcome.runs)
@@ -136,6 +148,21 @@ class Lanes(ABC):
     @abstractmethod
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         """Return run k before its start, by default from the start of its motion."""
+
+    def _loads_on(self, arm: Arm) -> LoadHistory:
+        """Return the loads of a run.
+
+        Raises:
+            InputError: if a load does not fit the arm.
+            FunctionError: if a function of time raises an exception.
+        """
+        if self._loads is not None:
+            return self._loads
+        with self._alone.users:
+            found = self._options.loads_of(arm, self._environment, self._factors)
+        if self._arm is not None:
+            self._loads = found
+        return found
 
     def _starts(self, runs: range) -> FloatArray | None:
         """Return the initial states (runs, 2, n, 1 + m) together; None if they depend on a run."""
@@ -173,10 +200,10 @@ class Lanes(ABC):
     ) -> Iterator[Outcome]:
         """Yield the outcomes of the runs that reach their end."""
         states, count = np.array([run.state for run in ready]), len(ready)
-        constants, unit = arms_of_runs([run.arm for run in (ready[:1] if self._arm else ready)])
+        different = ready[:1] if self._arm else ready
+        loads = [run.loads.placed for run in different]
         runs = LaneRuns(
-            constants=constants,
-            unit=unit,
+            *arms_of_runs([run.arm for run in different], loads),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -247,12 +274,12 @@ class Lanes(ABC):
             runs.counts[places, EVALUATIONS].tolist(),
         )
 
-    def _stepper(self, key: tuple[int, ...], arm: Arm) -> LaneStepper:
-        """Return the stepper of runs whose arms have arrays of the same sizes."""
+    def _stepper(self, key: tuple[int, ...], run: Ready) -> LaneStepper:
+        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
-            constants, several = arm.assembly.constants, self._arm is None
-            tolerance = self._tolerance._replace(unit=tip_units(arm))
-            self._steppers[key] = LaneStepper(constants, tolerance, several)
+            own = run.arm.assembly.constants, run.loads.placed
+            tolerance = self._tolerance._replace(unit=tip_units(run.arm))
+            self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
 
@@ -264,15 +291,17 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        return Ready(k, arm, state, self._alone.history(k, arm, state, self._options.rtol))
+        history = self._alone.history(k, arm, state, self._options.rtol)
+        return Ready(k, arm, state, self._loads_on(arm), history)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
-        stops = run.drive.stops
+        stops = stops_of(run.drive, run.loads)
         return choose_by_drive(choice, run.arm, tolerance, stops, self._options.duration)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
-        advance(drive_of_runs(ready[0].arm, [run.drive for run in ready]), runs, MOST_STEPS)
+        histories = [run.drive for run in ready]
+        advance(drive_of_runs(ready[0].arm, histories, ready[0].loads), runs, MOST_STEPS)
 
     def _torques(
         self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: None
@@ -280,6 +309,11 @@ class OpenLanes(Lanes):
         return {"torque": np.array([ready[k].drive.at(times) for k in places])}
 
 
-def _structure(arm: Arm) -> tuple[int, ...]:
-    """Return the sizes of the arrays of an arm; runs in lanes of one pack have the same."""
-    return tuple(map(len, run_time_sizes(arm.assembly.constants)))
+def _structure(run: Ready) -> tuple[int, ...]:
+    """Return numbers that are equal for runs in lanes of one pack.
+
+    They are the sizes of the arrays of the arm, the bodies of its loads, and the identity of their
+    factors, which are common.
+    """
+    sizes = map(len, run_time_sizes(run.arm.assembly.constants))
+    return (*sizes, *run.loads.placed.body.tolist(), id(run.loads.factors))

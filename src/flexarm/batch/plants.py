@@ -8,14 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.actions.environment import EMPTY
 from flexarm.arm import Arm
-from flexarm.batch.lane_arrays import arms_of_runs
+from flexarm.batch.lane_arrays import arms_of_runs, factors_of
 from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
@@ -71,8 +73,10 @@ class LanePlants:
         self._methods: list[LaneIntegrator] = []
         self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
         self._tolerance = Tolerance(ATOL, RTOL, tip_units(arm), 1.0)
-        self._stepper = LaneStepper(arm.assembly.constants, self._tolerance)
-        self._constants = arms_of_runs([arm])
+        self._loads = load_history(arm, EMPTY, sample_time, RTOL)
+        placed = self._loads.placed
+        self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance)
+        self._constants = arms_of_runs([arm], [placed])
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
 
@@ -150,7 +154,8 @@ class LanePlants:
             until=(now + 1) * self._sample_time,
         )
         runs.clock[:, TIME] = now * self._sample_time
-        self._stepper.advance(block.method, _held(torque[block.rows]), runs, _MOST_STEPS)
+        drive = _held(torque[block.rows], self._loads)
+        self._stepper.advance(block.method, drive, runs, _MOST_STEPS)
         self.state[places], self._clock[places] = runs.state, runs.clock
         return runs.status
 
@@ -162,7 +167,7 @@ class LanePlants:
         return failure_of(status, float(self.time[place]), (state[0], state[1]), reason)
 
 
-def _held(torque: FloatArray) -> LaneDrive:
+def _held(torque: FloatArray, loads: LoadHistory) -> LaneDrive:
     """Return the drive of runs with constant torques (k, n)."""
     count, n = torque.shape
     coefficients = np.zeros((count, 4, n))
@@ -171,4 +176,5 @@ def _held(torque: FloatArray) -> LaneDrive:
     places[:, 1] = 2
     places[:, 2] = np.arange(count)
     places[:, 3] = places[:, 2] + 1
-    return LaneDrive(np.array([0.0, 1.0]), coefficients, np.zeros(0), places)
+    breaks, stops = np.array([0.0, 1.0]), np.zeros(0)
+    return LaneDrive(breaks, coefficients, stops, places, **factors_of(loads))

@@ -163,8 +163,8 @@ def simulate_batch(
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))
-    contacts = Environment.of(first, *(acting[name] for name in _ACTING[:4])).contacts
-    counts = len(contacts), checked.stations
+    environment = Environment.of(first, *(acting[name] for name in _ACTING[:4]))
+    counts = len(environment.contacts), checked.stations
     closed = own.controllers[0] is not None
     sizes = first, checked.times, names, reduced, stride, counts, closed
     recorder = Recorder(own.count, *sizes)
@@ -178,7 +178,7 @@ def simulate_batch(
         with warnings.catch_warnings():  # kept in the outcomes
             warnings.simplefilter("ignore", FlexarmWarning)
             if fits_closed_lanes(own, checked, acting, needed):
-                lanes = ClosedLanes(own, checked, needed, loop)
+                lanes = ClosedLanes(own, checked, needed, loop, environment)
                 lanes.prepare()
                 work: Work = lanes, lane_blocks
             else:
@@ -188,7 +188,7 @@ def simulate_batch(
         alone = OpenLoop(own, checked, acting, needed)
         if fits_lanes(own, checked, acting, needed):
             alone.prepare()
-            work = OpenLanes(own, checked, needed, alone), lane_blocks
+            work = OpenLanes(own, checked, needed, alone, environment), lane_blocks
         else:
             work = _first_alone(alone, recorder, own.count)
         _execute(work, recorder, own.count, threads, progress)

@@ -43,12 +43,14 @@ def load_history(
     contacts: Contacts | None = None,
     breaks: ArrayLike = (),
     spacing: float | None = None,
+    known: dict[tuple[int, ...], PiecewiseCubic] | None = None,
 ) -> LoadHistory:
     """Place the loads and approximate their time dependence; tables are represented exactly.
 
     Args:
         contacts: contacts of the environment as they were placed for the run, if there are any.
         breaks, spacing: of functions of time, as in ``function_history``.
+        known: factors of earlier calls that differ in the arm alone, for reuse.
 
     Raises:
         InputError: if a load is not on the arm, a function does not return numbers, or a table
@@ -61,9 +63,11 @@ def load_history(
     if contacts is not None:
         placed = placed._replace(contacts=contacts)
     owners = parts_of(arm, loads)
+    known, key = {} if known is None else known, tuple(map(id, owners))
     if not moving and all(load.factor is None for load in loads):
-        nothing = PiecewiseCubic.constant(np.zeros(0))
-        return LoadHistory(owners, placed, nothing)
+        known.setdefault(key, PiecewiseCubic.constant(np.zeros(0)))
+    if key in known:
+        return LoadHistory(owners, placed, known[key])
     if callable(base_acceleration):
         name = "base_acceleration"
         check_function(name, base_acceleration)
@@ -85,7 +89,8 @@ def load_history(
 
     followed = {id(load): factor(load) for load in loads}
     columns = [followed[id(load)] for load in owners]
-    return LoadHistory(owners, placed, PiecewiseCubic.joined([*columns, base]))
+    known[key] = PiecewiseCubic.joined([*columns, base])
+    return LoadHistory(owners, placed, known[key])
 
 
 def _base(given: Any) -> Any:

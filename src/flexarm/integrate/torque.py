@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from flexarm.integrate.base import System
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.layout import Array
@@ -51,7 +53,16 @@ def torque_in(system: System, k: int, t: float, torque: Array) -> None:
 @merged
 def loads_at(system: System, t: float, from_left: bool) -> None:
     """Set the loads and the base acceleration at time t."""
-    drive = system.drive
+    loads = system.drive.loads
+    loads_in(system.drive, t, from_left, loads.value, loads.base_acceleration)
+
+
+@merged
+def loads_in(drive: Any, t: float, from_left: bool, force: Array, base: Array) -> None:
+    """Write the loads (k, 3) and the base acceleration (2,) of a drive at time t.
+
+    ``drive``: a ``Drive``, or a ``LaneDrive``, whose fields for loads are the same.
+    """
     count = drive.amplitude.shape[0]
     k = piece_of(drive.factor_breaks, t, from_left)
     x = t - drive.factor_breaks[k]
@@ -62,9 +73,9 @@ def loads_at(system: System, t: float, from_left: bool) -> None:
         )
         if j < count:
             for p in range(3):
-                drive.loads.value[j, p] = drive.amplitude[j, p] * value
+                force[j, p] = drive.amplitude[j, p] * value
         else:
-            drive.loads.base_acceleration[j - count] = value
+            base[j - count] = value
 
 
 @merged

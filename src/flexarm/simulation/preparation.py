@@ -18,6 +18,7 @@ from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.histories.functions import function_history
+from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import Prescribed, prescribe
 from flexarm.histories.samples import INTERPOLATIONS, sampled_torque
@@ -51,6 +52,16 @@ class RunOptions(NamedTuple):
         count = int(np.floor(self.duration * self.rate * (1 + 1e-12))) + 1
         # The last sample may exceed the end by rounding, and would then never be computed.
         return np.minimum(np.arange(count) / self.rate, self.duration)
+
+    def loads_of(
+        self,
+        arm: Arm,
+        environment: Environment,
+        known: dict[tuple[int, ...], PiecewiseCubic],
+    ) -> LoadHistory:
+        """Return the loads of a run without contacts; see ``load_history``."""
+        given = self.duration, self.rtol, None, self.breaks, 1.0 / self.rate
+        return load_history(arm, environment, *given, known)
 
     def new_run(
         self,

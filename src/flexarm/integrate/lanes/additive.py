@@ -18,12 +18,12 @@ from flexarm.integrate.lanes.steps import (
     begin_lanes,
     begin_steps,
     copy_packs,
+    drives_of_lanes,
     end_steps,
     fill_lanes,
     judge_steps,
     keep_first_stage,
     measure_steps,
-    torques_of_lanes,
 )
 from flexarm.integrate.memory import SAMPLES, TIME
 from flexarm.integrate.samples import between_ends
@@ -31,6 +31,7 @@ from flexarm.integrate.steps import combine
 from flexarm.kernels.columns import FLEX_BIAS
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.compilation.packs import LANES
+from flexarm.kernels.forces.external import push_loads
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import Array, Sizes
 from flexarm.kernels.recursion.inward import inward
@@ -51,6 +52,7 @@ def _slopes(system: System, memory: LaneMemory, stage: int) -> None:
     """Write the time derivatives at ``memory.point`` into ``stages[stage]``."""
     sizes, constants, work = system.sizes, system.constants, system.work
     link_terms(sizes, constants, memory.point, work)
+    push_loads(sizes, memory.loads, memory.point, work)
     inward(sizes, constants, memory.point, memory.torque, work)
     outward(sizes, constants, memory.loads, work)
     for i in range(len(sizes.bodies)):
@@ -69,6 +71,7 @@ def _implicit_stage(system: System, memory: LaneMemory, gamma: float, stage: int
             known[0, i, j] += reach * known[1, i, j]
     shift_forces(system, memory.point, known, memory.torque)
     link_terms(sizes, softened, memory.point, work)
+    push_loads(sizes, memory.loads, memory.point, work)
     for i in range(len(sizes.bodies)):
         for j in range(len(sizes.modes)):
             work.mode[i, j, FLEX_BIAS] -= work.force[i, 1 + j]
@@ -133,7 +136,7 @@ def advance_additive_lanes(
         state, stages, h = memory.state, memory.stages, memory.step[0]
         if fresh > 0:
             copy_packs(sizes, state, memory.point)
-            torques_of_lanes(sizes, drive, runs, memory, 0.0, not at_end, not from_left)
+            drives_of_lanes(sizes, drive, runs, memory, 0.0, not at_end, not from_left)
             _slopes(system, memory, s)
             keep_first_stage(sizes, memory, s)
         reach = h * gamma
@@ -142,11 +145,11 @@ def advance_additive_lanes(
             combine(sizes, state, stages, method.explicit, k, k, h, memory.point)
             combine(sizes, state, stages, method.implicit, k, k, h, memory.known)
             c = method.c[k]
-            torques_of_lanes(sizes, drive, runs, memory, c, not at_end, c == 1.0)
+            drives_of_lanes(sizes, drive, runs, memory, c, not at_end, c == 1.0)
             _implicit_stage(system, memory, gamma, k)
         combine(sizes, state, stages, method.explicit, s, s, h, memory.point)
         copy_packs(sizes, memory.point, memory.new)
-        torques_of_lanes(sizes, drive, runs, memory, 1.0, at_end, from_left)
+        drives_of_lanes(sizes, drive, runs, memory, 1.0, at_end, from_left)
         _slopes(system, memory, s)
         measure_steps(sizes, tolerance, method.control, memory)
         judge_steps(sizes, method.control, runs, memory)

@@ -22,6 +22,7 @@ class LaneRuns(NamedTuple):
 
     constants: ArmConstants  # with a first axis: one row for all runs, or one for each
     unit: Array  # (1 or runs, 2, n, 1 + m) ``Tolerance.unit`` of the arms
+    loads: Loads  # at factor one, with the same first axis except for ``body`` and ``follower``
     state: Array  # (runs, 2, n, 1 + m) at the start of each run, then at its end
     fastest: Array  # (runs,) rad/s
     clock: Array  # (runs, CLOCK_PLACES), with the first step
@@ -33,19 +34,25 @@ class LaneRuns(NamedTuple):
 
 
 class LaneDrive(NamedTuple):
-    """Torques of all runs, one after another, as piecewise cubics; see ``base.Drive``."""
+    """Torques of all runs, one after another, and their common factors of loads.
+
+    They are piecewise cubics as in ``base.Drive``.
+    """
 
     breaks: Array  # (breaks of all runs,) s
     coefficients: Array  # (pieces of all runs, 4, n)
     stops: Array  # (stops of all runs,) s
     places: Array  # (runs, 6) integers: first and last (excluded) break, piece and stop
+    amplitude: Array  # (k, 3) of the loads at factor one
+    factor_breaks: Array  # (pieces + 1,) s
+    factor_coefficients: Array  # (pieces, 4, k + 2) factors, base acceleration x, y
 
 
 class LaneMemory(NamedTuple):
     """Scratch of one thread.
 
-    If the runs have arms of their own, the first three have packs instead of numbers, and the
-    constants of a run are copied into its lane.
+    If the runs have arms of their own, the first three and the places of the loads have packs
+    instead of numbers, and those of a run are copied into its lane.
     """
 
     constants: ArmConstants
@@ -61,7 +68,7 @@ class LaneMemory(NamedTuple):
     norm: PackArray  # (4,) numbers of ``error_sizes`` or ``motion_sizes``; lowest joint inertia
     accepted: PackArray  # (1,) 1.0 in lanes whose step is accepted, otherwise 0.0
     work: PackArray  # ``Workspace`` of packs
-    loads: Loads  # none
+    loads: Loads  # without contacts; packs of ``value`` and ``base_acceleration``
     weights: Array  # (1, r)
     run: Array  # (LANES,) integers: number of the run, or -1
     fresh: Array  # (LANES,) integers: 1 if the lane needs the derivative at its time

@@ -16,18 +16,19 @@ from flexarm.integrate.lanes.steps import (
     begin_lanes,
     begin_steps,
     copy_packs,
+    drives_of_lanes,
     end_steps,
     fill_lanes,
     judge_steps,
     keep_first_stage,
     measure_steps,
-    torques_of_lanes,
 )
 from flexarm.integrate.memory import EVALUATIONS, SAMPLES, TIME
 from flexarm.integrate.samples import dense_weights
 from flexarm.integrate.steps import combine
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.compilation.packs import LANES
+from flexarm.kernels.forces.external import push_loads
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.recursion.inward import inward
@@ -48,6 +49,7 @@ def _derivatives(sizes: Sizes, constants: ArmConstants, memory: LaneMemory, stag
     """Write the time derivatives at ``memory.point`` into ``stages[stage]``."""
     point, work = memory.point, memory.work
     link_terms(sizes, constants, point, work)
+    push_loads(sizes, memory.loads, point, work)
     inward(sizes, constants, point, memory.torque, work)
     outward(sizes, constants, memory.loads, work)
     for i in range(len(sizes.bodies)):
@@ -128,7 +130,7 @@ def advance_explicit_lanes(
                 copy_packs(sizes, memory.point, memory.new)
             c = method.c[stage]
             from_left = stage > 0 and (c == 1.0 or stage > s)
-            torques_of_lanes(sizes, drive, runs, memory, c, stage == s, from_left)
+            drives_of_lanes(sizes, drive, runs, memory, c, stage == s, from_left)
             # The dynamics is inlined only here, because its code is long. The derivative at the
             # time of a fresh lane is put into stage 0 of this lane alone.
             written = stage

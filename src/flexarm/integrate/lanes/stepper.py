@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from threading import local
 from typing import Any, NamedTuple
 
@@ -18,14 +19,17 @@ from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.packs import LANES, Packs
 from flexarm.kernels.layout import (
     ArmConstants,
+    Loads,
     Workspace,
     new_workspace,
-    no_loads,
     run_time_sizes,
 )
 
 #: Integrators that have a stepper for lanes.
 LaneIntegrator = ExplicitRungeKutta | Additive
+#: Arrays of loads that differ in time, and those that differ from arm to arm.
+LOAD_VALUES = ("value", "base_acceleration")
+LOAD_PLACES = ("weight", "lever", "rows", "slopes", "shortening")
 
 
 def lane_method(method: Integrator) -> LaneIntegrator | None:
@@ -48,14 +52,20 @@ class LaneStepper:
 
     Args:
         constants: of the arm.
+        loads: of the arm, without contacts.
         tolerance: allowed errors; each run has its own highest frequency.
         several: whether runs have arms of their own, with arrays of the same sizes.
     """
 
     def __init__(
-        self, constants: ArmConstants, tolerance: Tolerance, several: bool = False
+        self,
+        constants: ArmConstants,
+        loads: Loads,
+        tolerance: Tolerance,
+        several: bool = False,
     ) -> None:
-        self._constants, self._tolerance, self._several = constants, tolerance, several
+        self._constants, self._loads = constants, loads
+        self._tolerance, self._several = tolerance, several
         self._sizes = run_time_sizes(constants)
         self._thread = local()
 
@@ -71,7 +81,8 @@ class LaneStepper:
         calls: dict[str, _Call] = self._thread.__dict__.setdefault("calls", {})
         if method.name not in calls:
             sizes, rows = self._sizes, len(method.tableau.c)
-            memory = _new_memory(self._constants, self._tolerance, rows, self._several)
+            own = self._constants, self._loads, self._tolerance
+            memory = _new_memory(*own, rows, self._several)
             constants, tolerance = memory.constants, self._tolerance._replace(unit=memory.unit)
             if isinstance(method, Additive):
                 system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
@@ -100,7 +111,7 @@ def _additive(method: Additive) -> AdditiveLanes:
 
 
 def _new_memory(
-    constants: ArmConstants, tolerance: Tolerance, rows: int, several: bool
+    constants: ArmConstants, loads: Loads, tolerance: Tolerance, rows: int, several: bool
 ) -> LaneMemory:
     """Allocate the scratch of a thread for a method with ``rows`` stages."""
     n, m = constants.S.shape
@@ -109,12 +120,10 @@ def _new_memory(
         for name, array in new_workspace(constants)._asdict().items()
     }
     # Arms of their own need all constants in packs, an implicit step only those that it changes.
-    softened = _packs_of(constants)
-    if not several:
-        softened = {name: softened[name] for name in ("body", "mode")}
+    everything, changed = constants._fields, ("body", "mode")
     return LaneMemory(
-        constants=constants._replace(**_packs_of(constants)) if several else constants,
-        softened=constants._replace(**softened),
+        constants=_in_packs(constants, everything) if several else constants,
+        softened=_in_packs(constants, everything if several else changed),
         unit=Packs.of(tolerance.unit) if several else tolerance.unit,
         known=Packs.zeros(2, n, 1 + m),
         state=Packs.zeros(2, n, 1 + m),
@@ -126,7 +135,7 @@ def _new_memory(
         norm=Packs.zeros(4),
         accepted=Packs.zeros(1),
         work=Workspace(**work),
-        loads=no_loads(constants),
+        loads=_in_packs(loads, LOAD_VALUES + LOAD_PLACES * several),
         weights=np.zeros((1, rows)),
         run=np.full(LANES, -1),
         fresh=np.zeros(LANES, dtype=np.int64),
@@ -136,5 +145,6 @@ def _new_memory(
     )
 
 
-def _packs_of(constants: ArmConstants) -> dict[str, Any]:
-    return {name: Packs.of(array) for name, array in constants._asdict().items()}
+def _in_packs(record: Any, names: Iterable[str]) -> Any:
+    """Return a record with packs in place of some of its arrays."""
+    return record._replace(**{name: Packs.of(getattr(record, name)) for name in names})

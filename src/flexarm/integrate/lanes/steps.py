@@ -4,11 +4,13 @@ Each lane has its own time, step, step control, torque and samples. A lane whose
 continues with the next run. The rules are those of ``integrate.steps``, whose functions are called
 with packs, or for one lane after another.
 
-Not supported: loads, contacts, joint stops. A run that fails, or that needs too many steps, ends
+Not supported: contacts, joint stops. A run that fails, or that needs too many steps, ends
 with its status, and its samples are incomplete.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 from flexarm.integrate.base import Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
@@ -22,11 +24,11 @@ from flexarm.integrate.steps import (
     retry_shorter,
     step_landing,
 )
-from flexarm.integrate.torque import piece_of
+from flexarm.integrate.torque import loads_in, piece_of
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.compilation.packs import LANES, PackArray, chosen, fill_lane
-from flexarm.kernels.layout import ArmConstants, Sizes
+from flexarm.kernels.layout import ArmConstants, Loads, Sizes
 
 
 @inner
@@ -62,6 +64,18 @@ def _fill_constants(constants: ArmConstants, rows: ArmConstants, lane: int, row:
     fill_lane(constants.shortening, lane, rows.shortening, row)
 
 
+@inner
+def _fill_loads(loads: Loads, rows: Loads, lane: int, row: int) -> None:
+    """Copy the loads of a run into a lane, and their places if the lanes have arms of their own."""
+    fill_lane(loads.weight, lane, rows.weight, row)
+    fill_lane(loads.lever, lane, rows.lever, row)
+    fill_lane(loads.rows, lane, rows.rows, row)
+    fill_lane(loads.slopes, lane, rows.slopes, row)
+    fill_lane(loads.shortening, lane, rows.shortening, row)
+    fill_lane(loads.value, lane, rows.value, row)
+    fill_lane(loads.base_acceleration, lane, rows.base_acceleration, row)
+
+
 @apart
 def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: int) -> None:
     """Put run k into a lane."""
@@ -75,6 +89,7 @@ def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: i
     _fill_constants(memory.constants, runs.constants, lane, arm)
     _fill_constants(memory.softened, runs.constants, lane, arm)
     fill_lane(memory.unit, lane, runs.unit, arm)
+    _fill_loads(memory.loads, runs.loads, lane, arm)
     _fill_samples(sizes, runs, k, memory.state, lane, runs.clock[k, TIME])
 
 
@@ -150,19 +165,39 @@ def begin_steps(control: StepControl, drive: LaneDrive, runs: LaneRuns, memory: 
             memory.piece[lane] += 1
 
 
+@inner
+def _stage_time(runs: LaneRuns, memory: LaneMemory, lane: int, c: float, ends: bool) -> float:
+    """Return the time at the fraction c of a lane's step; ``ends``: exactly at its end."""
+    t: float = runs.clock[memory.run[lane], TIME] + c * memory.step.array[0, lane]
+    if ends:
+        t = memory.end[lane]
+    return t
+
+
+@apart
+def _loads_of_lanes(
+    drive: LaneDrive, runs: LaneRuns, memory: LaneMemory, c: float, ends: bool, from_left: bool
+) -> None:
+    """Set the loads and the base acceleration at the fraction c of each lane's step."""
+    value: Any = memory.loads.value
+    base: Any = memory.loads.base_acceleration
+    for lane in range(LANES):
+        if memory.run[lane] >= 0:
+            t = _stage_time(runs, memory, lane, c, ends)
+            loads_in(drive, t, from_left, value.array[:, :, lane], base.array[:, lane])
+
+
 @merged
-def torques_of_lanes(
+def drives_of_lanes(
     sizes: Sizes, drive: LaneDrive, runs: LaneRuns, memory: LaneMemory, c: float, ends: bool,
     from_left: bool,
 ) -> None:  # fmt: skip
-    """Set the torques at the fraction c of each lane's step; ``ends``: exactly at its end."""
+    """Set torques and loads at the fraction c of each lane's step; ``ends``: exactly at its end."""
     for lane in range(LANES):
         k = memory.run[lane]
         if k < 0:
             continue
-        t = runs.clock[k, TIME] + c * memory.step.array[0, lane]
-        if ends:
-            t = memory.end[lane]
+        t = _stage_time(runs, memory, lane, c, ends)
         first = drive.places[k, 0]
         last = drive.places[k, 1] - first - 2  # last piece
         piece = memory.piece[lane]
@@ -178,6 +213,8 @@ def torques_of_lanes(
                 drive.coefficients[piece, 1, i]
                 + x * (drive.coefficients[piece, 2, i] + x * drive.coefficients[piece, 3, i])
             )
+    if drive.factor_coefficients.shape[2] > 0:
+        _loads_of_lanes(drive, runs, memory, c, ends, from_left)
 
 
 @inner
@@ -247,7 +284,8 @@ def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: Lane
         if control.adaptive:
             runs.clock[k, NORM] = norm
             if not norm <= 1.0:
-                runs.counts[k, EVALUATIONS] -= 1  # ``explicit`` evaluates an accepted end only
+                if control.error[0, control.error.shape[1] - 1] == 0.0:
+                    runs.counts[k, EVALUATIONS] -= 1  # single runs evaluate accepted ends only
                 status = retry_shorter(
                     runs.clock[k], runs.counts[k], control.order, memory.step.array[0, lane],
                     runs.fastest[k],

@@ -22,6 +22,12 @@ def apply_loads(
     """Subtract loads and contact forces from the biases computed by ``link_terms``."""
     if loads.contacts.body.shape[0] > 0:
         touch(sizes, constants, loads.contacts, state, work)
+    push_loads(sizes, loads, state, work)
+
+
+@merged
+def push_loads(sizes: Sizes, loads: Loads, state: Array, work: Workspace) -> None:
+    """Subtract loads, without contact forces, from the biases computed by ``link_terms``."""
     if loads.body.shape[0] == 0:
         return
     cosine = 1.0
