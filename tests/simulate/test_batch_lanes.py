@@ -180,6 +180,86 @@ def test_loads_on_control_loops(acting, executed):
     assert sorted(executed) == list(range(9))
 
 
+WALL = {"stiffness": 2e4, "damping": 0.5, "friction": 0.3}
+#: Surfaces that the tip of the falling arm below meets within 0.05 s, from some of its starts.
+SURFACES = {
+    "wall": [fa.Contact(fa.Wall((0.0, 0.0), (0.0, 1.0)), exponent=1.5, **WALL)],
+    "post": [fa.Contact(fa.RoundWall((2.35, -0.4), 0.4), **WALL)],
+    "two points": [
+        fa.Contact(fa.Wall((0.0, 0.0), (0.1, 1.0)), **WALL),
+        fa.Contact(fa.Wall((0.0, 0.0), (0.0, 1.0)), link=1, **WALL),
+    ],
+    "table": [fa.Contact(fa.SurfaceTable([0.0, 1.0, 2.0, 3.0], [0.0, 0.01, 0.0, 0.02]), **WALL)],
+}
+
+
+def falling():
+    """An arm close above y = 0, and starts from which its tip falls to it, or does not."""
+    links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
+    arm = fa.Arm(links=links, gravity=(0.0, -9.81), theory="second_order")
+    starts = [arm.rest([0.02 + 0.01 * k, -0.02 - 0.015 * k]) for k in range(10)]
+    rates = np.zeros((10, arm.dof))
+    rates[:, arm.joint_index] = [[-0.4, -1.0]]
+    return arm, starts, rates
+
+
+@pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
+@pytest.mark.parametrize("contacts", SURFACES.values(), ids=SURFACES)
+def test_contacts(contacts, how, executed):
+    """Impacts in some lanes do not change the steps of the others."""
+    arm, starts, rates = falling()
+    if "step" in how:  # fixed steps do not resolve hard impacts and dry friction
+        contacts = [one.replace(stiffness=500.0, friction=0.0) for one in contacts]
+        how = {**how, "step": 1e-4}
+    how = {"contacts": contacts, "duration": 0.06, "rate": 300.0, **how}
+    channels = ["q", "contact_force", "contact_gap"]
+    batch = fa.simulate_batch(arm, initial=starts, initial_rate=rates, channels=channels, **how)
+    assert sorted(executed) == list(range(10))
+    for k in (0, 4, 9):
+        single = fa.simulate(arm, initial=starts[k], initial_rate=rates[k], **how)
+        for name in channels:
+            np.testing.assert_array_equal(batch[name][k], single[name], err_msg=name)
+        for name in ("steps", "evaluations"):
+            assert batch[name][k] == single.attrs[name]
+    touched = (batch["contact_gap"] < 0.0).any(dim=("time", "contact")).values
+    assert touched.any()
+
+
+def test_each_lane_has_the_contacts_of_its_arm(executed):
+    arm, starts, rates = falling()
+    how = {"initial": starts[2], "initial_rate": rates[2], "duration": 0.06, "rate": 300.0}
+    how["contacts"] = SURFACES["two points"]
+    values = {"links[1].length": np.linspace(0.9, 1.1, 9), "payload.mass": np.linspace(0.1, 0.5, 9)}
+    batch = fa.simulate_batch(arm, parameters=values, channels=["q", "contact_force"], **how)
+    assert sorted(executed) == list(range(9))
+    for k in (0, 4, 8):
+        spec = arm.spec
+        for path, row in values.items():
+            spec = with_number(spec, path, float(row[k]))
+        single = fa.simulate(fa.Arm(spec), **how)
+        for name in ("q", "contact_force"):
+            np.testing.assert_array_equal(batch[name][k], single[name], err_msg=name)
+        assert batch["evaluations"][k] == single.attrs["evaluations"]
+    assert (batch["contact_force"] != 0.0).any(dim=("time", "axis", "contact")).all()
+
+
+def test_runs_that_contacts_end_are_repeated_alone(executed):
+    """A start deep inside a surface, and a fixed step that is too long for an impact."""
+    arm, starts, rates = falling()
+    deep = fa.Contact(fa.Wall((0.0, 0.0), (0.0, 1.0)), 1e6)
+    starts = [starts[3], arm.rest([-0.3, 0.0]), starts[4]]
+    rates[1] *= 0.0
+    how = {"contacts": [deep], "duration": 0.06, "rate": 300.0, "integrator": "rk4", "step": 1e-3}
+    batch = fa.simulate_batch(arm, initial=starts, initial_rate=rates[:3], **how)
+    assert batch["failure"].values[1].startswith("initial must start outside the surface")
+    for k in (0, 2):
+        assert "too long to resolve a contact" in batch["failure"].values[k]
+        with pytest.raises(fa.SimulationError) as failed:
+            fa.simulate(arm, initial=starts[k], initial_rate=rates[k], **how)
+        assert batch["failure"].values[k] == str(failed.value)
+    assert executed == []
+
+
 def test_functions_of_time_are_evaluated_once(executed):
     """Runs with arms of their own have the factors of the loads in common."""
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)])
@@ -245,13 +325,13 @@ def test_a_run_that_fails_is_repeated_alone(executed):
 @pytest.mark.parametrize(
     "other",
     [
-        {"contacts": [fa.Contact(fa.Wall((0.0, -1.0), (0.0, 1.0)), 1e4)]},
+        {"prescribed": {1: fa.PrescribedAngle.hold(0.1)}},
         {"integrator": "gauss_6", "step": 1e-3},
         {"integrator": "auto", "step": 0.01},  # at which rk4 is unstable
         {"channels": ["joint_force"]},
         {"specialized": False, "stations": 2, "channels": ["bending_moment"]},
     ],
-    ids=["contacts", "method", "step", "forces", "sections"],
+    ids=["prescribed", "method", "step", "forces", "sections"],
 )
 def test_other_runs_are_executed_one_at_a_time(other, executed):
     arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)])

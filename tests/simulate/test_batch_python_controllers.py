@@ -54,10 +54,10 @@ def test_the_objects_of_the_user_keep_their_state(executed):
     fa.simulate_batch(ARM, controller=controller, reference=MOTION, initial=STARTS, **SHORT)
     assert len(executed) == 11
     assert controller.calls == 0
-    # Runs with loads are executed alone.
-    push = fa.Load(1, (0.0, 0.1), station=0.2)
+    # Loops with contacts are executed alone.
+    floor = fa.Contact(fa.Wall((0.0, -5.0), (0.0, 1.0)), 1e4)
     own = {"reference": MOTION, "initial": STARTS[:2], **SHORT}
-    fa.simulate_batch(ARM, controller=controller, loads=[push], **own)
+    fa.simulate_batch(ARM, controller=controller, contacts=[floor], **own)
     assert len(executed) == 11
     assert controller.calls == 0
 
@@ -166,11 +166,11 @@ class _NotCopied(Integral):
     [
         {"controller": _NotCopied()},
         {"hardware": fa.Hardware([fa.Instrument("joint_angle"), fa.Instrument("torque")])},
-        {"loads": [fa.Load(1, force=(0.0, 0.1))]},
+        {"contacts": [fa.Contact(fa.Wall((0.0, -5.0), (0.0, 1.0)), 1e4)]},
         {"integrator": "gauss_6", "step": 1e-3},
         {"channels": ["joint_force"]},
     ],
-    ids=["copy", "torque", "loads", "method", "forces"],
+    ids=["copy", "torque", "contacts", "method", "forces"],
 )
 def test_other_runs_are_executed_one_at_a_time(other, executed):
     own = {"controller": Integral(), "reference": MOTION, **other, **SHORT}

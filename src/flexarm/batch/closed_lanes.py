@@ -12,7 +12,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.execution import ClosedLoop
 from flexarm.batch.lane_loop import LaneLoop, LoopOfRun, can_read
-from flexarm.batch.lanes import Advance, Lanes, Ready, fits_lanes
+from flexarm.batch.lanes import Advance, Lanes, Ready, fits_lanes, is_absent
 from flexarm.batch.variations import Variations
 from flexarm.control.base import Reference, report_of
 from flexarm.errors import FlexarmError, InputError
@@ -34,7 +34,8 @@ def fits_closed_lanes(
     channels: Collection[str],
 ) -> bool:
     """Return whether lanes support runs with controllers, as far as known before their start."""
-    return fits_lanes(variations, options, acting, channels) and can_read(variations.hardware)
+    fits = fits_lanes(variations, options, acting, channels) and is_absent(acting["contacts"])
+    return fits and can_read(variations.hardware)
 
 
 class ClosedLanes(Lanes):

@@ -13,25 +13,32 @@ from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.lanes.data import LaneDrive
-from flexarm.integrate.lanes.stepper import LOAD_PLACES, LOAD_VALUES
-from flexarm.kernels.layout import ArmConstants, Loads
+from flexarm.integrate.lanes.stepper import CONTACT_PLACES, LOAD_PLACES, LOAD_VALUES
+from flexarm.kernels.layout import ArmConstants, Contacts, Loads
 
 
 def arms_of_runs(
     arms: Sequence[Arm], loads: Sequence[Loads]
-) -> tuple[ArmConstants, FloatArray, Loads]:
-    """Return constants, units of the tolerance and loads of arms, in the form of ``LaneRuns``.
+) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
+    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
 
     Args:
-        loads: of each arm, on the same bodies.
+        arms: of each run, or one of all.
+        loads: of each run, on the same bodies. With one arm, only the contacts differ.
     """
     found = [arm.assembly.constants for arm in arms]
     constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
-    names = LOAD_VALUES + LOAD_PLACES
-    stacked: dict[str, Any] = {
-        name: np.stack([getattr(one, name) for one in loads]) for name in names
-    }
-    return constants, np.stack([tip_units(arm) for arm in arms]), loads[0]._replace(**stacked)
+    units = np.stack([tip_units(arm) for arm in arms])
+    touching = [one.contacts for one in loads]
+    contacts = _stacked(touching[: len(arms)], CONTACT_PLACES)
+    contacts = contacts._replace(law=np.stack([one.law for one in touching]))
+    return constants, units, _stacked(loads[: len(arms)], LOAD_VALUES + LOAD_PLACES), contacts
+
+
+def _stacked(records: Sequence[Any], names: Sequence[str]) -> Any:
+    """Return the first record, with some of its arrays stacked with those of the others."""
+    arrays = {name: np.stack([getattr(one, name) for one in records]) for name in names}
+    return records[0]._replace(**arrays)
 
 
 def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:

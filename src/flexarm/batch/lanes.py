@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,6 +18,8 @@ from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs, stops_of
 from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
+from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
+from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
@@ -29,8 +32,8 @@ from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, SA
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
-from flexarm.observe import channels_of
-from flexarm.simulation.channels import BY_FORCES
+from flexarm.observe import channels_of, contact_channels
+from flexarm.simulation.channels import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.preparation import RunOptions
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
@@ -40,7 +43,7 @@ MOST_STEPS = 200_000
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
 #: Arguments of ``simulate`` that act on an arm, in lanes too.
-_LOADS = frozenset({"tip_force", "loads", "base_acceleration"})
+_ACTING = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
 #: Function that advances runs under a drive to their ends, or by at most that many steps.
 Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
@@ -56,10 +59,11 @@ def fits_lanes(
     Args:
         acting: as for ``OpenLoop``.
     """
-    plain = all(_is_absent(value) for name, value in acting.items() if name not in _LOADS)
+    plain = all(is_absent(value) for name, value in acting.items() if name not in _ACTING)
     if not plain or options.specialized or options.stations:
         return False
-    return all(map(arm_fits_lanes, variations.arms)) and not BY_FORCES.intersection(channels)
+    unknown = BY_FORCES if is_absent(acting["contacts"]) else BY_FORCES - BY_CONTACTS
+    return all(map(arm_fits_lanes, variations.arms)) and not unknown.intersection(channels)
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
@@ -68,7 +72,7 @@ def arm_fits_lanes(arm: Arm) -> bool:
     return COMPILED and all(free)
 
 
-def _is_absent(value: Any) -> bool:
+def is_absent(value: Any) -> bool:
     return value is None or (isinstance(value, list | tuple | dict) and not value)
 
 
@@ -81,6 +85,7 @@ class Ready(NamedTuple):
     loads: LoadHistory
     drive: Any  # torque over time, or what computes it
     group: tuple[Any, ...] = ()  # runs with equal groups are executed together
+    touch: float = 0.0  # rad/s, of the arm on the stiffest surface of a contact
 
 
 class Lanes(ABC):
@@ -90,7 +95,7 @@ class Lanes(ABC):
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
 
     Args:
-        environment: loads and base acceleration of all runs.
+        environment: loads, base acceleration and contacts of all runs.
     """
 
     def __init__(
@@ -106,6 +111,7 @@ class Lanes(ABC):
         self._loads: LoadHistory | None = None  # of the only arm
         self._options, self._channels, self._alone = options, channels, alone
         self._times = options.times
+        self._observed = set(channels) - BY_CONTACTS
         self._steppers: dict[tuple[int, ...], LaneStepper] = {}
         arm = variations.arms[0]
         self._arm = arm if variations.same_arm else None
@@ -189,7 +195,8 @@ class Lanes(ABC):
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
-        return choose_integrator(self._options.integrator, self._options.step, run.arm, tolerance)
+        requested = self._options.integrator, self._options.step
+        return choose_integrator(*requested, run.arm, tolerance, run.touch)
 
     def _advance(
         self,
@@ -200,10 +207,10 @@ class Lanes(ABC):
     ) -> Iterator[Outcome]:
         """Yield the outcomes of the runs that reach their end."""
         states, count = np.array([run.state for run in ready]), len(ready)
-        different = ready[:1] if self._arm else ready
-        loads = [run.loads.placed for run in different]
+        fastest = np.maximum(fastest, [run.touch for run in ready])
+        arms = [run.arm for run in (ready[:1] if self._arm else ready)]
         runs = LaneRuns(
-            *arms_of_runs([run.arm for run in different], loads),
+            *arms_of_runs(arms, [run.loads.placed for run in ready]),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -249,11 +256,13 @@ class Lanes(ABC):
         own = [ready[place] for place in places]
         arm, shape = own[0].arm, samples.shape[:2]
         channels: dict[str, FloatArray] = {}
-        if self._channels:
-            observed = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._channels)
+        if self._observed:
+            observed = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._observed)
             channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in observed.items()}
         if not _TORQUES.isdisjoint(self._channels):
             channels |= self._torques(times, ready, places, carried)
+        if not BY_CONTACTS.isdisjoint(self._channels):
+            channels |= self._touched(own, samples)
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
         warnings = []
@@ -274,6 +283,12 @@ class Lanes(ABC):
             runs.counts[places, EVALUATIONS].tolist(),
         )
 
+    def _touched(self, own: Sequence[Ready], samples: FloatArray) -> dict[str, FloatArray]:
+        """Return the channels of contacts of runs (k,) at samples (k, T, 2, n, 1 + m)."""
+        pairs = zip(own, samples, strict=True)
+        found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
+        return {name: np.array([one[name] for one in found]) for name in found[0]}
+
     def _stepper(self, key: tuple[int, ...], run: Ready) -> LaneStepper:
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
@@ -292,7 +307,23 @@ class OpenLanes(Lanes):
         if state is None:
             state = self._alone.start(k, arm)
         history = self._alone.history(k, arm, state, self._options.rtol)
-        return Ready(k, arm, state, self._loads_on(arm), history)
+        loads, touch = self._touching(self._loads_on(arm), arm, state)
+        return Ready(k, arm, state, loads, history, touch=touch)
+
+    def _touching(
+        self, loads: LoadHistory, arm: Arm, state: FloatArray
+    ) -> tuple[LoadHistory, float]:
+        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s.
+
+        Raises:
+            InputError: if the run starts deep inside a surface.
+        """
+        if not self._environment.contacts:
+            return loads, 0.0
+        contacts = contacts_of_run(arm, self._environment.contacts, state)
+        refuse_deep_start(arm, state, contacts)
+        placed = loads.placed._replace(contacts=contacts)
+        return replace(loads, placed=placed), contact_frequency(contacts)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
@@ -312,8 +343,10 @@ class OpenLanes(Lanes):
 def _structure(run: Ready) -> tuple[int, ...]:
     """Return numbers that are equal for runs in lanes of one pack.
 
-    They are the sizes of the arrays of the arm, the bodies of its loads, and the identity of their
-    factors, which are common.
+    They are the sizes of the arrays of the arm, the bodies of its loads and contacts, and the
+    identity of the factors of the loads, which are common.
     """
     sizes = map(len, run_time_sizes(run.arm.assembly.constants))
-    return (*sizes, *run.loads.placed.body.tolist(), id(run.loads.factors))
+    placed = run.loads.placed
+    bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
+    return (*sizes, *bodies, id(run.loads.factors))

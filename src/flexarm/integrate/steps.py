@@ -42,7 +42,7 @@ from flexarm.integrate.status import (
 from flexarm.kernels.columns import FREE, JOINT_UW
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.compilation.numbers import real
-from flexarm.kernels.layout import Array, Sizes
+from flexarm.kernels.layout import Array, Contacts, Sizes
 
 #: Safety and limits of the step controller; Hairer, Norsett and Wanner I, section II.4.
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
@@ -249,11 +249,11 @@ def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
 
 
 @merged
-def _repeat_to(memory: Memory, reached: float) -> int:
+def _repeat_to(clock: Array, counts: Array, reached: float) -> int:
     """Reject the step and repeat it to ``reached`` (s), where the forces have a corner."""
-    memory.counts[REJECTED] += 1
-    memory.clock[STEP] = reached
-    memory.clock[REFUSED] = 1.0
+    counts[REJECTED] += 1
+    clock[STEP] = reached
+    clock[REFUSED] = 1.0
     return PAUSED
 
 
@@ -289,12 +289,31 @@ def judge_step(
     reached = step_to_stop(system, t, memory.state, memory.new, h)
     if reached < h:
         memory.counts[IMPACTS] += 1
-        return _repeat_to(memory, reached)
+        return _repeat_to(clock, memory.counts, reached)
     norm = error_norm(system, tolerance, memory.state, memory.new, stages, error, h)
     clock[NORM] = norm
     if norm <= 1.0:
         return DONE
     return retry_shorter(clock, memory.counts, order, h, tolerance.fastest)
+
+
+@merged
+def judge_contacts(
+    contacts: Contacts, clock: Array, counts: Array, h: float, adaptive: bool
+) -> int:
+    """Check that a step of length h skips no contact, after an evaluation at its end.
+
+    Returns a code as ``judge_step`` does.
+    """
+    allowed = step_allowed(contacts, h, adaptive)
+    if allowed == 0.0:
+        return PRESSED_THROUGH
+    if allowed < h:
+        if not adaptive:
+            return CONTACT_UNSEEN
+        return _repeat_to(clock, counts, allowed)
+    step_on(contacts)
+    return DONE
 
 
 @merged
@@ -305,14 +324,9 @@ def judge_end(system: System, memory: Memory, h: float, adaptive: bool) -> int:
     """
     contacts = system.drive.loads.contacts
     if contacts.body.shape[0] > 0:
-        allowed = step_allowed(contacts, h, adaptive)
-        if allowed == 0.0:
-            return PRESSED_THROUGH
-        if allowed < h:
-            if not adaptive:
-                return CONTACT_UNSEEN
-            return _repeat_to(memory, allowed)
-        step_on(contacts)
+        status = judge_contacts(contacts, memory.clock, memory.counts, h, adaptive)
+        if status != DONE:
+            return status
     return DONE if inertia_left(system) else INERTIA_LOST
 
 

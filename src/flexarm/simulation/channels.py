@@ -11,10 +11,10 @@ from flexarm.engine.stepping import Run
 from flexarm.integrate.base import FloatArray
 from flexarm.observe import channels_of, contact_channels
 
-#: Channels that need more than states and torques: reaction forces, or contacts.
-BY_FORCES = {
+#: Channels of contacts, and all channels that need more than states and torques.
+BY_CONTACTS = {"contact_force", "contact_gap", "contact_energy"}
+BY_FORCES = BY_CONTACTS | {
     *("joint_force", "joint_moment", "axial_force", "shear_force", "bending_moment"),
-    *("contact_force", "contact_gap", "contact_energy"),
 }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.additive import shift_forces, soften_for
+from flexarm.integrate.lanes.contacts import begin_contacts, touch_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
     arm_of,
@@ -52,6 +53,8 @@ def _slopes(system: System, memory: LaneMemory, stage: int) -> None:
     """Write the time derivatives at ``memory.point`` into ``stages[stage]``."""
     sizes, constants, work = system.sizes, system.constants, system.work
     link_terms(sizes, constants, memory.point, work)
+    if memory.loads.contacts.body.shape[0] > 0:
+        touch_lanes(sizes, constants, memory, memory.point)
     push_loads(sizes, memory.loads, memory.point, work)
     inward(sizes, constants, memory.point, memory.torque, work)
     outward(sizes, constants, memory.loads, work)
@@ -71,6 +74,8 @@ def _implicit_stage(system: System, memory: LaneMemory, gamma: float, stage: int
             known[0, i, j] += reach * known[1, i, j]
     shift_forces(system, memory.point, known, memory.torque)
     link_terms(sizes, softened, memory.point, work)
+    if memory.loads.contacts.body.shape[0] > 0:
+        touch_lanes(sizes, softened, memory, memory.point)
     push_loads(sizes, memory.loads, memory.point, work)
     for i in range(len(sizes.bodies)):
         for j in range(len(sizes.modes)):
@@ -139,6 +144,7 @@ def advance_additive_lanes(
             drives_of_lanes(sizes, drive, runs, memory, 0.0, not at_end, not from_left)
             _slopes(system, memory, s)
             keep_first_stage(sizes, memory, s)
+            begin_contacts(memory)
         reach = h * gamma
         soften_for(system, memory.softened, reach, reach * h * gamma)
         for k in range(1, s):

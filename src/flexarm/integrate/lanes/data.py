@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flexarm.kernels.compilation.packs import PackArray
-from flexarm.kernels.layout import ArmConstants, Array, Loads
+from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads
 
 
 class StepControl(NamedTuple):
@@ -23,6 +23,7 @@ class LaneRuns(NamedTuple):
     constants: ArmConstants  # with a first axis: one row for all runs, or one for each
     unit: Array  # (1 or runs, 2, n, 1 + m) ``Tolerance.unit`` of the arms
     loads: Loads  # at factor one, with the same first axis except for ``body`` and ``follower``
+    contacts: Contacts  # ``rows`` and ``shortening`` with the same first axis, ``law`` with runs
     state: Array  # (runs, 2, n, 1 + m) at the start of each run, then at its end
     fastest: Array  # (runs,) rad/s
     clock: Array  # (runs, CLOCK_PLACES), with the first step
@@ -48,6 +49,14 @@ class LaneDrive(NamedTuple):
     factor_coefficients: Array  # (pieces, 4, k + 2) factors, base acceleration x, y
 
 
+class LaneContacts(NamedTuple):
+    """Contacts of each lane, besides their places on the arm."""
+
+    law: Array  # (LANES, k, LAW_PLACES)
+    seen: Array  # (LANES, 2, k, LOOK_COLUMNS)
+    motion: PackArray  # (6,) scratch: position and velocity of a point, force on it
+
+
 class LaneMemory(NamedTuple):
     """Scratch of one thread.
 
@@ -68,7 +77,8 @@ class LaneMemory(NamedTuple):
     norm: PackArray  # (4,) numbers of ``error_sizes`` or ``motion_sizes``; lowest joint inertia
     accepted: PackArray  # (1,) 1.0 in lanes whose step is accepted, otherwise 0.0
     work: PackArray  # ``Workspace`` of packs
-    loads: Loads  # without contacts; packs of ``value`` and ``base_acceleration``
+    loads: Loads  # packs of ``value`` and ``base_acceleration``; places of the contacts
+    contacts: LaneContacts
     weights: Array  # (1, r)
     run: Array  # (LANES,) integers: number of the run, or -1
     fresh: Array  # (LANES,) integers: 1 if the lane needs the derivative at its time

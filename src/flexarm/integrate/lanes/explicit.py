@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import Tolerance
+from flexarm.integrate.lanes.contacts import begin_contacts, touch_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
     begin_lanes,
@@ -49,6 +50,8 @@ def _derivatives(sizes: Sizes, constants: ArmConstants, memory: LaneMemory, stag
     """Write the time derivatives at ``memory.point`` into ``stages[stage]``."""
     point, work = memory.point, memory.work
     link_terms(sizes, constants, point, work)
+    if memory.loads.contacts.body.shape[0] > 0:
+        touch_lanes(sizes, constants, memory, point)
     push_loads(sizes, memory.loads, point, work)
     inward(sizes, constants, point, memory.torque, work)
     outward(sizes, constants, memory.loads, work)
@@ -139,6 +142,7 @@ def advance_explicit_lanes(
             _derivatives(sizes, constants, memory, written)
             if stage == 0:
                 keep_first_stage(sizes, memory, s)
+                begin_contacts(memory)
             if stage == s:
                 measure_steps(sizes, tolerance, method.control, memory)
                 if judge_steps(sizes, method.control, runs, memory):

@@ -12,13 +12,20 @@ from flexarm.integrate.base import Integrator, System, Tolerance
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.implicit.additive_tableau import Additive
 from flexarm.integrate.lanes.additive import AdditiveLanes, advance_additive_lanes
-from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
+from flexarm.integrate.lanes.data import (
+    LaneContacts,
+    LaneDrive,
+    LaneMemory,
+    LaneRuns,
+    StepControl,
+)
 from flexarm.integrate.lanes.explicit import ExplicitLanes, advance_explicit_lanes
 from flexarm.integrate.steps import LONGEST
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.packs import LANES, Packs
 from flexarm.kernels.layout import (
     ArmConstants,
+    Contacts,
     Loads,
     Workspace,
     new_workspace,
@@ -30,6 +37,8 @@ LaneIntegrator = ExplicitRungeKutta | Additive
 #: Arrays of loads that differ in time, and those that differ from arm to arm.
 LOAD_VALUES = ("value", "base_acceleration")
 LOAD_PLACES = ("weight", "lever", "rows", "slopes", "shortening")
+#: Arrays of contacts that differ from arm to arm.
+CONTACT_PLACES = ("rows", "shortening", "law")
 
 
 def lane_method(method: Integrator) -> LaneIntegrator | None:
@@ -52,7 +61,7 @@ class LaneStepper:
 
     Args:
         constants: of the arm.
-        loads: of the arm, without contacts.
+        loads: of the arm, with its contacts.
         tolerance: allowed errors; each run has its own highest frequency.
         several: whether runs have arms of their own, with arrays of the same sizes.
     """
@@ -135,7 +144,8 @@ def _new_memory(
         norm=Packs.zeros(4),
         accepted=Packs.zeros(1),
         work=Workspace(**work),
-        loads=_in_packs(loads, LOAD_VALUES + LOAD_PLACES * several),
+        loads=_loads_of_lanes(loads, several),
+        contacts=_no_contacts(loads.contacts),
         weights=np.zeros((1, rows)),
         run=np.full(LANES, -1),
         fresh=np.zeros(LANES, dtype=np.int64),
@@ -143,6 +153,17 @@ def _new_memory(
         piece=np.zeros(LANES, dtype=np.int64),
         end=np.zeros(LANES),
     )
+
+
+def _loads_of_lanes(loads: Loads, several: bool) -> Loads:
+    own: Loads = _in_packs(loads, LOAD_VALUES + LOAD_PLACES * several)
+    return own._replace(contacts=_in_packs(loads.contacts, CONTACT_PLACES * several))
+
+
+def _no_contacts(contacts: Contacts) -> LaneContacts:
+    """Allocate the contacts of the lanes."""
+    seen = np.zeros((LANES, *contacts.seen.shape))
+    return LaneContacts(np.zeros((LANES, *contacts.law.shape)), seen, Packs.zeros(6))
 
 
 def _in_packs(record: Any, names: Iterable[str]) -> Any:

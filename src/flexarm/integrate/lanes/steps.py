@@ -4,7 +4,7 @@ Each lane has its own time, step, step control, torque and samples. A lane whose
 continues with the next run. The rules are those of ``integrate.steps``, whose functions are called
 with packs, or for one lane after another.
 
-Not supported: contacts, joint stops. A run that fails, or that needs too many steps, ends
+Not supported: joint stops. A run that fails, or that needs too many steps, ends
 with its status, and its samples are incomplete.
 """
 
@@ -13,12 +13,14 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.integrate.base import Tolerance
+from flexarm.integrate.lanes.contacts import contacts_of_lane, fill_contacts
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.memory import EVALUATIONS, NORM, REJECTED, SAMPLES, STEP, STEPS, TIME
 from flexarm.integrate.status import DIVERGED, DONE, INERTIA_LOST, PAUSED
 from flexarm.integrate.steps import (
     choose_step,
     error_sizes,
+    judge_contacts,
     motion_sizes,
     norm_of,
     retry_shorter,
@@ -90,6 +92,7 @@ def _begin_run(sizes: Sizes, runs: LaneRuns, memory: LaneMemory, lane: int, k: i
     _fill_constants(memory.softened, runs.constants, lane, arm)
     fill_lane(memory.unit, lane, runs.unit, arm)
     _fill_loads(memory.loads, runs.loads, lane, arm)
+    fill_contacts(runs, memory, lane, k, arm)
     _fill_samples(sizes, runs, k, memory.state, lane, runs.clock[k, TIME])
 
 
@@ -292,6 +295,9 @@ def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: Lane
                 )  # fmt: skip
         elif not norm <= 1.0:
             status = DIVERGED
+        if status == DONE and memory.loads.contacts.body.shape[0] > 0:
+            own, h = contacts_of_lane(memory, lane), memory.step.array[0, lane]
+            status = judge_contacts(own, runs.clock[k], runs.counts[k], h, control.adaptive)
         if status == DONE and not memory.norm.array[3, lane] > 0.0:
             status = INERTIA_LOST
         if status == DONE:

@@ -165,7 +165,7 @@ def _power(depth: Any, exponent: Any) -> Any:
 
 
 @merged
-def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
+def place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
     """Fill the WORLD columns: angle, position and velocity of each body's root in world axes."""
     cosine = 1.0 + 0.0 * work.body[0, COSINE]
     sine = 0.0 * cosine
@@ -198,10 +198,10 @@ def _place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Wor
 
 
 @merged
-def _motion_of_point(
+def motion_of_point(
     sizes: Sizes, contacts: Contacts, k: int, state: Array, work: Workspace
 ) -> tuple[Any, Any, Any, Any]:
-    """Return world position and velocity of the point of contact k, after ``_place_bodies``."""
+    """Return world position and velocity of the point of contact k, after ``place_bodies``."""
     i = contacts.body[k]
     v = 0.0
     v_dot = 0.0
@@ -252,33 +252,48 @@ def _force(
     return normal * nx + rub * ny, normal * ny - rub * nx
 
 
+@merged
+def force_on_point(contacts: Contacts, k: int, x: Any, y: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
+    """Return the world force on the point of contact k at a world position and velocity.
+
+    The real parts of velocity, force, gap and curvature are written to ``seen``.
+    """
+    gap, nx, ny, bend = _near(contacts, k, x, y)
+    fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+    contacts.seen[1, k, FORCE] = real(fx)
+    contacts.seen[1, k, FORCE + 1] = real(fy)
+    contacts.seen[1, k, GAP] = real(gap)
+    contacts.seen[1, k, BEND] = real(bend)
+    contacts.seen[1, k, VELOCITY] = real(vx)
+    contacts.seen[1, k, VELOCITY + 1] = real(vy)
+    return fx, fy
+
+
+@merged
+def push_back(
+    sizes: Sizes, contacts: Contacts, k: int, fx: Any, fy: Any, state: Array, work: Workspace
+) -> None:
+    """Subtract the world force of contact k from the biases, after ``place_bodies``."""
+    i = contacts.body[k]
+    weight = contacts.law[k, WEIGHT]
+    along = weight * (work.body[i, WORLD_COSINE] * fx + work.body[i, WORLD_SINE] * fy)
+    across = weight * (work.body[i, WORLD_COSINE] * fy - work.body[i, WORLD_SINE] * fx)
+    push_at(
+        sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
+        across, state, work,
+    )  # fmt: skip
+
+
 @apart
 def touch(
     sizes: Sizes, constants: ArmConstants, contacts: Contacts, state: Array, work: Workspace
 ) -> None:
-    """Subtract the contact forces from the biases computed by ``link_terms``.
-
-    The real parts of velocity, force, gap and curvature are written to ``seen``.
-    """
-    _place_bodies(sizes, constants, state, work)
+    """Subtract the contact forces from the biases computed by ``link_terms``."""
+    place_bodies(sizes, constants, state, work)
     for k in range(contacts.body.shape[0]):
-        x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
-        gap, nx, ny, bend = _near(contacts, k, x, y)
-        fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
-        i = contacts.body[k]
-        weight = contacts.law[k, WEIGHT]
-        along = weight * (work.body[i, WORLD_COSINE] * fx + work.body[i, WORLD_SINE] * fy)
-        across = weight * (work.body[i, WORLD_COSINE] * fy - work.body[i, WORLD_SINE] * fx)
-        push_at(
-            sizes, contacts.rows, contacts.shortening, k, i, 1.0, contacts.law[k, LEVER], along,
-            across, state, work,
-        )  # fmt: skip
-        contacts.seen[1, k, FORCE] = real(fx)
-        contacts.seen[1, k, FORCE + 1] = real(fy)
-        contacts.seen[1, k, GAP] = real(gap)
-        contacts.seen[1, k, BEND] = real(bend)
-        contacts.seen[1, k, VELOCITY] = real(vx)
-        contacts.seen[1, k, VELOCITY + 1] = real(vy)
+        x, y, vx, vy = motion_of_point(sizes, contacts, k, state, work)
+        fx, fy = force_on_point(contacts, k, x, y, vx, vy)
+        push_back(sizes, contacts, k, fx, fy, state, work)
 
 
 @compiled
@@ -294,9 +309,9 @@ def look_many(
     for sample in range(states.shape[0]):
         state = states[sample]
         link_terms(sizes, constants, state, work)
-        _place_bodies(sizes, constants, state, work)
+        place_bodies(sizes, constants, state, work)
         for k in range(contacts.body.shape[0]):
-            x, y, vx, vy = _motion_of_point(sizes, contacts, k, state, work)
+            x, y, vx, vy = motion_of_point(sizes, contacts, k, state, work)
             gap, nx, ny, bend = _near(contacts, k, x, y)
             fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0
