@@ -228,7 +228,7 @@ def test_contacts(contacts, how, executed):
 def test_each_lane_has_the_contacts_of_its_arm(executed):
     arm, starts, rates = falling()
     how = {"initial": starts[2], "initial_rate": rates[2], "duration": 0.06, "rate": 300.0}
-    how["contacts"] = SURFACES["two points"]
+    how["contacts"] = SURFACES["wall"]
     values = {"links[1].length": np.linspace(0.9, 1.1, 9), "payload.mass": np.linspace(0.1, 0.5, 9)}
     batch = fa.simulate_batch(arm, parameters=values, channels=["q", "contact_force"], **how)
     assert sorted(executed) == list(range(9))
