@@ -121,11 +121,11 @@ def simulate(bench: Bench, torque: np.ndarray, count: int) -> np.ndarray:
         first = joints + link * count
         curvature = rows[:, first : first + count] / piece
         centres = (np.arange(count) + 0.5) * piece
-        columns.append(-GAUGE * _at(centres, curvature, bench.station[link])[:, None])
+        columns.append(-GAUGE * interpolated(centres, curvature, bench.station[link])[:, None])
     return np.concatenate([*columns, rows[:, -3:-1]], axis=1)
 
 
-def _at(places: np.ndarray, values: np.ndarray, place: float) -> np.ndarray:
+def interpolated(places: np.ndarray, values: np.ndarray, place: float) -> np.ndarray:
     """Interpolate (samples, places) by a polynomial through the four nearest places."""
     near = np.argsort(np.abs(places - place))[:4]
     weights = [
