@@ -135,9 +135,7 @@ def simulate(
     return np.column_stack([START + stored[0][:, 1], strain, stored[1][:, 1:3]])
 
 
-def _add_link(
-    system: object, bench: GearedBench, elements: int
-) -> tuple[list[int], list[int]]:
+def _add_link(system: object, bench: GearedBench, elements: int) -> tuple[list[int], list[int]]:
     """Add the link with hub, payload and gravity; return its beam elements and their nodes."""
     from exudyn import itemInterface as items
 

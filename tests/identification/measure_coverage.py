@@ -58,7 +58,9 @@ def main(seeds: range, names: list[str], elements: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Coverage of the stated intervals.")
     parser.add_argument("seeds", nargs="?", type=int, default=50, help="number of seeds")
-    parser.add_argument("benches", nargs="*", help="bench_one_link, bench_two_links, bench_geared_link; all")
+    parser.add_argument(
+        "benches", nargs="*", help="bench_one_link, bench_two_links, bench_geared_link; all"
+    )
     parser.add_argument("--elements", type=int, default=3, help="of each link")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     given = parser.parse_args()

@@ -62,6 +62,32 @@ def test_strong_damping_is_stiff():
     assert result.integrator == "kennedy_carpenter_5"
 
 
+@pytest.mark.parametrize(
+    ("smoothing_rate", "options", "wanted"),
+    [
+        (0.01, {}, "kennedy_carpenter_5"),
+        (10.0, {}, "dormand_prince_8"),
+        (0.1, {"rtol": 1e-12, "atol": 1e-14}, "dormand_prince_8"),
+    ],
+    ids=["steep", "flat", "tight tolerance"],
+)
+def test_steep_friction_is_stiff(smoothing_rate, options, wanted):
+    joint = fa.Joint(friction=fa.Friction(coulomb=0.5, smoothing_rate=smoothing_rate))
+    assert run(table_one(1, joints=[joint] * 2), 0.01, **options).integrator == wanted
+
+
+def test_stops_leave_only_very_steep_friction_to_an_implicit_method():
+    """Runs through impacts are repeated with tolerances at which order 5 is expensive."""
+    friction = fa.Friction(coulomb=0.5, smoothing_rate=0.1)
+    limits = fa.JointLimits(lower=-3.0, upper=3.0, stiffness=1e4)
+    free, stopped = (
+        run(table_one(1, joints=[fa.Joint(friction=friction, limits=stops)] * 2), 0.01)
+        for stops in (None, limits)
+    )
+    assert free.integrator == "kennedy_carpenter_5"
+    assert stopped.integrator == "dormand_prince_8"
+
+
 def test_number_of_steps_of_a_full_mesh_does_not_grow_with_refinement():
     """The explicit method's steps would double twice from 8 to 16 elements."""
     steps = [

@@ -73,3 +73,64 @@ def test_sticking_joint_clamps_a_flexible_link():
     period = 2 * np.diff(result.time.values[crossings]).mean()
     clamped = fa.modes(of).frequency_hz[0]
     assert 1.0 / period == pytest.approx(clamped, rel=2e-3)
+
+
+def rubbing_rods(smoothing_rate, **rubbing):
+    """Two flexible rods on heavy hubs with friction, and their torque."""
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
+    friction = fa.Friction(coulomb=0.5, smoothing_rate=smoothing_rate, **rubbing)
+    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
+    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05, friction=friction)] * 2)
+
+
+def strokes(of, **settings):
+    """Simulate torques that move both joints and then let them stick."""
+    return fa.simulate(
+        of,
+        0.3,
+        torque=lambda t: np.array([4.0, 1.5]) * np.sin(8.0 * np.pi * t) * (t < 0.25),
+        breaks=[0.25],
+        rate=200.0,
+        **settings,
+    )
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("rubbing", [{}, {"static": 0.8, "coulomb_negative": 0.3, "viscous": 0.1}])
+def test_steep_friction_is_implicit(rubbing):
+    """The explicit method must follow the settling of a sticking joint, the implicit one not."""
+    of = rubbing_rods(1e-3, **rubbing)
+    explicit, chosen = (strokes(of, integrator=name) for name in ("dormand_prince_8", "auto"))
+    assert chosen.integrator == "kennedy_carpenter_5"
+    assert "friction implicit" in chosen.integrator_reason
+    assert chosen.evaluations < 0.3 * explicit.evaluations
+    # The tip error of the default tolerances.
+    np.testing.assert_allclose(chosen.tip, explicit.tip, rtol=0, atol=1e-6 * 2.4142)
+
+
+@pytest.mark.compiled
+def test_evaluations_hardly_depend_on_the_smoothing_rate():
+    """Those of an explicit method are inversely proportional to it."""
+    few, many = (strokes(rubbing_rods(rate)).evaluations for rate in (1e-2, 1e-4))
+    assert many < 3.0 * few
+
+
+@pytest.mark.compiled
+def test_friction_of_slow_motion_is_treated_as_damping():
+    """Far below the smoothing rate friction is linear, so both runs take the same steps."""
+    rod = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, modes=2)
+    friction = fa.Friction(
+        coulomb=3e4, coulomb_negative=1e4, static=3.5e4, stribeck_rate=1e3, smoothing_rate=10.0,
+        viscous=400.0, viscous_negative=200.0,
+    )  # fmt: skip
+    slope = (2e4 + 5e3) / 10.0 + 300.0  # at rest, both directions have the same share
+    drive = {"torque": lambda t: [np.sin(20.0 * t)], "rate": 100.0}
+    rubs, damped = (
+        fa.simulate(
+            fa.Arm(links=[rod], joints=[joint]), 0.5, integrator="kennedy_carpenter_5", **drive
+        )
+        for joint in (fa.Joint(friction=friction), fa.Joint(damping=slope))
+    )
+    assert rubs.evaluations == pytest.approx(damped.evaluations, rel=0.02)
+    # The rate is below 4e-4 rad/s: the directions differ by 1e-5 of the friction.
+    np.testing.assert_allclose(rubs.tip, damped.tip, rtol=0, atol=1e-8)

@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from flexarm.engine.stepping import Run, run_open_loop
+from flexarm.engine.tolerance import TIGHT
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Progress
 
 #: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
 RTOL, ATOL = 1e-7, 1e-9
-#: Factor from the default tolerances to those of the second run.
-_TIGHT = 1e-5
 #: Difference of both runs, as a fraction of the reach, above which the second run gets a warning.
 #: In trials the error of the second run was 1e-5 of the difference if that was small, and at most
 #: 1 % of it at this limit.
@@ -44,7 +43,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic])
         return
     before, before_times = run.samples, run.sample_times
     run.begin_again()
-    run.tolerance = tolerance._replace(relative=_TIGHT * RTOL, absolute=_TIGHT * ATOL)
+    run.tolerance = tolerance._replace(relative=TIGHT * RTOL, absolute=TIGHT * ATOL)
     run.sample_times, run.duration = times, duration
     run.samples = np.empty((len(times), *start.shape))
     run.progress = Progress(0.0, start, 0.0)
@@ -61,7 +60,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic])
     if parted.size:
         run.doubt = (
             f"impacts on joint stops amplify errors: the motions at rtol={RTOL:g} and at "
-            f"rtol={_TIGHT * RTOL:g} differ by {apart.max():.2g} m at the tip, and by 1 % of the "
+            f"rtol={TIGHT * RTOL:g} differ by {apart.max():.2g} m at the tip, and by 1 % of the "
             f"reach from t = {run.sample_times[parted[0]]:.4g} s on. Do not rely on this result "
             "after that time."
         )

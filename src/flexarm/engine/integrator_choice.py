@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm.arguments import check_positive
 from flexarm.arm import Arm
+from flexarm.engine.tolerance import TIGHT, friction_rate
 from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate import (
     INTEGRATORS,
@@ -25,6 +26,11 @@ from flexarm.integrate.base import FloatArray, Tolerance
 #: needs fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to
 #: ten times that of the explicit method of order 8. The default keeps the accuracy.
 _STIFF, _AT = 1300.0, 1e-5
+#: Rate of friction over the frequency of the fastest vibration above which "auto" is implicit, at a
+#: relative tolerance of 1e-7, where the explicit method takes two to three times the evaluations;
+#: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
+#: thousand evaluations a second.
+_STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration per step at which rk4 is stable.
 _STABLE = 2.8
 
@@ -130,6 +136,12 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
     Contacts are always explicit: if a contact is faster than every vibration, an implicit method
     has no advantage.
     """
+    if _is_steep(arm, tolerance, touch):
+        return Choice(
+            KennedyCarpenter5(),
+            "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
+            "method",
+        )
     c = arm.assembly.constants
     real = c.w2 > 0.0
     if real.any():
@@ -153,3 +165,15 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
         DormandPrince8(),
         "order 8 with step control: fewest evaluations at the tolerances in use",
     )
+
+
+def _is_steep(arm: Arm, tolerance: Tolerance, touch: float) -> bool:
+    """Return whether friction limits the steps of an explicit method far more than vibrations."""
+    rate = friction_rate(arm)
+    if rate < _LEAST_STEEP:
+        return False
+    relative = tolerance.relative
+    if np.any(arm.assembly.constants.limits[:, 2]):
+        relative *= TIGHT
+    limit = _STEEP * (_STEEP_AT / relative) ** 0.2
+    return rate > limit * max(tolerance.fastest, touch)

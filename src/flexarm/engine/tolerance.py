@@ -13,9 +13,13 @@ from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1
+#: Factor from the default tolerances to those of the second run through impacts on joint stops.
+TIGHT = 1e-5
 
-#: ``Tolerance.unit`` of each arm, and the frequency computed last, with its posture.
+#: ``Tolerance.unit`` and ``friction_rate`` of each arm, and the frequency computed last, with its
+#: posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
+_friction: WeakKeyDictionary[Arm, float] = WeakKeyDictionary()
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
@@ -82,3 +86,29 @@ def fastest_frequencies(arm: Arm, states: FloatArray) -> FloatArray:
             fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
         )
     return found
+
+
+def friction_rate(arm: Arm) -> float:
+    """Return the rate (1/s) at which friction stops the joint that it stops fastest.
+
+    It is that of small motions of one joint from rest, with straight links and all joint angles
+    zero; 0 without friction.
+    """
+    rate = _friction.get(arm)
+    if rate is None:
+        rate = _friction[arm] = _friction_rate(arm)
+    return rate
+
+
+def _friction_rate(arm: Arm) -> float:
+    c = arm.assembly.constants
+    coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
+    slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+    kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
+    state = kernels.zeros(2)
+    still = kernels.forward_dynamics(state, torque)[:, 0].copy()
+    for i in np.flatnonzero(slope * c.free):
+        torque[i] = 1.0
+        rates.append(float(slope[i] * (kernels.forward_dynamics(state, torque)[i, 0] - still[i])))
+        torque[i] = 0.0
+    return max(rates)

@@ -19,7 +19,7 @@ ARM_COLUMNS = 3
 ) = range(ARM_COLUMNS)
 
 # ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
-BODY_COLUMNS = 39
+BODY_COLUMNS = 40
 (
     MASS,  # kg
     INVERSE_MASS,  # 1/kg; 0 for a body without mass
@@ -43,6 +43,7 @@ BODY_COLUMNS = 39
     TIP_INERTIA,  # kg m^2, rotating with the tip section
     FREE,  # 1.0 for a joint moved by forces, 0.0 for a fixed or prescribed one
     JOINT_ADDED,  # kg m^2, added to the joint's diagonal: nonzero only in an implicit step
+    JOINT_DRAG,  # N m s/rad, slope of the friction torque: nonzero only in an implicit step
     JOINT_DAMPING,  # N m s/rad
     JOINT_STIFFNESS,  # N m/rad, spring parallel to the motor
     JOINT_REST,  # rad, rest angle of that spring

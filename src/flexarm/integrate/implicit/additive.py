@@ -3,7 +3,8 @@
 Theory page "integration", (I.1) to (I.4). Each stage has two states: an explicit one for the smooth
 terms (posture, rates, mass matrix, loads) and an implicit one for the forces of bending, of joint
 springs and of damping, in which the equations are linear. A stage is therefore one pass of the
-recursion with a diagonal added to the mass matrix, without iteration.
+recursion with a diagonal added to the mass matrix, without iteration. Friction of joints is split:
+its slope at the start of a step acts as damping, the rest is a smooth term.
 """
 
 from __future__ import annotations
@@ -19,8 +20,16 @@ from flexarm.integrate.samples import begin_call, count_first, end_step, samples
 from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
 from flexarm.integrate.torque import drive_at, slope_at
-from flexarm.kernels.columns import FREE, JOINT_DAMPING, JOINT_STIFFNESS, MODE_DAMPING, W2
+from flexarm.kernels.columns import (
+    FREE,
+    JOINT_DAMPING,
+    JOINT_DRAG,
+    JOINT_STIFFNESS,
+    MODE_DAMPING,
+    W2,
+)
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
+from flexarm.kernels.forces.joint_law import friction_slope
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 from flexarm.kernels.recursion.implicit_step import add_to_diagonal
@@ -40,31 +49,46 @@ class AdditiveRecord(NamedTuple):
 
 
 @merged
+def drag_at(system: System, softened: ArmConstants, state: Array) -> None:
+    """Write the slopes of the friction of joints at a state (2, n, 1 + m) to ``softened``."""
+    for _ in range(len(system.sizes.joint_laws)):
+        for i in range(len(system.sizes.bodies)):
+            softened.body[i, JOINT_DRAG] = friction_slope(system.constants, i, state[1, i, 0])
+
+
+@merged
 def soften_for(system: System, softened: ArmConstants, damping: float, stiffness: float) -> None:
-    """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix."""
+    """Add ``damping`` (s) times D and ``stiffness`` (s^2) times K to the mass matrix.
+
+    D contains the slopes of ``drag_at``, which are zero without a call of it.
+    """
     sizes = system.sizes
     c = system.constants
     added = system.work.force  # scratch
     for i in range(len(sizes.bodies)):
-        added[i, 0] = damping * c.body[i, JOINT_DAMPING] + stiffness * c.body[i, JOINT_STIFFNESS]
+        drag = c.body[i, JOINT_DAMPING] + softened.body[i, JOINT_DRAG]
+        added[i, 0] = damping * drag + stiffness * c.body[i, JOINT_STIFFNESS]
         for j in range(len(sizes.modes)):
             added[i, 1 + j] = damping * c.mode[i, j, MODE_DAMPING] + stiffness * c.mode[i, j, W2]
     add_to_diagonal(sizes, c, added, softened)
 
 
 @merged
-def shift_forces(system: System, smooth: Array, known: Array, torque: Array) -> None:
+def shift_forces(
+    system: System, softened: ArmConstants, smooth: Array, known: Array, torque: Array
+) -> None:
     """Replace bending, spring and damping forces at the smooth state by those at ``known``.
 
     Both states have shape (2, n, 1 + m). Forces on joints are added to ``torque``, forces on modes
-    are written to ``work.force``.
+    are written to ``work.force``. ``softened`` is that of ``soften_for``.
     """
     sizes = system.sizes
     c = system.constants
     for i in range(len(sizes.bodies)):
         torque[i] += c.body[i, FREE] * (
             c.body[i, JOINT_STIFFNESS] * (smooth[0, i, 0] - known[0, i, 0])
-            + c.body[i, JOINT_DAMPING] * (smooth[1, i, 0] - known[1, i, 0])
+            + (c.body[i, JOINT_DAMPING] + softened.body[i, JOINT_DRAG])
+            * (smooth[1, i, 0] - known[1, i, 0])
         )
         for j in range(len(sizes.modes)):
             system.work.force[i, 1 + j] = c.mode[i, j, W2] * (
@@ -84,7 +108,8 @@ def additive_step(
     state, smooth, torque = memory.state, memory.new, memory.torque
     s = AE.shape[0] - 1
     gamma = AI[1, 1]
-    if h != memory.clock[SOFTENED]:
+    if h != memory.clock[SOFTENED] or len(sizes.joint_laws) > 0:
+        drag_at(system, record.softened, state)
         soften_for(system, record.softened, h * gamma, h * gamma * h * gamma)
         memory.clock[SOFTENED] = h
     for k in range(1, s):
@@ -94,7 +119,7 @@ def additive_step(
             for j in range(1 + len(sizes.modes)):
                 known[0, i, j] += h * gamma * known[1, i, j]
         drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
-        shift_forces(system, smooth, known, torque)
+        shift_forces(system, record.softened, smooth, known, torque)
         solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):

@@ -117,7 +117,7 @@ def _pass(
     """
     sizes, work = system.sizes, system.work
     smooth, known, change = memory.new, record.known, record.change
-    shift_forces(system, smooth, known, memory.torque)
+    shift_forces(system, record.softened, smooth, known, memory.torque)
     solve_implicit(
         sizes, record.softened, smooth, work.force, memory.torque,
         system.drive.loads, work,

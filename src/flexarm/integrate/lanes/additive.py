@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.implicit.additive import shift_forces, soften_for
+from flexarm.integrate.implicit.additive import drag_at, shift_forces, soften_for
 from flexarm.integrate.lanes.contacts import begin_contacts, touch_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
@@ -72,7 +72,7 @@ def _implicit_stage(system: System, memory: LaneMemory, gamma: float, stage: int
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             known[0, i, j] += reach * known[1, i, j]
-    shift_forces(system, memory.point, known, memory.torque)
+    shift_forces(system, softened, memory.point, known, memory.torque)
     link_terms(sizes, softened, memory.point, work)
     if memory.loads.contacts.body.shape[0] > 0:
         touch_lanes(sizes, softened, memory, memory.point)
@@ -146,6 +146,7 @@ def advance_additive_lanes(
             keep_first_stage(sizes, memory, s)
             begin_contacts(memory)
         reach = h * gamma
+        drag_at(system, memory.softened, state)
         soften_for(system, memory.softened, reach, reach * h * gamma)
         for k in range(1, s):
             combine(sizes, state, stages, method.explicit, k, k, h, memory.point)

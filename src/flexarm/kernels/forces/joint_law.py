@@ -37,6 +37,18 @@ PUSH = 1e-6
 
 
 @merged
+def _friction_terms(constants: ArmConstants, i: int, rate: Any) -> tuple[Any, Any, Any]:
+    """Return the smooth sign of a rate, the level of dry friction and the viscous friction."""
+    c = constants
+    ratio = rate / c.body[i, STRIBECK_RATE]
+    sign = tanh(rate / c.body[i, SMOOTHING_RATE])
+    backward = 0.5 - 0.5 * sign
+    level = c.body[i, COULOMB] + c.body[i, COULOMB_EXCESS] * backward
+    level += c.body[i, STATIC_RISE] * exp(-ratio * ratio)
+    return sign, level, c.body[i, VISCOUS] + c.body[i, VISCOUS_EXCESS] * backward
+
+
+@merged
 def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, rate: Any) -> Any:
     """Return the passive torque (N m) of the joint of body i at a relative angle and rate."""
     c = constants
@@ -44,12 +56,7 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
         angle - c.body[i, JOINT_REST]
     )
     for _ in range(len(sizes.joint_laws)):
-        ratio = rate / c.body[i, STRIBECK_RATE]
-        sign = tanh(rate / c.body[i, SMOOTHING_RATE])
-        backward = 0.5 - 0.5 * sign
-        level = c.body[i, COULOMB] + c.body[i, COULOMB_EXCESS] * backward
-        level += c.body[i, STATIC_RISE] * exp(-ratio * ratio)
-        viscous = c.body[i, VISCOUS] + c.body[i, VISCOUS_EXCESS] * backward
+        sign, level, viscous = _friction_terms(constants, i, rate)
         torque -= level * sign + viscous * rate
         below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
         above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
@@ -58,6 +65,16 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
         torque += c.body[i, STOP_STIFFNESS] * below * positive_part(1.0 - rise, PUSH)
         torque -= c.body[i, STOP_STIFFNESS] * above * positive_part(1.0 + rise, PUSH)
     return torque
+
+
+@merged
+def friction_slope(constants: ArmConstants, i: int, rate: Any) -> Any:
+    """Return the damping (N m s/rad) of the joint of body i that its friction causes at a rate.
+
+    It is never negative: the decrease of the torque by the Stribeck effect is left out.
+    """
+    sign, level, viscous = _friction_terms(constants, i, rate)
+    return level * (1.0 - sign * sign) / constants.body[i, SMOOTHING_RATE] + viscous
 
 
 @merged
