@@ -1,6 +1,6 @@
 """Runs of an arm whose joints move and stick: evaluations and errors by smoothing rate.
 
-    python docs/how-to/measure_friction.py [RATE ...]
+python docs/how-to/measure_friction.py [RATE ...]
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from flexarm.run_derivatives.sensitivities import sensitivities
 #: Step of central differences, as a fraction of the scale of a parameter: the error of the
 #: difference, which grows with its square, stays below that of the runs divided by it.
 _STEP = 1e-4
-#: Numbers of the arm that determine the torque of a voltage.
+#: Numbers that determine the torque of a current or voltage.
 _OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
 #: Numbers of the arm that only outputs depend on.
 _OF_OUTPUTS = re.compile(r"links\[\d+\]\.gauges\[")
@@ -57,10 +57,11 @@ def _exact_places(run: RecordRun, space: Space, places: NDArray[np.intp]) -> lis
     if not run.differentiable:
         return []
     paths = [space.slots[place].path for place in places]
+    driven = run.record.input in ("current", "voltage")
     return [
         k
         for k, path in enumerate(paths)
-        if not _OF_MOTORS.match(path) and not _OF_OUTPUTS.match(path)
+        if not (driven and _OF_MOTORS.match(path)) and not _OF_OUTPUTS.match(path)
     ]
 
 
