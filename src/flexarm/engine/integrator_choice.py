@@ -176,4 +176,4 @@ def _is_steep(arm: Arm, tolerance: Tolerance, touch: float) -> bool:
     if np.any(arm.assembly.constants.limits[:, 2]):
         relative *= TIGHT
     limit = _STEEP * (_STEEP_AT / relative) ** 0.2
-    return rate > limit * max(tolerance.fastest, touch)
+    return bool(rate > limit * max(tolerance.fastest, touch))
