@@ -100,6 +100,7 @@ class ArmConstants(_ArmArrays):
     tip_inertia = Columns("body", columns.TIP_INERTIA)
     free = Columns("body", columns.FREE)
     joint_added = Columns("body", columns.JOINT_ADDED)
+    joint_drag = Columns("body", columns.JOINT_DRAG)
     joint_damping = Columns("body", columns.JOINT_DAMPING)
     joint_stiffness = Columns("body", columns.JOINT_STIFFNESS)
     joint_rest = Columns("body", columns.JOINT_REST)
