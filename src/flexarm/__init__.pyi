@@ -111,6 +111,7 @@ from .model import Friction as Friction
 from .model import Gauge as Gauge
 from .model import Hardware as Hardware
 from .model import Instrument as Instrument
+from .model import InstrumentFault as InstrumentFault
 from .model import Joint as Joint
 from .model import JointLimits as JointLimits
 from .model import Link as Link
@@ -147,6 +148,8 @@ from .output import read_result as read_result
 from .output import save_linear as save_linear
 from .output import write_result as write_result
 from .plot.animation import animate as animate
+from .proposals.design import ControllerDesign as ControllerDesign
+from .proposals.design import design as design
 from .real_time.realtime import realtime as realtime
 from .references import citation as citation
 from .reporting import report as report

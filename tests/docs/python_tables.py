@@ -56,6 +56,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "loop_margins",
         *("iterative_learning", "LearnedMotion"),
         *("LoopShaping", "loop_models", "SampledModel", "robustness"),
+        *("design", "ControllerDesign", "InstrumentFault"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),

@@ -61,6 +61,11 @@ def result() -> Any:
 
 
 @cache
+def proposal() -> fa.ControllerDesign:
+    return fa.design(spinning(), "hold", computing="low", duration=0.1, progress=False)
+
+
+@cache
 def separation() -> fa.Separation:
     return fa.linearize_along(arm(), motion(), rate=3.0)
 
@@ -138,6 +143,7 @@ _MOVE = {"arm": arm, "motion": motion}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
+    "design": {"arm": spinning, "task": "hold", "computing": "low", "duration": 0.1},
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "loop_models": {"controller": controller, "plant": arm, "posture": start},
     "robustness": {"controller": controller, "plants": arm, "posture": start},
@@ -153,6 +159,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Event": {"function": lambda: lambda t, q, qd: 1.0},
     "Hardware": {"instruments": lambda: [fa.Instrument("joint_angle")], "motors": fa.Motors},
     "Instrument": {"signal": "joint_angle"},
+    "InstrumentFault": {"kind": "bias", "size": 0.01},
     "Load": {"link": 1, "force": [1.0, 0.0]},
     "Measurement": {},
     "MotionLimits": {"torque": 2.0},
@@ -301,6 +308,7 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             "sampled": {"rate": 100.0},
         },
     ),
+    "ControllerDesign": (proposal, {"save": {"path": lambda: folder() / "design.yaml"}}),
     "Sensor": (lambda: fa.Sensor("acceleration", 1), {"labels": {}}),
     "SampledModel": (
         lambda: fa.loop_models(controller(), arm()).plant,

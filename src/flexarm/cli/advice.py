@@ -15,14 +15,11 @@ from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.loop.stability import LoopPole
+from flexarm.loop_analysis.sample_time import PHASE, controlled_modes, recommended_sample_time
 from flexarm.scenarios.scenario import Prepared
 
 Rows = list[tuple[str, str]]
 
-#: Phase (rad) by which the fastest mode to control turns in a sample: the middle of 0.1 to 0.6, the
-#: range of K. J. Astrom and B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall
-#: 1997, for the poles of a sampled loop.
-_PHASE = 0.2
 _MOST_FREQUENCIES = 4
 
 
@@ -53,11 +50,10 @@ def about_vibration(
     where = "at joint angles of zero" if angles is None else "at the start"
     listed = ", ".join(f"{frequency:.4g}" for frequency in found[:_MOST_FREQUENCIES])
     rows = [("frequencies", f"{listed} Hz with the joints locked, {where}")]
-    mode = min(arm.joints, found.size)
-    if mode:
-        longest = _PHASE / (2.0 * np.pi * found[mode - 1])
-        text = f"{_rounded_down(1e3 * longest):g} ms or less for a controller: "
-        text += f"{2.0 * np.pi / _PHASE:.0f} samples in a period of mode {mode}"
+    longest = recommended_sample_time(arm, angles)
+    if longest is not None:
+        text = f"{1e3 * longest:g} ms or less for a controller: {2.0 * np.pi / PHASE:.0f} samples "
+        text += f"in a period of mode {controlled_modes(arm, found)}"
         if sample_time is not None:
             text += f"; this one has {1e3 * sample_time:g} ms"
         rows.append(("sample time", text))
@@ -90,9 +86,3 @@ def _pole(pole: LoopPole) -> str:
     changes = f"the {'fastest' if grows else 'slowest'} pole, at {pole.frequency:.3g} Hz,"
     changes += f" {'grows' if grows else 'decays'} tenfold in {time:.2g} s"
     return f"{'unstable' if grows else 'stable'} {pole.when}: {changes}"
-
-
-def _rounded_down(number: float) -> float:
-    """Return a positive number rounded down to two digits."""
-    unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
-    return float(np.floor(number / unit + 1e-9) * unit)

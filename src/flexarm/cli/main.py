@@ -12,9 +12,10 @@ from typing import Annotated
 
 import typer
 
+from flexarm.cli.design import design
 from flexarm.cli.export import export
 from flexarm.cli.failures import end_orderly_when_terminated, report_failures
-from flexarm.cli.options import Angles, Inputs, Outputs
+from flexarm.cli.options import Angles, Inputs, Outputs, Sets
 
 app = typer.Typer(
     name="flexarm",
@@ -114,14 +115,7 @@ def run(
     animate: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save an animation: .mp4, .gif or .html.")
     ] = None,
-    sets: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Change a value of the file, such as arm.links[0].length=1.2; repeatable.",
-        ),
-    ] = None,
+    sets: Sets = None,
     duration: Annotated[
         str | None, typer.Option(metavar="SECONDS", help="Duration in place of that of the file.")
     ] = None,
@@ -145,11 +139,12 @@ def run(
 @report_failures
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Arm, scenario or study.")],
+    sets: Sets = None,
 ) -> None:
     """Check an arm, scenario or study file and report every problem with its line."""
     from flexarm.cli.commands.check import check_file
 
-    check_file(file)
+    check_file(file, sets or ())
 
 
 @app.command()
@@ -181,6 +176,9 @@ def compare(
     from flexarm.cli.commands.compare import compare_file
 
     compare_file(study, out, plot, workers, limits or ())
+
+
+app.command()(design)
 
 
 @app.command()
@@ -285,6 +283,7 @@ def modes(
         typer.Option(metavar="RATE", help="Track the modes from --spin to this spin, rad/s."),
     ] = None,
     count: Annotated[int, typer.Option(min=1, help="Number of modes.")] = 6,
+    sets: Sets = None,
     csv: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Save the modes as a table: .csv.")
     ] = None,
@@ -296,7 +295,7 @@ def modes(
     from flexarm.cli.commands.modes import ModesOptions, show_modes
 
     held = (None if joints is None else joints.value, angles, proportional, derivative)
-    show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot))
+    show_modes(arm, ModesOptions(*held, sag, spin, to, campbell, count, csv, plot, sets or ()))
 
 
 @app.command()

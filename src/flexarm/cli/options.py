@@ -26,3 +26,11 @@ Parameters = Annotated[
         help="A number that becomes an argument, such as payload.mass; repeatable.",
     ),
 ]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Change a value of the file, such as arm.links[0].length=1.2; repeatable.",
+    ),
+]

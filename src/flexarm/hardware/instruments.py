@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.errors import InputError, Problem, shown
-from flexarm.model import Instrument
+from flexarm.model import Instrument, InstrumentFault
 
 FloatArray = NDArray[np.float64]
 
@@ -81,18 +81,19 @@ class Readings:
     """
 
     def __init__(self, instrument: Instrument, tick: float, generator: Noise) -> None:
-        self._instrument = instrument
+        self._instrument, self._tick = instrument, tick
         self.labels = instrument.labels
         self._generator = generator
         self._every, self._late = stride_and_delay(instrument, tick)
         self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
         self._known: tuple[FloatArray, FloatArray | None] | None = None
         self._last: FloatArray | None = None
+        self._frozen: FloatArray | None = None  # the previous reading, which a fault may keep
         self._rate: FloatArray | None = None
         cutoff = instrument.rate_cutoff
         immediate = self._every == 1 and self._late == 0 and cutoff is None
-        faults = instrument.bias, instrument.noise, instrument.resolution
-        self.exact = immediate and not any(faults) and instrument.limit == math.inf
+        errors = instrument.bias, instrument.noise, instrument.resolution, instrument.faults
+        self.exact = immediate and not any(errors) and instrument.limit == math.inf
         if cutoff is not None:
             self._forget, self._per_change = filter_of(cutoff, self._every * tick)
 
@@ -101,8 +102,19 @@ class Readings:
         return k % self._every == 0
 
     def take(self, k: int, value: FloatArray) -> None:
-        """Take the frame at sample k."""
+        """Take the frame at sample k.
+
+        Raises:
+            InputError: if a fault is of a channel that the signal does not have.
+        """
+        acting = [one for one in self._instrument.faults if one.acts(k * self._tick)]
+        if acting:
+            value = faulty(value, acting, k * self._tick)
         read = self._read(value)
+        for fault in acting:
+            if fault.kind == "frozen" and self._frozen is not None:
+                read[..., _channel(fault)] = self._frozen[..., _channel(fault)]
+        self._frozen = read
         rate = self._difference(read)
         if self._known is None:
             self._known = read, rate
@@ -135,3 +147,32 @@ class Readings:
             self._rate = self._forget * self._rate + self._per_change * (read - self._last)
         self._last = read
         return self._rate
+
+
+def faulty(value: FloatArray, faults: Sequence[InstrumentFault], t: float) -> FloatArray:
+    """Return a value (k,) or (runs, k) with the faults that act at time t (s).
+
+    Raises:
+        InputError: if a fault is of a channel that the signal does not have.
+    """
+    found = value.copy()
+    for fault in faults:
+        if fault.channel is not None and fault.channel > value.shape[-1]:
+            rule = f"be at most {value.shape[-1]}, the number of readings of the instrument"
+            raise InputError(Problem("channel of a fault", rule, str(fault.channel)))
+        at = _channel(fault)
+        match fault.kind, fault.size:
+            case "bias", float(size):
+                found[..., at] += size
+            case "drift", float(size):
+                found[..., at] += size * (t - fault.start)
+            case "gain", float(size):
+                found[..., at] *= size
+    return found
+
+
+def _channel(fault: InstrumentFault) -> slice:
+    """Return the columns of the readings that a fault changes."""
+    if fault.channel is None:
+        return slice(None)
+    return slice(fault.channel - 1, fault.channel)

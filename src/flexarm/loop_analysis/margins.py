@@ -36,6 +36,8 @@ _LOWEST = 1e-6
 _HALVINGS = 40
 #: Largest growth (1/s) of a stable loop. Integrators without effect grow by rounding errors.
 MARGINAL = 1e-4
+#: Number of poles in tables, one for each complex pair.
+_POLES = 12
 #: Gain factors below this are zero except for rounding: the loop is stable when it is open.
 _SMALLEST = 1e-6
 
@@ -132,6 +134,8 @@ def loop_margins(
         (2 + alpha) / (2 - alpha) and its inverse, and 2 arctan(alpha / 2) rad. ``worst_...`` over
         ``joint`` is the worst case over plants and postures; ``growth`` (plant, posture), 1/s, is
         the largest real part of the poles. For an unstable loop gain margins are 1, the others 0.
+        ``damping_ratio`` and ``pole_frequency`` (plant, posture, pole), Hz, are those of the twelve
+        poles that decay slowest, one for each complex pair; NaN if there are fewer.
 
     Raises:
         InputError: if the controller does not declare its memory, an instrument has its own
@@ -154,7 +158,7 @@ def loop_margins(
     places = places_of(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
-    growth = np.zeros(shape[:2])
+    growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
     bent: list[str] = []
     bare = without_friction(contacts)
     for i, arm in enumerate(arms.values()):
@@ -163,7 +167,8 @@ def loop_margins(
                 loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
             bent += kept
             check_single_rate(loop)
-            growth[i, k] = loop.poles()[0].real
+            poles = loop.poles()
+            growth[i, k], damping[:, i, k] = poles[0].real, _damping(poles)
             margins = _margins_of(loop, bool(growth[i, k] < MARGINAL))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
@@ -179,7 +184,22 @@ def loop_margins(
         table[f"worst_{name}"] = ("joint", worst(found[name], axis=(0, 1)), labels)
     labels = {"units": "1/s", "long_name": "largest real part of the poles"}
     table["growth"] = (("plant", "posture"), growth, labels)
+    by_pole = ("plant", "posture", "pole")
+    labels = {"units": "Hz", "long_name": "natural frequency of the pole"}
+    table["pole_frequency"] = (by_pole, damping[0], labels)
+    labels = {"units": "1", "long_name": "damping ratio of the pole"}
+    table["damping_ratio"] = (by_pole, damping[1], labels)
     return table
+
+
+def _damping(poles: ComplexArray) -> FloatArray:
+    """Return natural frequencies (Hz) and damping ratios (2, _POLES) of the slowest poles."""
+    each = poles[poles.imag >= 0.0][:_POLES]
+    size = np.abs(each)
+    found = np.full((2, _POLES), np.nan)
+    found[0, : each.size] = size / (2.0 * np.pi)
+    found[1, : each.size] = -each.real / np.maximum(size, 1e-300)
+    return found
 
 
 def without_friction(contacts: Sequence[Contact]) -> list[Contact]:

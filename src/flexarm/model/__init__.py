@@ -47,6 +47,7 @@ from flexarm.model.hardware import Instrument as Instrument
 from flexarm.model.hardware import Motors as Motors
 from flexarm.model.identification.filters import Filter as Filter
 from flexarm.model.identification.parameters import FreeParameter as FreeParameter
+from flexarm.model.instrument_faults import InstrumentFault as InstrumentFault
 from flexarm.model.scenarios.events import EventSpec as EventSpec
 from flexarm.model.scenarios.events import JointEvent as JointEvent
 from flexarm.model.scenarios.events import TipEvent as TipEvent

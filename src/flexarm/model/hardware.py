@@ -10,8 +10,9 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.arguments import check_numbers
 from flexarm.errors import ModelError, Problem, public_call
-from flexarm.model.arm.spec import place_faults
+from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
+from flexarm.model.instrument_faults import InstrumentFault
 from flexarm.model.quantities import (
     NO_LIMIT,
     Count,
@@ -125,6 +126,9 @@ class Instrument(Record, kw_only=False):
         default=None, description="Cutoff frequency of the derived rate (Hz); no rate by default."
     )
     rate_name: Identifier | None = Field(default=None, description="Name of that rate.")
+    faults: Listed[InstrumentFault] = Field(
+        default=(), description="Faults during the run, which controllers do not know."
+    )
 
     _hints: ClassVar[dict[str, str]] = {
         "signal": "For the position, velocity or acceleration of a point, Python accepts a Sensor."
@@ -298,15 +302,20 @@ class Hardware(Record, kw_only=False):
 
 def hardware_faults(given: Given) -> Iterator[Fault]:
     """Yield the faults between the hardware of a scenario and its arm and drive."""
-    if not given.has("hardware", "arm"):
-        return
-    gauges = any(link.gauges for link in given.arm.links)
-    for k, item in enumerate(given.hardware.instruments or ()):
+    if given.has("hardware", "arm"):
+        contacts = not given.has("contacts") or bool(given.contacts)
+        yield from instrument_faults(given.arm, given.hardware, contacts)
+
+
+def instrument_faults(arm: ArmSpec, hardware: Hardware, contacts: bool) -> Iterator[Fault]:
+    """Yield the faults of instruments that do not fit an arm, or a run without contacts."""
+    gauges = any(link.gauges for link in arm.links)
+    for k, item in enumerate(hardware.instruments or ()):
         place = ("hardware", "instruments", k)
         if item.signal == "strain" and not gauges:
             yield Fault((*place, "signal"), "is strain, but the arm has no gauges")
-        if str(item.signal).startswith("contact_") and given.has("contacts") and not given.contacts:
+        if str(item.signal).startswith("contact_") and not contacts:
             yield Fault((*place, "signal"), f"is {item.signal}, but there are no contacts")
         if item.link is not None:
-            for fault in place_faults(given.arm, item.link, item.station):
+            for fault in place_faults(arm, item.link, item.station):
                 yield fault.inside(*place)

@@ -19,7 +19,12 @@ from flexarm.errors import InputError, SimulationError, public_call
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import sampled_torque
 from flexarm.loop.requirements import misfits
-from flexarm.loop.stability import LoopPole, describe_instability, loop_poles
+from flexarm.loop.stability import (
+    LoopPole,
+    describe_instability,
+    describe_slow_instability,
+    loop_poles,
+)
 from flexarm.model import (
     Change,
     EventSpec,
@@ -68,6 +73,10 @@ class Prepared:
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""
         return describe_instability(poles, self.sample_time or 0.0, self.options["duration"])
+
+    def slowly_unstable_loop(self, poles: Sequence[LoopPole]) -> str:
+        """Describe one that grows less than tenfold in the run; empty text if none does."""
+        return describe_slow_instability(poles, self.options["duration"])
 
     @property
     def sample_time(self) -> float | None:

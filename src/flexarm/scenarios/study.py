@@ -14,7 +14,7 @@ from flexarm.arm import Arm
 from flexarm.control.base import Reference
 from flexarm.errors import InputError, Problem, public_call
 from flexarm.integrate.base import FloatArray
-from flexarm.model import Scenario, StudySpec, locate_study
+from flexarm.model import Hardware, Scenario, StudySpec, locate_study
 from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
@@ -123,16 +123,15 @@ class PreparedStudy:
             simulated: arm in place of that of the plant, whose loads and changes act on it.
             instead: as in `Prepared.run`.
         """
-        result = self._prepared[drive, motion].run(
-            **self._acting(plant, simulated), progress=False, **instead
-        )
+        arguments = self._acting(drive, plant, simulated) | instead
+        result = self._prepared[drive, motion].run(**arguments, progress=False)
         return result, self.reference(drive, motion)
 
     def arguments(
         self, drive: str, plant: str, motion: str, simulated: Arm | None = None
     ) -> dict[str, Any]:
         """Return the arguments of ``simulate`` for one run; the arguments are those of ``one``."""
-        return self._prepared[drive, motion].arguments(**self._acting(plant, simulated))
+        return self._prepared[drive, motion].arguments(**self._acting(drive, plant, simulated))
 
     def reference(self, drive: str, motion: str) -> Reference:
         """Return the motion of a drive, which depends on its kind of reference."""
@@ -148,10 +147,18 @@ class PreparedStudy:
             self._goals[drive, motion] = goal
         return goal
 
-    def _acting(self, plant: str, simulated: Arm | None) -> dict[str, Any]:
+    def hardware_of(self, plant: str) -> Hardware | None:
+        """Return the instruments and motors of a plant, its own or those of the study."""
+        return self.study.plants[plant].hardware or self.study.hardware
+
+    def _acting(self, drive: str, plant: str, simulated: Arm | None) -> dict[str, Any]:
         spec = self.study.plants[plant]
         arm = simulated or self.plants[plant]
-        return {"plant": arm, "loads": spec.loads, "changes": spec.changes}
+        own = {"plant": arm, "loads": spec.loads, "changes": spec.changes}
+        hardware = self.hardware_of(plant)
+        if hardware is not None and self.controlled(drive):
+            own["hardware"] = hardware
+        return own
 
 
 #: Kind of the reference of drives without feedback, which share nothing.

@@ -43,9 +43,14 @@ INCONSISTENT = (
     "the estimator is inconsistent: its errors are larger than its covariance says. Correct its "
     "arm, or raise torque_noise or the noise of the instruments."
 )
+#: Metrics of the time after a motion, and why some runs have none.
+_AFTER = ("tip_error_settled", "residual_vibration")
+MOVES_TO_THE_END = (
+    "NaN where the run ends before the motion and its settling time: extend the duration"
+)
 _DIMS = ("controller", "plant", "reference")
-#: Simulated arm, optionally with loads that act only on it and changes of it during the run.
-ComparedPlant = Arm | tuple[Arm, Sequence[Load | Change]]
+#: Simulated arm, optionally with its own loads, changes during the run, and hardware.
+ComparedPlant = Arm | tuple[Arm, Sequence[Load | Change | Hardware]]
 
 
 @public_call
@@ -71,7 +76,8 @@ def compare(
         plants: simulated arms by name; None for the arm itself, as "nominal". A pair
             ``(arm, loads)`` is an arm with loads that act only on it, in addition to those of the
             option ``loads``; no controller includes any of them in its model. The list may also
-            contain changes of this arm during the run (``Change``).
+            contain changes of this arm during the run (``Change``), and one ``Hardware`` in place
+            of that of all runs, for example with faults of instruments.
         hardware: of every run, with the same seed: the noise is the same in all.
         settling: time (s) after the end of a motion to exclude from the metrics of the time after
             it; shorter than the run.
@@ -115,7 +121,9 @@ def compare(
             # Pass what is not a list unchanged, so that simulate raises its own error.
             both = more and isinstance(shared, list | tuple)
             run[name] = [*shared, *more] if both else shared
-        run |= {"hardware": hardware, "progress": False, **options}
+        own_hardware = [item for item in own if isinstance(item, Hardware)]
+        run["hardware"] = own_hardware[0] if own_hardware else hardware
+        run |= {"progress": False, **options}
         chosen = controllers[controller]
         return simulate(arm, duration, controller=chosen, **run), references[reference]
 
@@ -150,15 +158,19 @@ def check_settling(settling: object, duration: float, references: Mapping[str, A
             raise InputError(Problem("settling", rule, shown(settling)))
 
 
-def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load | Change]]:
-    """Return a plant as its arm and the loads that act only on it, and its changes."""
+def _with_loads(name: str, plant: object) -> tuple[Arm, Sequence[Load | Change | Hardware]]:
+    """Return a plant as its arm, and what is its own: loads, changes, hardware."""
     match plant:
         case Arm():
             return plant, ()
-        case (Arm() as simulated, list() | tuple() as loads):
-            if all(isinstance(load, Load | Change) for load in loads):
-                return simulated, loads
-    rule = "be an Arm, or a pair of an Arm and a list of Load and Change objects"
+        case (Arm() as simulated, list() | tuple() as own):
+            known = all(isinstance(item, Load | Change | Hardware) for item in own)
+            if known and sum(isinstance(item, Hardware) for item in own) <= 1:
+                return simulated, own
+    rule = (
+        "be an Arm, or a pair of an Arm and a list of Load and Change objects and at most one "
+        "Hardware"
+    )
     raise InputError(Problem(f"plants[{name!r}]", rule, shown(plant)))
 
 
@@ -198,6 +210,9 @@ def comparison(
     table = xr.Dataset(coords={dim: list(names[dim]) for dim in _DIMS})
     for metric in METRICS:
         labels = {"units": metric.unit, "long_name": metric.meaning}
+        missing = np.isnan(values[metric.name]) & (failures == "")
+        if metric.name in _AFTER and missing.any():
+            labels["comment"] = MOVES_TO_THE_END
         table[metric.name] = (_DIMS, values[metric.name], labels)
     table["failure"] = (_DIMS, failures.astype(str))
     table["warning"] = (_DIMS, bent.astype(str))

@@ -126,7 +126,7 @@ class Executor:
     def _alone(self, case: Case, chosen: tuple[str, str, str]) -> Evaluation:
         """Execute one run by ``simulate``."""
         prepared, instead = case.prepared, dict[str, Any](_EXACT)
-        hardware = prepared.study.hardware
+        hardware = prepared.hardware_of(chosen[1])
         if case.seed is not None and hardware is not None and prepared.controlled(chosen[0]):
             instead["hardware"] = hardware.replace(seed=case.seed)
         run = partial(prepared.one, *chosen, case.simulated, **instead)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm.arm import Arm
@@ -10,6 +11,7 @@ from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import InputError, Problem
 from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
+from flexarm.model.file_format.changes import change_of, changed
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.scenario import prepare
@@ -18,13 +20,16 @@ from flexarm.scenarios.summary import about_arm, about_run
 from flexarm.studies.samples import Samples
 
 
-def check_file(path: Path) -> None:
+def check_file(path: Path, sets: Sequence[str] = ()) -> None:
     """Check an arm file, a scenario with its motion, or a study, and print a summary.
+
+    Args:
+        sets: values in place of those of the file, as ``PATH=VALUE``.
 
     Raises:
         InputError: if the file is not valid; it lists every problem.
     """
-    document = load_document(path)
+    document = changed(load_document(path), [change_of("--set", text) for text in sets])
     if "records" in document.value:
         rule = "describes an identification, which `check` does not read"
         hint = f"`flexarm identify {path}` validates it before the first run."
@@ -43,7 +48,8 @@ def check_file(path: Path) -> None:
         scenario, where = locate_scenario(document)
         prepared = prepare(scenario, where)
         poles = prepared.loop_poles()
-        unstable = list(filter(None, [prepared.unstable_loop(poles)]))
+        texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
+        unstable = list(filter(None, texts))
         found = [*about_arm(prepared.arm), *about_run(scenario), *about_prepared(prepared, poles)]
     screen = console()
     screen.print(facts(found))

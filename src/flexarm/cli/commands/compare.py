@@ -80,6 +80,12 @@ def compare_file(
     screen = console()
     for reference in table["reference"].values:
         screen.print(_printed(table.sel(reference=reference), str(reference)), soft_wrap=True)
+    if "comment" in table["residual_vibration"].attrs:
+        screen.print(
+            "no swing after the motion: the run ends before the motion and `settling`; extend "
+            "`run.duration`",
+            soft_wrap=True,
+        )
     for kind in ("failure", "warning"):
         for text in _conclusions(table, kind):
             warn(text)

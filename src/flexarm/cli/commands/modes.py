@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm, load_arm
+from flexarm.arm import Arm
 from flexarm.bending import bending_warning, one_warning
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import at, joint_numbers
@@ -16,6 +17,9 @@ from flexarm.errors import InputError, Problem
 from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
 from flexarm.linear import modes as modes_of
 from flexarm.linear.vibration.held import Joints
+from flexarm.model import load_arm_spec
+from flexarm.model.file_format.changes import change_of, changed
+from flexarm.model.file_format.files import load_document
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.writing.places import check_place, write_text
 
@@ -37,6 +41,7 @@ class ModesOptions(NamedTuple):
     most: int
     csv: Path | None
     plot: Path | None
+    sets: Sequence[str] = ()
 
 
 def show_modes(path: Path, options: ModesOptions) -> None:
@@ -47,7 +52,8 @@ def show_modes(path: Path, options: ModesOptions) -> None:
             cannot be written, or options cannot be combined.
         EquilibriumError: if there is no equilibrium under gravity or no steady spin.
     """
-    arm = load_arm(path)
+    changes = [change_of("--set", text) for text in options.sets]
+    arm = Arm(load_arm_spec(changed(load_document(path), changes)))
     posture = joint_numbers("--angles", arm, options.angles, "rad")
     joints, joints_text = _joints(arm, options)
     for option, place, suffixes in (

@@ -49,7 +49,8 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
 
     Raises:
         InputError: if a number is negative or not finite, ``cutoff`` times ``period`` is below 2,
-            or ``inner`` is not a controller.
+            ``inner`` is not a controller, or the period is not a multiple of its sample time, or
+            too short for the lead and the filter.
 
     References:
         S. Hara, Y. Yamamoto, T. Omata and M. Nakano, IEEE Trans. Automatic Control 33 (1988)
@@ -64,6 +65,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
         if self.cutoff * self.period < 2.0:
             rule = f"be at least 2 divided by the period ({2.0 / self.period:.4g} Hz)"
             raise InputError(Problem("cutoff", rule, shown(self.cutoff)))
+        self._samples()
         self._history: _History | None = None
         self._held: FloatArray | None = None
 

@@ -17,7 +17,7 @@ from flexarm.model.drives import CONTROLLED, Drive, in_volts
 from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
 from flexarm.model.environment.contacts import Contact
 from flexarm.model.environment.loads import Load, off_the_arm
-from flexarm.model.hardware import Hardware
+from flexarm.model.hardware import Hardware, instrument_faults
 from flexarm.model.quantities import (
     Listed,
     Mapped,
@@ -58,6 +58,14 @@ class PlantSpec(Record):
     changes: Listed[Change] = Field(
         default=(), description="Numbers of this plant that change during each run."
     )
+    hardware: Hardware | None = Field(
+        default=None,
+        description="Instruments and motors of this plant, in place of those of the study.",
+    )
+
+
+#: Keys of a plant that are not factors of the arm.
+_NOT_OF_ARM = ("loads", "changes", "hardware")
 
 
 class StudyRun(Record):
@@ -196,6 +204,10 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
                 yield Fault(path, problem.rule, value, problem.hint)
         for fault in off_the_arm(given.arm, plant.loads):
             yield fault.inside("plants", name)
+        if plant.hardware is not None:
+            touches = not given.has("contacts") or bool(given.contacts)
+            for fault in instrument_faults(given.arm, plant.hardware, touches):
+                yield fault.inside("plants", name)
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
@@ -204,5 +216,5 @@ def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
     Raises:
         InputError: if a list does not fit the links, or the arm has no payload to change.
     """
-    factors = [name for name in PlantSpec.model_fields if name not in ("loads", "changes")]
+    factors = [name for name in PlantSpec.model_fields if name not in _NOT_OF_ARM]
     return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

@@ -1,0 +1,1 @@
+"""Proposals of controllers: candidates for a task, their margins, and their simulations."""

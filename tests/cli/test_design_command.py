@@ -1,0 +1,77 @@
+"""``flexarm design``: tables, reasons and a scenario that runs."""
+
+import pytest
+from typer.testing import CliRunner
+
+import flexarm as fa
+from flexarm.cli.main import app
+
+ARM = """\
+flexarm: 1
+arm:
+  links:
+    - length: 0.8
+      flexural_rigidity: 20.0
+      mass_per_length: 0.5
+      elements: 1
+      damping: {kind: modal, ratio: 0.01}
+      gauges: [{station: 0.02, distance: 0.004}]
+  joints: [{hub_inertia: 0.05}]
+  payload: {mass: 0.1}
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "arm.yaml"
+    path.write_text(ARM)
+    return path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["design", *map(str, arguments)])
+
+
+def test_the_written_scenario_runs(path, tmp_path):
+    out = tmp_path / "design.yaml"
+    options = ("--task", "hold", "--computing", "low", "--start", "0.3")
+    outcome = call(path, *options, "--out", out)
+    assert outcome.exit_code == 0, outcome.output
+    for text in ("Task hold: error in mm", "integral resonant control", "joint PD", "disk margin"):
+        assert text in " ".join(outcome.output.split())
+    assert outcome.output.splitlines()[-1] == f"scenario in {out}"
+    scenario = fa.load_scenario(out)
+    assert scenario.motion.start == (0.3,)
+    assert fa.run_scenario(out, progress=False).sizes["time"] > 1
+
+
+def test_an_existing_file_is_replaced_on_request_only(path, tmp_path):
+    out = tmp_path / "mine.yaml"
+    out.write_text("mine")
+    options = (path, "--task", "hold", "--computing", "low", "--sensors", "joints", "--out", out)
+    refused = call(*options)
+    assert refused.exit_code == 2
+    assert "already exists" in refused.output
+    assert "--overwrite" in refused.output
+    assert out.read_text() == "mine"
+    assert call(*options, "--overwrite").exit_code == 0
+    assert fa.load_scenario(out).drive.kind == "joint_pd"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--start", "0.3,x"), "--start must be numbers separated by commas"),
+        (("--sensors", "joints,eyes"), "sensors must be one of"),
+        (("--torque-limit", "0"), "torque_limit must be greater than 0"),
+        (("--out", "design.txt"), "--out must end in .yaml or .yml"),
+    ],
+)
+def test_wrong_options_are_named_and_nothing_is_written(
+    path, tmp_path, monkeypatch, options, message
+):
+    monkeypatch.chdir(tmp_path)
+    outcome = call(path, "--task", "hold", *options)
+    assert outcome.exit_code == 2
+    assert message in outcome.output
+    assert [item.name for item in tmp_path.iterdir()] == ["arm.yaml"]

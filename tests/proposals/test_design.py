@@ -1,0 +1,208 @@
+"""``fa.design``: candidates, gains, margins, reasons, and the scenario that it writes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.proposals.case import case_of, plants_of
+from flexarm.proposals.requirements import requirements_of
+from flexarm.scenarios.scenario import prepare
+
+DEFAULTS = {
+    "sensors": None,
+    "computing": "medium",
+    "payload_uncertainty": 0.0,
+    "rigidity_uncertainty": 0.0,
+    "start": None,
+    "end": None,
+    "duration": None,
+    "torque_limit": None,
+    "force": 5.0,
+    "disk_margin": 0.4,
+}
+
+
+def one_link(**joint):
+    link = fa.Link(
+        length=0.8,
+        flexural_rigidity=20.0,
+        mass_per_length=0.5,
+        elements=1,
+        damping=fa.ModalDamping(ratio=0.01),
+        gauges=[fa.Gauge(station=0.02, distance=0.004)],
+    )
+    joints = [fa.Joint(hub_inertia=0.05, **joint)]
+    return fa.Arm(links=[link], joints=joints, payload=fa.Payload(mass=0.1))
+
+
+def two_links(gauges=True):
+    rod = {"mass_per_length": 0.5, "elements": 1, "damping": fa.ModalDamping(ratio=0.01)}
+    if gauges:
+        rod["gauges"] = [fa.Gauge(station=0.02, distance=0.004)]
+    links = [
+        fa.Link(length=0.8, flexural_rigidity=40.0, **rod),
+        fa.Link(length=0.6, flexural_rigidity=25.0, **rod),
+    ]
+    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)]
+    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.1))
+
+
+def needs_of(arm, task, **options):
+    return requirements_of(arm, task, **(DEFAULTS | options))
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """Return the design of a motion of one uncertain link."""
+    return fa.design(
+        one_link(),
+        "point_to_point",
+        payload_uncertainty=1.0,
+        rigidity_uncertainty=0.3,
+        progress=False,
+    )
+
+
+def test_the_proposal_has_the_required_margin_on_all_arms(moved):
+    chosen = moved.table.sel(candidate=moved.chosen)
+    assert chosen.disk_margin >= 0.4
+    arm = one_link()
+    plants = [
+        fa.varied(arm, payload_factor=payload, flexural_rigidity_factor=rigidity)
+        for payload in (0.0, 1.0, 2.0)
+        for rigidity in (0.7, 1.0, 1.3)
+    ]
+    margins = fa.loop_margins(moved.controller, plants, [[0.0], [0.5]])
+    assert margins.growth.max() < 0.0
+    # The design has tried the model and the corners, which are every second of these arms.
+    tried = margins.isel(plant=slice(None, None, 2))
+    assert tried.disk_margin.min() == pytest.approx(chosen.disk_margin.item(), rel=1e-6)
+    assert tried.growth.max() == pytest.approx(chosen.growth.item(), rel=1e-6)
+
+
+def test_the_candidate_with_the_least_error_in_the_worst_case_is_proposed(moved):
+    table = moved.table
+    enough = table.disk_margin >= 0.4
+    worst = table.score.max("plant").where(enough, drop=True)
+    assert moved.chosen == worst.candidate.values[worst.argmin("candidate")]
+    assert table.sizes["candidate"] == 3
+    assert table.plant.values.tolist() == ["nominal", "heavy, soft", "light, stiff"]
+
+
+def test_the_scenarios_give_the_errors_of_the_table(moved):
+    for name, scenario in moved.scenarios.items():
+        result = fa.run_scenario(scenario, progress=False)
+        end = scenario.motion.start_time + scenario.motion.duration
+        # A third of the rest, rounded, is excluded as settling time.
+        settling = float(f"{(scenario.run.duration - end) / 3.0:.2g}")
+        # The reference of a flexible arm ends after the motion.
+        end = prepare(scenario).followed.motion.end_time
+        tip = result.tip.values[result.time.values >= end + settling]
+        mean = tip.mean(axis=0)
+        goal = 0.8 * np.array([np.cos(0.5), np.sin(0.5)])
+        away = np.hypot(*(mean - goal)) + np.hypot(*(tip - mean).T).max()
+        expected = moved.table.score.sel(candidate=name, plant="nominal").item()
+        assert away == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_the_reasons_name_every_candidate_and_the_file_begins_with_them(moved, tmp_path):
+    words = " ".join(moved.reasons)
+    for name in moved.table.candidate.values:
+        assert str(name) in words
+    place = tmp_path / "folder" / "design.yaml"
+    moved.save(place)
+    text = place.read_text()
+    assert text.startswith(f"# {moved.chosen} for the task point_to_point")
+    assert fa.load_scenario(place) == moved.scenario
+    with pytest.raises(fa.InputError, match="already exists"):
+        moved.save(place)
+    moved.save(place, overwrite=True)
+    with pytest.raises(fa.InputError, match=r"end in \.yaml or \.yml"):
+        moved.save(tmp_path / "design.txt")
+
+
+def test_little_computing_power_excludes_models_in_the_controller():
+    found = fa.design(one_link(), "hold", computing="low", progress=False)
+    assert found.table.candidate.values.tolist() == ["integral resonant control", "joint PD"]
+    assert found.table.states.max() <= 2
+    assert "more computing power" in " ".join(found.reasons)
+
+
+def test_without_gauges_the_joints_are_controlled_and_the_reasons_recommend_gauges():
+    found = fa.design(one_link(), "hold", sensors="joints", progress=False)
+    assert found.table.candidate.values.tolist() == ["loop shaping", "joint PD"]
+    assert "Strain gauges" in " ".join(found.reasons)
+
+
+def test_a_push_on_a_held_tip_would_bend_the_arm_by_a_hundredth_of_its_length():
+    needs = needs_of(one_link(), "hold", start=[0.3])
+    (load,) = case_of(needs)["loads"]
+    force = np.array(load["force"])
+    across = np.array([-np.sin(0.3), np.cos(0.3)])
+    assert force == pytest.approx(np.hypot(*force) * across, rel=1e-3)  # rounded to 3 digits
+    # The deflection of a cantilever under a force at its tip; one element is exact for it.
+    assert np.hypot(*force) * 0.8**3 / (3.0 * 20.0) == pytest.approx(0.008, rel=1e-3)
+
+
+def test_the_plants_are_the_corners_of_the_uncertainty():
+    needs = needs_of(one_link(), "hold", payload_uncertainty=1.5, rigidity_uncertainty=0.2)
+    found = plants_of(needs)
+    assert found["heavy, soft"] == {"payload_factor": 2.5, "flexural_rigidity_factor": 0.8}
+    assert found["light, stiff"] == {"payload_factor": 0.0, "flexural_rigidity_factor": 1.2}
+    assert len(found) == 5
+    assert list(plants_of(needs_of(one_link(), "hold", rigidity_uncertainty=0.2))) == [
+        "nominal",
+        "soft",
+        "stiff",
+    ]
+
+
+def test_the_wall_of_a_force_faces_the_base():
+    needs = needs_of(two_links(), "force", start=[1.0, -0.2], end=[1.0, 0.3])
+    (contact,) = case_of(needs)["contacts"]
+    assert contact["surface"]["normal"] == pytest.approx([-1.0, 0.0])
+    other = needs_of(two_links(), "force", start=[1.0, 0.3], end=[1.0, -0.2])
+    assert case_of(other)["contacts"][0]["surface"]["normal"] == pytest.approx([-1.0, 0.0])
+
+
+def test_a_force_is_followed():
+    found = fa.design(two_links(gauges=False), "force", force=2.0, duration=1.0, progress=False)
+    chosen = found.table.sel(candidate=found.chosen, plant="nominal")
+    assert chosen.failure.item() == ""
+    assert chosen.disk_margin > 0.4
+    assert chosen.force_error_rms < 0.1  # 5 % of the force
+    assert {item.signal for item in found.scenario.hardware.instruments} >= {"contact_force"}
+
+
+@pytest.mark.parametrize(
+    ("task", "options", "message"),
+    [
+        ("tracking", {}, "task must be one of .*track"),
+        ("hold", {"computing": "much"}, "computing must be one of"),
+        ("hold", {"sensors": ["camera"]}, "sensors must be one of"),
+        ("hold", {"sensors": "force"}, "requires the task 'force'"),
+        ("hold", {"sensors": 3}, "sensors must be a list of names"),
+        ("hold", {"end": [0.1]}, "end is not supported with the task 'hold'"),
+        ("track", {}, "requires an arm with two joints or more"),
+        ("force", {}, "force is not supported for an arm with one joint"),
+        ("hold", {"rigidity_uncertainty": 1.0}, "rigidity_uncertainty must be from 0 to 0.9"),
+        ("hold", {"payload_uncertainty": -1}, "payload_uncertainty must be at least 0"),
+        ("hold", {"disk_margin": 2}, "disk_margin must be greater than 0 and less than 2"),
+        ("hold", {"torque_limit": 0.0}, "torque_limit must be greater than 0"),
+        ("point_to_point", {"end": [0.2], "start": [0.2]}, "end must differ from start"),
+        ("point_to_point", {"start": [0.2, 0.3]}, "start"),
+    ],
+)
+def test_wrong_arguments_are_named(task, options, message):
+    with pytest.raises(fa.InputError, match=message):
+        fa.design(one_link(), task, progress=False, **options)
+
+
+def test_an_uncertain_payload_requires_a_payload():
+    bare = fa.Arm(links=one_link().spec.links, joints=one_link().spec.joints)
+    with pytest.raises(fa.InputError, match="not supported for an arm without payload"):
+        fa.design(bare, "hold", payload_uncertainty=0.5)
+    with pytest.raises(fa.InputError, match="sensors are gauges, but the arm has no gauges"):
+        fa.design(two_links(gauges=False), "hold", sensors="gauges")
