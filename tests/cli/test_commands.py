@@ -83,6 +83,31 @@ def test_check_reports_an_unstable_pole(good):
     assert "warning: the sampled loop is unstable at the start" in outcome.stderr
 
 
+def test_check_warns_of_growth_that_the_run_does_not_show(good):
+    """Strain feedback with the wrong sign, as of a gauge on the other side of its link."""
+    arm = ONE_LINK.replace("modes: 3}", "modes: 3, gauges: [{station: 0.02, distance: 0.004}]}")
+    drive = "drive: {kind: strain_feedback, proportional: 5, derivative: 0.2, strain: GAIN}\n"
+    for gain, slow in (("2.6e+3", False), ("-2.6e+3", True)):  # growth -0.26 and 1.3 1/s
+        good.write_text(arm + drive.replace("GAIN", gain) + "run: {duration: 1.0}\n")
+        outcome = invoke("check", good)
+        assert ("slowly unstable at the start" in outcome.stderr) == slow
+        assert invoke("run", good, "--quiet").stderr == ""  # too slow for a run of 1 s
+
+
+def test_check_and_modes_accept_other_values(good):
+    change = ("--set", "arm.payload.mass=0.7")
+    given, heavier = invoke("check", good), invoke("check", good, *change)
+    assert heavier.exit_code == 0
+    assert heavier.stdout != given.stdout
+    given, heavier = invoke("modes", good), invoke("modes", good, *change)
+    assert heavier.exit_code == 0
+    assert heavier.stdout != given.stdout
+    for command in ("check", "modes"):
+        wrong = invoke(command, good, "--set", "arm.payload.mass=-1")
+        assert wrong.exit_code == 2
+        assert "--set arm.payload.mass=-1: arm.payload.mass must be at least 0" in wrong.stderr
+
+
 def test_check_counts_segments(good):
     good.write_text(GOOD.replace("elements: 1", "elements: 2, segments: 2", 1))
     outcome = invoke("check", good)

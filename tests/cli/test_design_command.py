@@ -37,7 +37,7 @@ def test_the_written_scenario_runs(path, tmp_path):
     options = ("--task", "hold", "--computing", "low", "--start", "0.3")
     outcome = call(path, *options, "--out", out)
     assert outcome.exit_code == 0, outcome.output
-    for text in ("Task hold: error in mm", "integral resonant control", "joint PD", "disk margin"):
+    for text in ("Task hold: error in mm", "integral resonant", "joint PD", "disk margin"):
         assert text in " ".join(outcome.output.split())
     assert outcome.output.splitlines()[-1] == f"scenario in {out}"
     scenario = fa.load_scenario(out)

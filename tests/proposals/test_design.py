@@ -125,7 +125,7 @@ def test_the_reasons_name_every_candidate_and_the_file_begins_with_them(moved, t
 
 def test_little_computing_power_excludes_models_in_the_controller():
     found = fa.design(one_link(), "hold", computing="low", progress=False)
-    assert found.table.candidate.values.tolist() == ["integral resonant control", "joint PD"]
+    assert found.table.candidate.values.tolist() == ["integral resonant", "joint PD"]
     assert found.table.states.max() <= 2
     assert "more computing power" in " ".join(found.reasons)
 

@@ -84,6 +84,11 @@ def test_table_has_every_combination(arm, motion):
     assert table.sizes == {"controller": 2, "plant": 2, "reference": 2}
     for metric in METRICS:
         assert table[metric.name].attrs == {"units": metric.unit, "long_name": metric.meaning}
+    short = fa.compare(arm, {"soft": gains(0.5)}, 0.2, {"back": back}, rate=200.0)
+    assert np.isnan(short.residual_vibration.item())
+    for name in ("residual_vibration", "tip_error_settled"):
+        assert "extend the duration" in short[name].attrs["comment"]
+    assert "comment" not in short.tip_error_rms.attrs
     alone = fa.simulate(arm, 0.6, controller=gains(0.5), reference=back, plant=heavy, rate=200.0)
     one = table.sel(controller="soft", plant="heavy", reference="back")
     for name, value in metrics_of(alone, arm, back).items():

@@ -30,6 +30,8 @@ _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
 _CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
 #: Acceptable deviations of the tip, relative to the length of the arm, and of the rates (rad/s).
 _TIP, _RATE = 0.004, 0.1
+#: Acceptable integral of the error of a measured tip, relative to the length of the arm (s).
+_TIP_INTEGRAL = 4e-5
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
@@ -74,7 +76,7 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
             "A joint loop with damping by strain gauges needs a filter with one state for each "
             "mode only."
         )
-        yield Candidate("integral resonant control", reason, tuple(_resonant(needs)))
+        yield Candidate("integral resonant", reason, tuple(_resonant(needs)))
     if model and not {"gauges", "tip"} & seen:
         reason = (
             "H-infinity loop shaping of the joints has a guaranteed margin, and damps the links "
@@ -192,7 +194,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     common: Drive = {"acceptable": {"tip": rounded([_TIP * reach], 2)[0], "joint_rate": _RATE}}
     if "tip" in needs.sensors:
         measured["tip"] = 1e-3
-        common["integral"] = "tip"
+        common["integral"] = {"tip": rounded([_TIP_INTEGRAL * reach], 2)[0]}
     common |= {"measured": measured, **_designs(needs), "sample_time": sample_time_of(needs)}
     if needs.torque_limit is not None:
         common["torque_limit"] = rounded(needs.torque_limit)
@@ -205,17 +207,23 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
 
 
 def _designs(needs: Requirements) -> Drive:
-    """Return the posture of a design, and its schedule over the joint that moves most."""
+    """Return the posture of a design, and its schedule over the joints that matter most.
+
+    Without gravity the dynamics do not depend on the angle of the first joint, but the direction of
+    the tip does. The grid has at most two dimensions.
+    """
     first, last = postures_of(needs)[[0, -1]]
     middle = rounded((first + last) / 2.0)
-    # Without gravity the dynamics do not depend on the angle of the first joint.
-    turned = np.abs(last - first) * (
-        1.0 if any(needs.arm.spec.gravity) else np.arange(len(first)) > 0
-    )
-    most = int(np.argmax(turned))
-    if turned[most] < _SCHEDULED:
+    turned = np.abs(last - first)
+    tip = "tip" in needs.sensors
+    if not (tip or any(needs.arm.spec.gravity)):
+        turned[0] = 0.0
+    most = np.argsort(-turned)[: 2 if tip else 1]
+    scheduled = [int(joint) for joint in most if turned[joint] >= _SCHEDULED]
+    if not scheduled:
         return {"posture": middle}
     schedule: list[Any] = [None] * len(middle)
-    low, high = sorted((float(first[most]), float(last[most])))
-    schedule[most] = rounded(np.linspace(low, high, 3))
+    for joint in scheduled:
+        low, high = sorted((float(first[joint]), float(last[joint])))
+        schedule[joint] = rounded(np.linspace(low, high, 3))
     return {"posture": middle, "schedule": schedule}

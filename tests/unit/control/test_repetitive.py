@@ -225,9 +225,16 @@ def test_wrong_arguments_are_rejected(changes, text):
         ({"lead": 0.4}, "period must exceed 0.607 s"),
     ],
 )
-def test_wrong_times_are_rejected_at_the_start_of_a_run(changes, text):
+def test_wrong_times_are_rejected(changes, text):
     with pytest.raises(fa.InputError, match=text):
-        control(**changes).reset()
+        control(**changes)
+
+
+def test_a_sample_time_that_does_not_fit_is_rejected_at_the_start_of_a_run():
+    made = control()
+    made.sample_time = 0.003
+    with pytest.raises(fa.InputError, match=r"period must be a multiple of the sample time"):
+        made.reset()
 
 
 def two_links():

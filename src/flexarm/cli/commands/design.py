@@ -23,9 +23,9 @@ _NUMBERS = ("start", "end", "torque_limit")
 _MARGINS = (
     ("disk_margin", "disk", 1.0),
     ("gain_margin", "gain", 1.0),
-    ("phase_margin", "phase deg", 180.0 / np.pi),
+    ("phase_margin", "phase °", 180.0 / np.pi),
     ("delay_margin", "delay ms", 1e3),
-    ("growth", "growth 1/s", 1.0),
+    ("growth", "growth", 1.0),
     ("damping_ratio", "damping", 1.0),
     ("states", "states", 1.0),
 )
@@ -102,5 +102,5 @@ def _margins_of(table: xr.Dataset) -> object:
         one = table.sel(candidate=name)
         values = (factor * float(one[variable]) for variable, _, factor in _MARGINS)
         rows.append([str(name), *(f"{value:.3g}" for value in values)])
-    title = "Margins of the loop at each joint, the worst of all arms"
+    title = "Margins of the loop at each joint, the worst of all arms; growth in 1/s"
     return numbers(title, ["candidate", *(head for _, head, _ in _MARGINS)], rows)
