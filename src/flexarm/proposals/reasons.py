@@ -34,10 +34,8 @@ def reasons_of(
     worst = table["score"].max("plant", skipna=False)
     reason = next(one.reason for one in candidates if one.name == chosen)
     error = _amount(needs, float(worst.sel(candidate=chosen)))
-    sentences = [
-        f"{chosen} for the task {needs.task}: {_ERRORS[needs.task]} at most {error} on the "
-        f"simulated arms. {reason}"
-    ]
+    most = f"{_ERRORS[needs.task]} at most {error} on the simulated arms"
+    sentences = [f"{chosen} for the task {needs.task}: {most}. {reason}"]
     for name in found:
         if name != chosen:
             sentences.append(_other(needs, name, found[name], float(worst.sel(candidate=name))))
