@@ -78,7 +78,7 @@ def design(
     ] = False,
 ) -> None:
     """Propose a controller for a task, with its margins, and write its scenario."""
-    from flexarm.cli.commands.design import design_file
+    from flexarm.cli.proposal import design_file
 
     options = {
         "sensors": sensors,
