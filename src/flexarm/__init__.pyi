@@ -49,6 +49,7 @@ from .errors import AccuracyWarning as AccuracyWarning
 from .errors import FlexarmError as FlexarmError
 from .errors import FlexarmWarning as FlexarmWarning
 from .errors import IdentifiabilityWarning as IdentifiabilityWarning
+from .errors import ImplausibleValueWarning as ImplausibleValueWarning
 from .errors import InconsistentEstimateWarning as InconsistentEstimateWarning
 from .errors import InputError as InputError
 from .errors import LargeDeflectionWarning as LargeDeflectionWarning

@@ -13,7 +13,15 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm.errors import InputError, Problem, check_array, nearest, shown
+from flexarm.errors import (
+    ImplausibleValueWarning,
+    InputError,
+    Problem,
+    check_array,
+    nearest,
+    shown,
+    warn_caller,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,6 +33,8 @@ T = TypeVar("T")
 #: Positive numbers below this are rejected like zero, because their inverses and products exceed
 #: the range of floats.
 _SMALLEST = 1e-150
+#: Largest plausible joint angle of a posture, rad: two turns.
+_TURNS = 4.0 * math.pi
 
 
 def check_kind(name: str, value: object, kind: type[T], what: str = "", hint: str = "") -> T:
@@ -91,6 +101,23 @@ def check_number(
     if not fits(number):
         raise InputError(Problem(name, rule, shown(value)))
     return number
+
+
+def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
+    """Return relative joint angles (joints,), rad.
+
+    Raises:
+        InputError: if the value does not have that shape, or is not finite.
+
+    Warns:
+        ImplausibleValueWarning: if an angle exceeds two turns.
+    """
+    angles = check_array(name, value, (joints,))
+    largest = float(abs(angles).max(initial=0.0))
+    if largest > _TURNS:
+        text = f"{name} contains {largest:.4g} rad, more than two turns; angles are in radians."
+        warn_caller(text, ImplausibleValueWarning)
+    return angles
 
 
 def check_each(

@@ -13,7 +13,14 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count, check_kind, check_last_axes, check_path
 from flexarm.assembly.assemble import FloatArray
 from flexarm.dynamics import Dynamics
-from flexarm.errors import InputError, Problem, check_result, public_call
+from flexarm.errors import (
+    ImplausibleValueWarning,
+    InputError,
+    Problem,
+    check_result,
+    public_call,
+    warn_caller,
+)
 from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
@@ -22,6 +29,10 @@ from flexarm.model.arm.variation import varied_spec
 from flexarm.model.help_text import signature_of
 from flexarm.notebook import html_table
 from flexarm.stations import MOST_STATIONS, Cut, cuts_at, forces_at, place_gauges, place_stations
+
+#: Largest plausible distance of a gauge from the neutral axis, in lengths of its link (a beam is
+#: more slender), and backlash, rad.
+_THICK, _LOOSE = 0.2, 0.5
 
 
 class Energy(NamedTuple):
@@ -35,6 +46,29 @@ class Energy(NamedTuple):
     def total(self) -> float:
         """Sum of the three energies."""
         return self.kinetic + self.strain + self.gravity
+
+
+def _warn_of_units(spec: ArmSpec) -> None:
+    """Warn of gauges and backlashes that are too large for a machine.
+
+    Warns:
+        ImplausibleValueWarning: as if they were in millimetres or degrees.
+    """
+    found = [
+        f"links[{i}].gauges[{k}].distance is {gauge.distance:.4g} m, "
+        f"{abs(gauge.distance) / link.length:.3g} of the length of its link. It is the distance "
+        "from the neutral axis, about half the thickness of the link."
+        for i, link in enumerate(spec.links)
+        for k, gauge in enumerate(link.gauges)
+        if abs(gauge.distance) > _THICK * link.length
+    ]
+    found += [
+        f"joints[{i}].backlash is {joint.backlash:.4g} rad, {np.degrees(joint.backlash):.3g} deg."
+        for i, joint in enumerate(spec.joints)
+        if joint.backlash > _LOOSE
+    ]
+    if found:
+        warn_caller(" ".join(found), ImplausibleValueWarning)
 
 
 def _range(values: Sequence[float] | None) -> str:
@@ -72,6 +106,7 @@ class Arm(Dynamics):
         spec = ArmSpec(**fields) if spec is None else check_kind("spec", spec, ArmSpec)
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
+        _warn_of_units(spec)
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         self._sizes = run_time_sizes(self.assembly.constants)

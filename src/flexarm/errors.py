@@ -283,6 +283,10 @@ class IdentifiabilityWarning(FlexarmWarning):
     """Measured data do not determine some of the parameters that are estimated from them."""
 
 
+class ImplausibleValueWarning(FlexarmWarning):
+    """A number is physically implausible, as if it were in another unit."""
+
+
 def warn_caller(text: str, category: type[Warning]) -> None:
     """Warn at the nearest calling line outside this package, at any depth of the call."""
     package = __name__.partition(".")[0]

@@ -76,6 +76,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "OptimizationError",
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
         *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
+        "ImplausibleValueWarning",
     ),
 }
 _HEAD = ["| name | meaning |", "| --- | --- |"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_dataset, check_kind, check_mapping
+from flexarm.arguments import check_dataset, check_kind, check_mapping, check_posture
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.identification.labels import MEASURED, Label, columns_of
@@ -74,6 +74,8 @@ class MeasuredRecord:
         values = (data, settings, controller, reference, hardware)
         for name, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, name, value)
+        if settings.initial_angle is not None:
+            check_posture("initial_angle", settings.initial_angle, len(settings.initial_angle))
         problems = [*_time_problems(self.times), *self._problems()]
         if problems:
             raise InputError(*problems)
@@ -103,6 +105,12 @@ class MeasuredRecord:
             return self.settings.input
         known = "torque", "current", "voltage"
         return next((name for name in known if name in self.data), "none")
+
+    @property
+    def driven(self) -> bool:
+        """Whether an input, a controller or prescribed joints move the arm."""
+        controlled = self.controller is not None or bool(self.settings.prescribed)
+        return controlled or self.input != "none"
 
     @property
     def interpolation(self) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_posture
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
@@ -21,7 +21,7 @@ from flexarm.control.base import (
 )
 from flexarm.control.parametrised import Parametrised
 from flexarm.control.requirements import JOINTS, joints_of
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.errors import InputError, Problem, public_call, shown
 from flexarm.loop_analysis.margins import check_single_rate, loop_at, plants_of
 from flexarm.loop_analysis.sampled_loop import ComplexArray
 from flexarm.model import Hardware
@@ -155,7 +155,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
         if required != plant.joints:
             rule = f"has numbers for {required} joint(s), but the plant has {plant.joints}"
             raise InputError(Problem("controller", rule))
-        posture = check_array("posture", posture, (plant.joints,))
+        posture = check_posture("posture", posture, plant.joints)
         count, lead = self._samples()
         loop = loop_at(self.inner, plant, posture, hardware)
         check_single_rate(loop)

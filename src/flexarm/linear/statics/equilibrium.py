@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_kind
+from flexarm.arguments import check_kind, check_posture
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
@@ -135,7 +135,7 @@ def equilibrium(
     if torque is not None and joint_angles is None and start is None:
         joint_angles = np.zeros(arm.joints)
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    q = arm.rest(check_array("joint_angles", angles, (arm.joints,)))
+    q = arm.rest(check_posture("joint_angles", angles, arm.joints))
     if start is not None:
         q = check_array("start", start, (arm.dof,))
     search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts), q)

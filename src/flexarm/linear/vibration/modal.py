@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count, check_flag, check_kind, check_number
+from flexarm.arguments import check_count, check_flag, check_kind, check_number, check_posture
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
@@ -174,7 +174,7 @@ def _place(
     if given is not None:
         return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_array("joint_angles", angles, (arm.joints,))), environment
+    return arm.rest(check_posture("joint_angles", angles, arm.joints)), environment
 
 
 def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:

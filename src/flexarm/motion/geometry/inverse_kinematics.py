@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.arguments import check_posture
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.geometry.nearest_posture import nearest_posture
@@ -78,7 +79,7 @@ def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike 
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
         return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
-    seed = check_array("posture", posture, (len(lengths),))
+    seed = check_posture("posture", posture, len(lengths))
     if len(lengths) < 3:
         rule = "is not supported for an arm of one or two links"
         hint = "Choose the posture with elbow='up' or 'down'."
