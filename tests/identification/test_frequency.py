@@ -99,6 +99,12 @@ def test_a_multisine_response_is_that_of_the_linear_model(shaken):
     assert found.coherence.min() > 0.999
 
 
+def test_a_wrong_period_is_reported(shaken):
+    _, _, result = shaken
+    with pytest.warns(fa.AccuracyWarning, match=r"do not repeat after the period of 3 s: .* %"):
+        fa.frequency_response(measured(result), period=3.0, start=20.0)
+
+
 def test_delays_and_recorded_filters_are_removed(shaken):
     _, _, result = shaken
     plain = fa.frequency_response(measured(result), period=4.0, start=20.0)

@@ -10,6 +10,7 @@ reduce the errors most, one after another.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ _LEAST, _LEAST_OF_ALL = 1e-3, 1e-6
 _TRIALS, _PLACES = (0.003, 0.02, 0.1), 200
 #: Change of the numbers for derivatives of the errors.
 _STEP = 1e-5
+#: Relative changes that end the search for poles: while modes are missing, and at the end.
+_COARSE, _FINE = 1e-3, 1e-12
 #: Powers of s, terms beside the modes, and the largest damping ratio of a mode.
 _POWERS, _OTHERS = range(-2, 3), 6
 _DAMPED = 0.5
@@ -68,8 +71,9 @@ def fitted(
     """
     problem = _Problem(hertz, response, deviation, rates)
     numbers = problem.start
-    for _ in range(count):
-        numbers = problem.refined(np.concatenate([numbers, problem.next_pole(numbers)]))
+    for found in range(1, count + 1):
+        numbers = np.concatenate([numbers, problem.next_pole(numbers)])
+        numbers = problem.refined(numbers, _FINE if found == count else _COARSE)
     poles = numbers[1:].reshape(-1, 2)
     order = np.argsort(poles[:, 0])
     residues, found = problem.residues(numbers)
@@ -154,9 +158,9 @@ class _Problem:
         ]
         return np.concatenate(rest)
 
-    def next_pole(self, numbers: FloatArray) -> FloatArray:
-        """Return the numbers (2,) of the trial pole that reduces the errors most."""
-        bases = self._bases(numbers)
+    @cached_property
+    def _trials(self) -> tuple[FloatArray, ComplexArray]:
+        """Numbers (trials, 2) of trial poles, and their terms (F, trials, 2)."""
         low, high = np.log(np.abs(self._s[[0, -1]]))
         trials = np.array(
             [
@@ -165,20 +169,50 @@ class _Problem:
                 for zeta in _TRIALS
             ]
         )
-        terms = np.stack([self._terms(np.append(numbers[0], one))[:, _OTHERS:] for one in trials])
+        every = self._terms(np.append(0.0, trials.ravel()))[:, _OTHERS:]
+        return trials, every.reshape(len(self._s), -1, 2)
+
+    def next_pole(self, numbers: FloatArray) -> FloatArray:
+        """Return the numbers (2,) of the trial pole that reduces the errors most."""
+        bases = self._bases(numbers)
+        trials, terms = self._trials
         gain = np.zeros(len(trials))
         for q, (values, basis) in enumerate(zip(self._values.T, bases, strict=True)):
             rest = values - basis @ (basis.T @ values)
-            own = _parts(np.moveaxis(self._factor(q)[:, None] * terms, 1, 0))
-            own = own - np.tensordot(basis, np.tensordot(basis.T, own, axes=1), axes=1)
+            own = _parts(self._factor(q)[:, None, None] * terms)
             crossed = np.tensordot(rest, own, axes=1)  # (trials, 2)
-            inner = np.einsum("fti,ftj->tij", own, own)
+            # Of the terms only the part that is orthogonal to the basis counts.
+            old = np.tensordot(basis.T, own, axes=1)
+            inner = np.empty((len(trials), 2, 2))
+            for i, j in ((0, 0), (0, 1), (1, 1)):
+                products = (own[..., i] * own[..., j]).sum(axis=0)
+                inner[:, i, j] = products - (old[..., i] * old[..., j]).sum(axis=0)
+            inner[:, 1, 0] = inner[:, 0, 1]
             inner += 1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] * np.eye(2)
             step = np.linalg.solve(inner, crossed[..., None])[..., 0]
             gain += np.sum(crossed * step, axis=1)
         return np.asarray(trials[int(np.argmax(gain))])
 
-    def refined(self, numbers: FloatArray) -> FloatArray:
+    def slopes(self, numbers: FloatArray) -> FloatArray:
+        """Return the derivatives (errors, numbers) of the errors without that of the projection.
+
+        The omitted part is orthogonal to the errors' gradient: Kaufman, BIT Numerical Mathematics
+        15 (1975) 49.
+        """
+        terms, found = self._terms(numbers), []
+        changed = [
+            (self._terms(numbers + change) - self._terms(numbers - change)) / (2.0 * _STEP)
+            for change in _STEP * np.eye(numbers.size)
+        ]
+        for q, values in enumerate(self._values.T):
+            factor = self._factor(q)[:, None]
+            basis, triangle = np.linalg.qr(_parts(factor * terms))
+            linear = np.linalg.lstsq(triangle, basis.T @ values, rcond=None)[0]
+            moved = np.stack([_parts(factor * each) @ linear for each in changed], axis=1)
+            found.append(basis @ (basis.T @ moved) - moved)
+        return np.concatenate(found)
+
+    def refined(self, numbers: FloatArray, precision: float) -> FloatArray:
         """Return the numbers with the least errors near the given ones."""
         from scipy.optimize import least_squares
 
@@ -189,10 +223,11 @@ class _Problem:
         found = least_squares(
             self.errors,
             np.clip(numbers, lower + 1e-6, upper - 1e-6),
+            jac=self.slopes,
             bounds=(lower, upper),
             x_scale="jac",
-            xtol=1e-12,
-            ftol=1e-12,
+            xtol=precision,
+            ftol=precision,
             max_nfev=100,
         )
         return np.asarray(found.x)

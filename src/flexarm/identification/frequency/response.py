@@ -157,6 +157,9 @@ def frequency_response(
             too few samples, a period is not a whole number of samples, the band is not ascending,
             or the inputs do not distinguish the effects of the joints.
 
+    Warns:
+        AccuracyWarning: if the inputs do not repeat after ``period``.
+
     Bendat and Piersol, *Random Data*, 4th ed., 2010, section 7.2 and (9.52).
     """
     given = check_some_records(records)

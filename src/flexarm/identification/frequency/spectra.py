@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
 from flexarm.identification.filtering import coefficients
 from flexarm.identification.labels import Label
 from flexarm.identification.record import MeasuredRecord
@@ -21,6 +21,8 @@ from flexarm.integrate.base import FloatArray
 ComplexArray = NDArray[np.complex128]
 #: Distance of a period from a whole number of samples, in samples.
 _WHOLE = 1e-3
+#: Change of inputs from period to period, as a fraction of their size, that noise may cause.
+_REPEATED = 0.3
 #: Correlation of neighbouring segments that overlap by half, with Hann's window.
 _OVERLAP = 1.0 / 6.0
 #: Segments of a record by default, without their overlap, and the fewest samples of one.
@@ -67,6 +69,7 @@ def periodic_spectra(record: MeasuredRecord, period: float, start: float) -> Spe
         ends = values[:, -size:].mean(axis=1) - values[:, :size].mean(axis=1)
         slope = ends / ((count - 1) * size)
         values = values - slope[:, None] * np.arange(count * size)
+        _warn_of_other_period(values[: len(record.inputs)], count, period)
     frequency, found = csd(
         values[:, None],
         values[None],
@@ -78,6 +81,22 @@ def periodic_spectra(record: MeasuredRecord, period: float, start: float) -> Spe
         scaling="spectrum",
     )
     return Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), float(count))
+
+
+def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None:
+    """Warn if inputs (inputs, samples) differ from one of ``count`` periods to the next.
+
+    Warns:
+        AccuracyWarning: if they differ by more than a noisy measurement of them.
+    """
+    parts = inputs.reshape(len(inputs), count, -1)
+    middle = parts.mean(axis=(1, 2), keepdims=True)
+    changed = np.linalg.norm(np.diff(parts, axis=1)) / np.sqrt(2.0 * (count - 1))
+    size = np.linalg.norm(parts - middle) / np.sqrt(count)
+    if changed > _REPEATED * size:
+        text = f"the inputs do not repeat after the period of {period:g} s: they change by "
+        text += f"{100.0 * changed / size:.0f} % of their size from one to the next. "
+        warn_caller(text + "Give the period of the torque, or segment.", AccuracyWarning)
 
 
 def segment_spectra(record: MeasuredRecord, segment: float | None, start: float) -> Spectra:
