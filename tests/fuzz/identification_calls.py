@@ -97,6 +97,8 @@ RESULT: dict[str, Any] = {
         {
             "rows": {},
             "write": {"path": "identified.yaml"},
+            "to_dataset": {},
+            "from_dataset": {"dataset": lambda: identified().to_dataset()},
         },
     ),
 }

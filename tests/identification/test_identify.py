@@ -376,9 +376,24 @@ def test_a_record_in_wrong_units_is_reported():
         fa.identify(arm, wrong, free=["links[0].flexural_rigidity"])
 
 
+def test_a_record_without_torque_determines_nothing():
+    given = short(end=0.5)
+    still = fa.MeasuredRecord(given.data.drop_vars("torque"), given.settings)
+    with pytest.warns() as caught:
+        found = fa.identify(arm_of(ONE), still, [RIGIDITY, "payload.mass"], progress=False)
+    (sentence,) = found.undetermined
+    text = "determine the flexural rigidity of link 1 and mass of the payload: their standard"
+    assert text in sentence
+    assert np.all(found.parameters["standard_deviation"] > 10.0 * found.parameters["estimate"])
+    texts = [str(one.message) for one in caught]
+    assert any("No torque, current or voltage drives record 1." in text for text in texts)
+
+
 def test_an_unknown_parameter_of_a_result_names_the_nearest():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = fa.identify(arm_of(ONE), short(end=0.1), ["payload.mass"], iterations=1)
     with pytest.raises(fa.InputError, match=r"have no 'payload.mas'. Did you mean 'payload.mass'"):
         found["payload.mas"]
+    with pytest.raises(fa.InputError, match=r"Known: payload.mass\."):
+        found["x"]

@@ -7,6 +7,7 @@ from flexarm.identification.space import in_words
 from flexarm.identification.statistics import (
     Column,
     covariance_of,
+    cross_correlation,
     fit_percent,
     independence,
     undetermined,
@@ -111,6 +112,26 @@ def test_stated_deviations_are_those_of_many_repetitions(source, low, high):
     # The deviation of 200 repetitions is known to 5 %. That of correlated residuals is estimated
     # too low, because the fit removes their slowest part.
     assert np.all((ratio > low) & (ratio < high)), ratio
+
+
+def test_derivatives_of_rounding_have_no_zero_deviation():
+    """Residuals of alternating signs and gaps make the estimated variance negative."""
+    valid = np.random.default_rng(1).uniform(size=COUNT) > 0.5
+    residuals = np.where(valid, (-1.0) ** np.arange(COUNT), 0.0)
+    columns = [Column(residuals, 1e-9 * valid[:, None].astype(float), valid)]
+    found = covariance_of(columns, np.zeros(1))
+    assert found[0, 0] > 1e10
+
+
+def test_correlations_with_an_input_find_its_delay():
+    signal = white(3)
+    residuals = np.roll(signal, 4) + 2.0 * white(5)
+    residuals[:4] = 0.0
+    found, deviation = cross_correlation(residuals, ALL, signal, 10)
+    assert np.argmax(np.abs(found)) == 4
+    assert found[4] > 6.0 * deviation
+    # Ten normal numbers: all below four in 999 of 1000 cases.
+    assert np.abs(np.delete(found, 4)).max() < 4.0 * deviation
 
 
 def test_priors_count_as_measurements():

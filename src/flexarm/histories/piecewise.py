@@ -86,6 +86,14 @@ class PiecewiseCubic:
         c, x = self._pieces_at(times)
         return np.asarray(c[:, 1] + x * (2.0 * c[:, 2] + 3.0 * x * c[:, 3]))
 
+    def means(self, edges: FloatArray) -> FloatArray:
+        """Return the means (intervals, columns) between ascending times (intervals + 1,)."""
+        from scipy.interpolate import PPoly
+
+        own = self.held_to(float(edges[-1]))
+        integral = PPoly(own.coefficients[:, ::-1].swapaxes(0, 1), own.breaks).antiderivative()
+        return np.asarray(np.diff(integral(edges), axis=0) / np.diff(edges)[:, None])
+
     def shifted(self, values: FloatArray) -> PiecewiseCubic:
         """Add constant values (columns,)."""
         coefficients = self.coefficients.copy()

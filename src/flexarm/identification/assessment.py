@@ -41,9 +41,13 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
     covariance = covariance_of(columns, priors)
     physical = np.array([not slot.initial for slot in slots])
-    without = [
+    lost = undetermined(columns, priors, scale, physical)
+    alone = [(slots[places[0]], deviation) for places, deviation in lost if len(places) == 1]
+    without = [_sentence_of_each(alone)] if alone else []
+    without += [
         _sentence([slots[k] for k in places], deviation)
-        for places, deviation in undetermined(columns, priors, scale, physical)
+        for places, deviation in lost
+        if len(places) > 1
     ]
     tables = [
         _table(problem, fit, covariance, np.flatnonzero(chosen)) for chosen in (physical, ~physical)
@@ -58,11 +62,14 @@ def columns_of_fit(problem: FitProblem, fit: Fit) -> list[Column]:
     for k, (run, outputs, found) in enumerate(
         zip(problem.runs, fit.outputs, derivatives, strict=True)
     ):
-        for c, label in enumerate(run.labels):
-            good, noise = run.valid[:, c], fit.noise[label.text]
+        places = problem.space.acting_on(k)
+        whitened = problem.whitened(k, run.measured - outputs)
+        slopes = problem.whitened(k, -found)
+        for c in range(len(run.labels)):
+            good = run.valid[:, c]
             own = np.zeros((run.times.size, fit.vector.size))
-            own[:, problem.space.acting_on(k)] = -found[:, c] / noise
-            residuals = (run.measured - outputs)[:, c] / noise
+            own[:, places] = slopes[:, c]
+            residuals = whitened[:, c]
             columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good))
     return columns
 
@@ -90,17 +97,37 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     return found.assign(correlation=correlation).assign_coords(parameter=names, other=names)
 
 
+def _sentence_of_each(found: Sequence[tuple[Slot, float]]) -> str:
+    """Say which single parameters the data do not determine; equal deviations are named once."""
+    names: dict[str, list[str]] = {}
+    for slot, deviation in found:
+        names.setdefault(_share(deviation), []).append(_words(slot))
+    sentences = []
+    for share, own in names.items():
+        ending = "its standard deviation is" if len(own) == 1 else "their standard deviations are"
+        sentences.append(f"The data do not determine the {_listed(own)}: {ending} {share}.")
+    return " ".join(sentences)
+
+
 def _sentence(slots: Sequence[Slot], deviation: float) -> str:
-    """Say which parameters the data do not determine."""
-    names = [in_words(slot.path) + slot.name.removeprefix(slot.path) for slot in slots]
-    share = f"{100.0 * deviation:.0f} %" if deviation < 10.0 else "more than 1000 %"
-    if len(names) == 1:
-        return f"The data do not determine the {names[0]}: its standard deviation is {share}."
-    listed = f"{', '.join(names[:-1])} and {names[-1]}"
+    """Say which parameters the data do not distinguish."""
     return (
-        f"The data do not distinguish the {listed}: a joint change of them has a standard "
-        f"deviation of {share}. Fix one of them, or give it a prior."
+        f"The data do not distinguish the {_listed([_words(slot) for slot in slots])}: a joint "
+        f"change of them has a standard deviation of {_share(deviation)}. Fix one of them, or give "
+        "it a prior."
     )
+
+
+def _words(slot: Slot) -> str:
+    return in_words(slot.path) + slot.name.removeprefix(slot.path)
+
+
+def _share(deviation: float) -> str:
+    return f"{100.0 * deviation:.0f} %" if deviation < 10.0 else "more than 1000 %"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Dataset:
@@ -137,18 +164,25 @@ def fits_by_channel(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) ->
 
 
 def histories_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> dict[str, xr.Dataset]:
-    """Return measured and simulated channels of each record over time."""
+    """Return measured and simulated channels and the inputs of each record over time."""
     found = {}
     for run, simulated in zip(runs, outputs, strict=True):
         dims = ("time", "channel")
         measured = np.where(run.valid, run.measured, np.nan)
         units = [MEASURED[label.channel].unit for label in run.labels]
+        given = run.record.inputs
+        inputs = np.stack(list(given.values()), axis=1) if given else np.zeros((run.times.size, 0))
         found[run.name] = xr.Dataset(
-            {"measured": (dims, measured), "simulated": (dims, simulated)},
+            {
+                "measured": (dims, measured),
+                "simulated": (dims, simulated),
+                "driven": (("time", "input"), inputs),
+            },
             {
                 "time": ("time", run.times, {"units": "s", "long_name": "time"}),
                 "channel": [label.text for label in run.labels],
                 "unit": ("channel", units),
+                "input": [label.text for label in given],
             },
         )
     return found

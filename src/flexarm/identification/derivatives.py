@@ -161,7 +161,7 @@ def _by_differences(
 def _column_of(run: RecordRun, path: str) -> int | None:
     """Return the index of the output that is proportional to the number at a path, or None."""
     match = _DISTANCE.fullmatch(path)
-    if match is None:
+    if match is None or not run.proportional:
         return None
     text = f"strain_{run.gauge_number(int(match[1]), int(match[2]))}"
     return next((k for k, label in enumerate(run.labels) if label.text == text), None)

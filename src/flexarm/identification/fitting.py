@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -29,16 +31,26 @@ Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
 class FitProblem:
     """Residuals of all records and of priors, as functions of scaled changes of the parameters.
 
+    Args:
+        known: standard deviation of the noise of channels by label, in addition to those that the
+            records give.
+
     Attributes:
         noise: standard deviation of each channel by its label, SI units.
         fixed: channels whose noise is given.
         failure: reason of the last failed run, or empty.
     """
 
-    def __init__(self, space: Space, runs: Sequence[RecordRun], watch: Watch | None) -> None:
+    def __init__(
+        self,
+        space: Space,
+        runs: Sequence[RecordRun],
+        watch: Watch | None,
+        known: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self.space, self.runs, self._watch = space, runs, watch
         self.noise: dict[str, float] = {}
-        self.fixed: set[str] = set()
+        self.fixed: set[str] = set(known)
         self.failure = ""
         self.evaluations = 0
         self._last: tuple[FloatArray, list[FloatArray]] | None = None
@@ -53,6 +65,8 @@ class FitProblem:
                 else:
                     guess = _GUESS * deviation
                     self.noise[label.text] = max(guess, self.noise.get(label.text, 0.0))
+        self.noise |= {text: value for text, value in known.items() if text in self.noise}
+        self._guess = dict(self.noise)
         slots = space.slots
         self._priors = [k for k, slot in enumerate(slots) if np.isfinite(slot.prior_deviation)]
 
@@ -64,6 +78,18 @@ class FitProblem:
             return None
         found = [run for run in runs if run is not None]
         return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
+
+    def prepare(self, vector: FloatArray) -> None:
+        """Return to the first guess of the noise, before a fit that starts at ``vector``.
+
+        Raises:
+            FitFailure: if the arm cannot be simulated there.
+        """
+        self.noise = dict(self._guess)
+
+    def restore(self, fit: Fit) -> None:
+        """Return to the noise of a fit."""
+        self.noise = dict(fit.noise)
 
     def vector(self, scaled: FloatArray) -> FloatArray:
         """Return parameters from scaled changes, inside their bounds in spite of rounding."""
@@ -106,8 +132,8 @@ class FitProblem:
     def weighted(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> FloatArray:
         """Return the residuals of samples and priors, divided by their standard deviations."""
         parts = [
-            ((run.measured - found) / self._weights(run))[run.valid]
-            for run, found in zip(self.runs, outputs, strict=True)
+            self.whitened(k, run.measured - found)[run.valid]
+            for k, (run, found) in enumerate(zip(self.runs, outputs, strict=True))
         ]
         slots = [self.space.slots[k] for k in self._priors]
         priors = [
@@ -127,8 +153,7 @@ class FitProblem:
         blocks = []
         for k, (run, found) in enumerate(zip(self.runs, derivatives, strict=True)):
             block = np.zeros((int(run.valid.sum()), vector.size))
-            weighted = -found / self._weights(run)[:, None]
-            block[:, self.space.acting_on(k)] = weighted[run.valid]
+            block[:, self.space.acting_on(k)] = self.whitened(k, -found)[run.valid]
             blocks.append(block)
         priors = np.zeros((len(self._priors), vector.size))
         for row, k in enumerate(self._priors):
@@ -155,8 +180,39 @@ class FitProblem:
         self._last = vector, every
         return every
 
-    def _weights(self, run: RecordRun) -> FloatArray:
-        return np.array([self.noise[label.text] for label in run.labels])
+    def whitened(self, record: int, values: FloatArray) -> FloatArray:
+        """Return residuals of a record, or derivatives of them, in standard deviations.
+
+        Args:
+            values: (samples, channels) or (samples, channels, n).
+        """
+        run = self.runs[record]
+        weights = np.array([self.noise[label.text] for label in run.labels])
+        return np.asarray(values / weights.reshape(-1, *(1,) * (values.ndim - 2)))
+
+    def tune(
+        self, vector: FloatArray, outputs: list[FloatArray], robust: bool
+    ) -> tuple[list[FloatArray], float]:
+        """Estimate the noise; return the outputs with it, and its largest relative change.
+
+        ``robust``: 1.4826 times the median of the magnitudes of the residuals, instead of the RMS.
+        """
+        old, self.noise = self.noise, self.noise_of(outputs, robust)
+        return outputs, max((abs(self.noise[t] / old[t] - 1.0) for t in old), default=0.0)
+
+    def cost(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> float:
+        """Return minus the logarithm of the likelihood without constants."""
+        values = self.weighted(vector, outputs)
+        cost = 0.5 * float(values @ values)
+        for run in self.runs:
+            for k, label in enumerate(run.labels):
+                cost += float(run.valid[:, k].sum() * np.log(self.noise[label.text]))
+        return cost
+
+    def fit(self, vector: FloatArray, outputs: list[FloatArray], converged: bool) -> Fit:
+        """Return a fit with the present noise."""
+        cost = self.cost(vector, outputs)
+        return Fit(vector, cost, outputs, dict(self.noise), self.evaluations, converged)
 
     def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
         """Return the noise of each channel: the RMS of its residuals in all records.
@@ -198,6 +254,8 @@ class Fit:
         noise: standard deviation by channel.
         evaluations: number of runs of all records, without those for derivatives.
         converged: whether the fit ended at a minimum, before the limit of iterations.
+        torque_noise: (joints,) of prediction errors, N m, or None.
+        gains: of the filters of prediction errors, one for each record.
     """
 
     vector: FloatArray
@@ -206,6 +264,8 @@ class Fit:
     noise: dict[str, float]
     evaluations: int
     converged: bool
+    torque_noise: FloatArray | None = None
+    gains: tuple[Any, ...] = ()
 
 
 def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
@@ -214,8 +274,9 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     Raises:
         FitFailure: if the arm of the start cannot be simulated.
     """
-    scaled = problem.scaled(start)
+    scaled, robust = problem.scaled(start), loss != "linear"
     problem.evaluations = 0
+    problem.prepare(problem.vector(scaled))
     outputs = problem.outputs(problem.vector(scaled))
     if outputs is None:
         raise FitFailure(problem.failure)
@@ -226,25 +287,18 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
         first, _ = _minimum(early, scaled, loss, iterations, _COARSE)
         found = problem.outputs(problem.vector(first))
         if found is not None:
-            scaled, outputs = first, found
-            problem.noise = problem.noise_of(outputs, loss != "linear")
+            scaled = first
+            outputs, _ = problem.tune(problem.vector(first), found, robust)
     free = problem.noise.keys() - problem.fixed
     converged = True
     for attempt in range(_ROUNDS):
         precision = _COARSE if free and attempt == 0 else _FINE
         scaled, converged = _minimum(problem, scaled, loss, iterations, precision)
-        outputs = problem.outputs(problem.vector(scaled)) or outputs
-        old = problem.noise
-        problem.noise = problem.noise_of(outputs, loss != "linear")
-        if all(abs(problem.noise[text] / old[text] - 1.0) < _SETTLED for text in free):
+        vector = problem.vector(scaled)
+        outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
+        if change < _SETTLED:
             break
-    vector = problem.vector(scaled)
-    values = problem.weighted(vector, outputs)
-    cost = 0.5 * float(values @ values)
-    for run in problem.runs:
-        for k, label in enumerate(run.labels):
-            cost += float(run.valid[:, k].sum() * np.log(problem.noise[label.text]))
-    return Fit(vector, cost, outputs, dict(problem.noise), problem.evaluations, converged)
+    return problem.fit(problem.vector(scaled), outputs, converged)
 
 
 def _minimum(

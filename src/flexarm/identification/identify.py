@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice, check_count, check_flag, check_kind
+from flexarm.arguments import check_choice, check_count, check_each, check_flag, check_kind
 from flexarm.arm import Arm
 from flexarm.errors import (
     AccuracyWarning,
@@ -18,6 +19,7 @@ from flexarm.errors import (
     Problem,
     SimulationError,
     public_call,
+    shown,
     warn_caller,
 )
 from flexarm.identification.assessment import (
@@ -34,6 +36,8 @@ from flexarm.identification.fitting import (
     fit_from,
     random_start,
 )
+from flexarm.identification.prediction.predicted_run import PredictedRun
+from flexarm.identification.prediction.problem import PredictionProblem
 from flexarm.identification.record import (
     MeasuredRecord,
     Records,
@@ -50,10 +54,13 @@ from flexarm.model.identification.parameters import FreeParameter
 
 #: Losses of residuals, from SciPy.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
-
+#: Errors that are fitted.
+METHODS = ("output_error", "prediction_error")
 
 #: Fit (%) below which units or signs are probably wrong.
 _POOR = 5.0
+#: Relative difference of rates that counts as none.
+_SAME_RATE = 1e-6
 
 
 @public_call
@@ -67,6 +74,8 @@ def identify(
     starts: int = 1,
     seed: int = 0,
     loss: str = "linear",
+    method: str = "output_error",
+    torque_noise: ArrayLike | None = None,
     iterations: int = 50,
     integrator: str | Integrator = "auto",
     step: float | None = None,
@@ -97,6 +106,13 @@ def identify(
             around the values of the arm. The result is that with the largest likelihood.
         seed: of the random starts.
         loss: "linear", or a loss that is robust to outliers: "soft_l1", "huber" or "cauchy".
+        method: "output_error" fits the simulated channels. "prediction_error" fits the predictions
+            of an extended Kalman filter, each from the samples before: disturbance torques, which
+            make a simulation drift off, bias the estimates less. It supports the channels
+            "joint_angle", "joint_rate" and "strain", in records of one rate.
+        torque_noise: of prediction errors, as in `ExtendedKalmanFilter`: standard deviation of a
+            random torque error in each sample (N m), one for all joints or one for each. It is
+            estimated by default; 0 gives output error.
         iterations: most evaluations of a fit from one start.
         integrator, step, rtol, atol: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
@@ -123,6 +139,7 @@ def identify(
     if motors is not None:
         check_kind("motors", motors, Motors)
     check_choice("loss", loss, LOSSES)
+    disturbed = _check_method(method, torque_noise, loss, arm)
     count, iterations = check_count("starts", starts), check_count("iterations", iterations)
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
@@ -136,11 +153,14 @@ def identify(
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}
     space = Space(arm, motors, parameters, fitted)
-    runs = [RecordRun(name, record, arm, options) for name, record in fitted.items()]
-    others = [RecordRun(name, record, arm, options) for name, record in held_out.items()]
-    problem = FitProblem(space, runs, _watch(progress))
+    kind = PredictedRun if method == "prediction_error" else RecordRun
+    runs = [kind(name, record, arm, options) for name, record in fitted.items()]
+    others = [kind(name, record, arm, options) for name, record in held_out.items()]
+    if method == "prediction_error":
+        _check_rates([*runs, *others])
+    problem = _problem(space, runs, _watch(progress), {}, disturbed)
     costs, best = _best(problem, count, random, loss, iterations)
-    problem.noise = best.noise
+    problem.restore(best)
     table, initial, indistinct = parameters_of(problem, best)
     shared = space.case(None, best.vector)
     found = Arm(shared.spec)
@@ -150,7 +170,7 @@ def identify(
     if indistinct:
         warn_caller(" ".join(indistinct), IdentifiabilityWarning)
     fit = fits_of(runs, best.outputs)
-    _warn_of_poor_fits(fit)
+    _warn_of_poor_fits(fit, fitted)
     return Identification(
         arm=found,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
@@ -162,12 +182,14 @@ def identify(
         validation=fits_of(others, predicted),
         histories={**histories_of(runs, best.outputs), **histories_of(others, predicted)},
         noise=best.noise,
+        torque_noise=best.torque_noise,
         starts=tuple(costs),
+        method=method,
         converged=best.converged,
     )
 
 
-def _warn_of_poor_fits(fit: xr.Dataset) -> None:
+def _warn_of_poor_fits(fit: xr.Dataset, records: Mapping[str, MeasuredRecord]) -> None:
     poor = [
         f"{channel} of {record} ({percent:.2g} %)"
         for record, row in zip(fit["record"].values, fit["fit"].values, strict=True)
@@ -177,7 +199,58 @@ def _warn_of_poor_fits(fit: xr.Dataset) -> None:
     if poor:
         text = f"the fitted arm hardly reproduces {', '.join(poor)}; 100 % is perfect. "
         hint = "Check units, signs, times and the numbers that are not free."
+        still = [name for name, record in records.items() if not record.driven]
+        if still:
+            hint = f"No torque, current or voltage drives {', '.join(still)}. {hint}"
         warn_caller(text + hint, AccuracyWarning)
+
+
+def _problem(
+    space: Space,
+    runs: Sequence[RecordRun],
+    watch: Watch | None,
+    known: Mapping[str, float],
+    torque_noise: FloatArray | None,
+) -> FitProblem:
+    """Return the problem of the method: that of its runs."""
+    predicted = [run for run in runs if isinstance(run, PredictedRun)]
+    if predicted:
+        return PredictionProblem(space, predicted, watch, known, torque_noise)
+    return FitProblem(space, runs, watch, known)
+
+
+def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatArray | None:
+    """Return the torque noise (joints,), or None if it is estimated or not used."""
+    check_choice("method", method, METHODS)
+    if method == "output_error":
+        if torque_noise is not None:
+            raise InputError(Problem("torque_noise", "requires method='prediction_error'"))
+        return None
+    if loss != "linear":
+        raise InputError(Problem("loss", f"{loss} cannot be combined with prediction_error"))
+    if torque_noise is None:
+        return None
+    given = check_each("torque_noise", torque_noise, arm.joints)
+    if np.any(given < 0.0):
+        raise InputError(Problem("torque_noise", "not be negative", shown(torque_noise)))
+    return np.broadcast_to(given, arm.joints).copy()
+
+
+def _check_rates(runs: Sequence[RecordRun]) -> None:
+    first = runs[0]
+    problems = [
+        Problem(
+            "rate",
+            f"be that of {first.name}, {first.record.rate:g} Hz, with prediction_error",
+            f"{run.record.rate:g}",
+            "read_record(path, rate=...) resamples a record.",
+            where=run.name,
+        )
+        for run in runs
+        if abs(run.record.rate / first.record.rate - 1.0) > _SAME_RATE
+    ]
+    if problems:
+        raise InputError(*problems)
 
 
 def _check_names(fitted: Mapping[str, Any], held_out: Mapping[str, Any]) -> None:
@@ -205,10 +278,8 @@ def _best(
     """
     costs: list[float] = []
     best: Fit | None = None
-    guessed = dict(problem.noise)
     for k in range(count):
         start = problem.space.start if k == 0 else random_start(problem.space, random)
-        problem.noise = dict(guessed)
         try:
             fit = fit_from(problem, start, loss, iterations)
         except FitFailure as error:
@@ -238,13 +309,11 @@ def _predicted(
     """
     own = [parameter for parameter in free if parameter.per_record]
     space = Space(arm, motors, own, {run.name: run.record})
-    problem = FitProblem(space, [run], None)
-    given = {label.text for label in run.labels} & set(best.noise)
-    problem.noise |= {text: best.noise[text] for text in given}
-    problem.fixed |= given
+    problem = _problem(space, [run], None, best.noise, best.torque_noise)
     try:
         if space.slots:
             return fit_from(problem, space.start, "linear", iterations).outputs[0]
+        problem.prepare(space.start)
         outputs = problem.outputs(space.start)
     except FitFailure as error:
         raise SimulationError(0.0, str(error)) from None

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flexarm.arguments import check_kind
 from flexarm.arm import Arm, save_arm
 from flexarm.errors import InputError, Problem, public_call, shown, suggestion
+from flexarm.identification.storage import restored, stored
+from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.notebook import html_table
 from flexarm.writing.places import AnyPath
@@ -42,9 +45,14 @@ class Identification:
             the model were complete. NaN for a channel that a record does not have.
         validation: the same for the records that were not fitted.
         histories: dataset by the name of a record, fitted or not: ``measured`` and ``simulated``
-            (time, channel), after the filters, NaN where samples are missing.
+            (time, channel), after the filters, NaN where samples are missing. With
+            "prediction_error", ``simulated`` is predicted from the samples before, and fit and
+            tests are those of predictions. ``driven`` (time, input) are the inputs.
         noise: standard deviation of the noise of each channel, SI units.
+        torque_noise: (joints,) N m, standard deviation of the random torque error in each sample of
+            "prediction_error"; None for "output_error".
         starts: sum of squares and logarithm of the likelihood for each start; NaN if it failed.
+        method: "output_error" or "prediction_error".
         converged: whether the best fit ended at a minimum, before the limit of iterations.
     """
 
@@ -58,7 +66,9 @@ class Identification:
     validation: xr.Dataset
     histories: Mapping[str, xr.Dataset]
     noise: Mapping[str, float]
+    torque_noise: FloatArray | None
     starts: tuple[float, ...]
+    method: str
     converged: bool
 
     @public_call
@@ -69,6 +79,21 @@ class Identification:
             InputError: if no parameter has this path.
         """
         return number_of(self.parameters, path, "estimate")
+
+    @public_call
+    def to_dataset(self) -> xr.Dataset:
+        """Return the whole result as one dataset, for ``write_result`` and ``report``."""
+        return stored(self)
+
+    @classmethod
+    @public_call
+    def from_dataset(cls, dataset: xr.Dataset) -> Identification:
+        """Return the result of a dataset, from ``to_dataset`` or ``read_result``.
+
+        Raises:
+            InputError: if the dataset does not contain an identification.
+        """
+        return cls(**restored(check_kind("dataset", dataset, xr.Dataset)))
 
     @public_call
     def write(self, path: AnyPath) -> None:

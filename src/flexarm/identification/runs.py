@@ -100,6 +100,9 @@ class RecordRun:
         settled = self.record.settings.initial == "equilibrium"
         return self.record.controller is None and not settled and "torque" not in self.channels
 
+    #: Whether a strain is proportional to the distance of its gauge.
+    proportional = True
+
     def arguments(self, case: Case) -> dict[str, Any]:
         """Return the arguments of ``simulate``, besides the arm, for runs without a controller."""
         q, qd = self._state(Arm(case.spec), case)
@@ -120,7 +123,9 @@ class RecordRun:
         if self.times.size < 2 * samples or record.controller is not None:
             return None
         data = record.data.isel(time=slice(0, samples))
-        return RecordRun(self.name, MeasuredRecord(data, record.settings), self._arm, self._options)
+        return type(self)(
+            self.name, MeasuredRecord(data, record.settings), self._arm, self._options
+        )
 
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         """Return the outputs (samples, channels) of each case, or the reason of its failure."""

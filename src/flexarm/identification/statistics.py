@@ -128,6 +128,32 @@ def independence(
     return float(chi2.sf(statistic, crossed.size))
 
 
+def cross_correlation(
+    residuals: FloatArray, valid: NDArray[np.bool_], signal: FloatArray, lags: int = LAGS
+) -> tuple[FloatArray, float]:
+    """Return correlations (lags + 1,) of residuals with a signal, and their standard deviation.
+
+    Args:
+        residuals: (samples,), zero where missing.
+        valid: (samples,) whether the record has the sample.
+        signal: (samples,) of an input; at lag k that of k samples before.
+
+    The deviation is that without a relation, with the correlation over time of both.
+    """
+    residuals, signal = centred(residuals, valid), signal - signal.mean()
+    size = float(np.linalg.norm(residuals) * np.linalg.norm(signal))
+    if size == 0.0:
+        return np.zeros(lags + 1), 1.0 / np.sqrt(valid.sum())
+    count = residuals.size
+    crossed = np.array([residuals[k:] @ signal[: count - k] for k in range(lags + 1)]) / size
+    every = np.ones(count, dtype=bool)
+    longest = max(1, count // 4)
+    own, _ = correlation_of(residuals, valid, longest)
+    driven, _ = correlation_of(signal, every, longest)
+    power = 1.0 + 2.0 * float(own[1:] @ driven[1:])
+    return crossed, float(np.sqrt(max(power, 1.0) / valid.sum()))
+
+
 def information(columns: Sequence[Column]) -> FloatArray:
     """Return the sum of products of derivatives, (parameters, parameters)."""
     total = sum(column.derivatives.T @ column.derivatives for column in columns)
@@ -188,7 +214,11 @@ def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
         inverse = (vectors / np.maximum(values, _SINGULAR * values[-1])) @ vectors.T / scale
         # The sum equals the usual product for residuals that are not white, but it does not lose
         # the variance of combinations whose curvature is zero.
-        covariance[part] = inverse + inverse @ coloured @ inverse
+        total = inverse + inverse @ coloured @ inverse
+        # Derivatives that are only rounding may give a negative variance.
+        lost = np.diag(total) <= 0.0
+        total[lost], total[:, lost] = inverse[lost], inverse[:, lost]
+        covariance[part] = total
     return covariance
 
 

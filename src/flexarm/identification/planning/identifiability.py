@@ -169,11 +169,18 @@ def check_noise(records: dict[str, MeasuredRecord]) -> None:
     Raises:
         InputError: if it is missing; all are listed.
     """
-    problems = [
-        Problem(f"noise of {name}", f"requires the standard deviation of {channel}")
-        for name, record in records.items()
-        for channel in dict.fromkeys(label.channel for label in record.outputs)
-        if channel not in record.settings.noise
-    ]
-    if problems:
-        raise InputError(*problems)
+    missing: dict[str, list[str]] = {}
+    for name, record in records.items():
+        channels = dict.fromkeys(label.channel for label in record.outputs)
+        lacking = [channel for channel in channels if channel not in record.settings.noise]
+        if lacking:
+            missing.setdefault(", ".join(lacking), []).append(name)
+    if missing:
+        raise InputError(
+            *(
+                Problem(
+                    f"noise of {', '.join(names)}", f"requires the standard deviation of {text}"
+                )
+                for text, names in missing.items()
+            )
+        )

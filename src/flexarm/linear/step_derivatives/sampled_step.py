@@ -21,7 +21,7 @@ from flexarm.linear.step_derivatives.parameters import constants_by
 #: mode is then 0.2^4 / 120 = 1.3e-5 with the classical Runge-Kutta method. A filter interprets a
 #: frequency error as a mass error: at a product of 1.0 its errors were ten times as large as its
 #: covariance predicts.
-_REACH = 0.2
+REACH = 0.2
 
 
 class Step(NamedTuple):
@@ -43,11 +43,18 @@ class SampledStep:
         arm: the arm.
         sample_time: s.
         parameter: one in which the constants are linear, such as "payload.mass".
+        reach: largest product of step and fastest rate.
     """
 
-    def __init__(self, arm: Arm, sample_time: float, parameter: str = "payload.mass") -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        sample_time: float,
+        parameter: str = "payload.mass",
+        reach: float = REACH,
+    ) -> None:
         self.arm = arm
-        self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / _REACH))
+        self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / reach))
         self._h = sample_time / self.steps
         exact = arm.assembly.constants
         self._exact = ArmConstants(*(array.astype(complex) for array in exact))

@@ -12,7 +12,16 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.hardware import Motors, Seed
 from flexarm.model.identification.parameters import FreeParameter
 from flexarm.model.identification.records import RecordFile
-from flexarm.model.quantities import Count, Listed, Mapped, Named, Positive, Word
+from flexarm.model.quantities import (
+    Count,
+    Listed,
+    Mapped,
+    Named,
+    NonNegative,
+    OneOrMany,
+    Positive,
+    Word,
+)
 from flexarm.model.wording import Fault
 
 
@@ -25,6 +34,20 @@ class FitSettings(Record):
     seed: Seed = Field(default=0, description="Seed of the random starts.")
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = Field(
         default="linear", description="Loss of a residual; all but linear are robust to outliers."
+    )
+    method: Literal["output_error", "prediction_error"] = Field(
+        default="output_error",
+        description=(
+            "Errors that are fitted: those of the simulated channels, or of the predictions of an "
+            "extended Kalman filter, which disturbance torques bias less."
+        ),
+    )
+    torque_noise: OneOrMany[NonNegative] | None = Field(
+        default=None,
+        description=(
+            "Standard deviation of a random torque error in each sample, one for all joints or one "
+            "for each, for prediction_error (N m); estimated by default."
+        ),
     )
     iterations: Count = Field(default=50, description="Most evaluations of a fit from one start.")
     integrator: Word = Field(default="auto", description="Name of the integrator.")
