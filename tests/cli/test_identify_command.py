@@ -32,14 +32,34 @@ def invoke(*arguments):
 
 @pytest.mark.compiled
 def test_estimates_are_printed_and_saved(tmp_path):
-    out = tmp_path / "found.yaml"
-    done = invoke("identify", write(tmp_path), "--out", out)
+    out, result = tmp_path / "found.yaml", tmp_path / "found.nc"
+    done = invoke("identify", write(tmp_path), "--out", out, "--result", result)
     assert done.exit_code == 0, done.output
+    assert f"result in {result}" in done.output
+    done_report = invoke("report", result)
+    assert done_report.exit_code == 0, done_report.output
+    page = result.with_suffix(".html").read_text(encoding="utf-8")
+    assert page == fa.report(fa.read_result(result), title="found")
     for text in ("joints[0].hub_inertia", "whiteness", "strain_1", f"arm in {out}"):
         assert text in done.output
     found = fa.load_arm(out).spec.joints[0].hub_inertia
     assert 0.02 < found < 0.025  # from 0.025 towards 0.02, with dampings that remain wrong
     assert f"{found:.5g}" in done.output
+
+
+@pytest.mark.compiled
+def test_prediction_errors_in_a_file(tmp_path):
+    path = write(tmp_path)
+    fit = "fit: {method: prediction_error, torque_noise: 0.05, iterations: 3}\n"
+    path.write_text(path.read_text() + fit)
+    result = tmp_path / "found.nc"
+    done = invoke("identify", path, "--result", result, "--quiet")
+    assert done.exit_code == 0, done.output
+    found = fa.Identification.from_dataset(fa.read_result(result))
+    assert found.method == "prediction_error"
+    assert found.torque_noise.tolist() == [0.05]
+    path.write_text(path.read_text().replace("0.05", "-0.05"))
+    assert "fit.torque_noise" in invoke("identify", path).output
 
 
 def test_the_example_is_valid():

@@ -238,6 +238,10 @@ def identify(
         Path | None,
         typer.Option(metavar="FILE", help="Save the arm with its estimates: .yaml."),
     ] = None,
+    result: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Save the whole result for `flexarm report`: .nc."),
+    ] = None,
     quiet: Annotated[
         bool, typer.Option("--quiet", help="Do not print the fit after each evaluation.")
     ] = False,
@@ -245,7 +249,7 @@ def identify(
     """Estimate parameters of an arm from measured records."""
     from flexarm.cli.commands.identify import identify_file
 
-    identify_file(study, out, quiet)
+    identify_file(study, out, result, quiet)
 
 
 @app.command()
@@ -323,7 +327,11 @@ def linearize(
 @report_failures
 def report(
     result: Annotated[
-        Path, typer.Argument(metavar="RESULT.nc", help="Result of `flexarm run --out`.")
+        Path,
+        typer.Argument(
+            metavar="RESULT.nc",
+            help="Result of `flexarm run --out`, or of `flexarm identify --result`.",
+        ),
     ],
     out: Annotated[
         Path | None,
@@ -342,7 +350,7 @@ def report(
         bool, typer.Option("--rigid", help="Also draw the rigid arm at the same joint angles.")
     ] = False,
 ) -> None:
-    """Write a report of a result: one HTML page with an animation and all numbers."""
+    """Write a report of a run or an identification: one HTML page with all numbers."""
     from flexarm.cli.commands.report import report_file
 
     report_file(result, out, title, magnify, rigid)

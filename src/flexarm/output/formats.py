@@ -24,13 +24,19 @@ FORMATS: dict[str, Format] = {form.suffix: form for form in (NETCDF, CSV)}
 def write_result(result: xr.Dataset, path: AnyPath) -> None:
     """Write the dataset of ``simulate`` in the format of the suffix of ``path``.
 
+    That of ``Identification.to_dataset`` requires ``.nc``.
+
     The file is written completely or not at all.
 
     Raises:
         InputError: if the suffix is unknown or the path cannot be written.
     """
-    result = check_dataset("result", result)
-    place = check_place("path", path, FORMATS)
+    if "identification" in getattr(result, "attrs", {}):
+        # A dataset of Identification.to_dataset, which has no common time, requires names and text.
+        place = check_place("path", path, (NETCDF.suffix,))
+    else:
+        result = check_dataset("result", result)
+        place = check_place("path", path, FORMATS)
     write_whole(place, FORMATS[place.suffix.lower()].encode(result))
 
 

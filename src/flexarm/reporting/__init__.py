@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arguments import check_kind
-from flexarm.errors import public_call
+from flexarm.errors import InputError, Problem, public_call
+from flexarm.identification.result import Identification
+from flexarm.identification.storage import is_identification
 from flexarm.model import Contact
 from flexarm.plot.animation.page import fragment
 from flexarm.plot.animation.scene import SceneOptions, scene_of, stations_of
@@ -36,7 +38,7 @@ _MOST_ARROWS = 8
 
 @public_call
 def report(
-    result: xr.Dataset,
+    result: xr.Dataset | Identification,
     path: AnyPath | None = None,
     *,
     title: str | None = None,
@@ -54,8 +56,13 @@ def report(
     file, the warnings, the versions of the software and the references to cite, and is made to be
     printed. Its size is below 5 MB for any result.
 
+    The page of an identification has estimates with intervals and correlations, directions that
+    the data do not determine, the fit of every channel and record with tests of its residuals,
+    validation, and pictures of all of them; it requires no JavaScript.
+
     Args:
-        result: a result of ``simulate``, ``run_scenario`` or ``read_result``.
+        result: a result of ``simulate``, ``run_scenario`` or ``read_result``; or of ``identify``,
+            which takes only ``path``, ``title`` and ``notes`` of the other arguments.
         path: of the .html file to write; None for none.
         title: of the page.
         notes: text below the title, with its line breaks.
@@ -75,6 +82,9 @@ def report(
         InputError: if an argument has the wrong type or is out of range, the file cannot be
             written, or Jinja2 is not installed.
     """
+    if isinstance(result, Identification) or is_identification(result):
+        options = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
+        return _of_identification(result, path, title, notes, options)
     result = check_drawable("result", result)
     arm = arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
@@ -93,6 +103,30 @@ def report(
     )
     player = fragment([scene], fps, speed, _BESIDE)
     text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
+    if place is not None:
+        write_text(text, place)
+    return text
+
+
+def _of_identification(
+    result: xr.Dataset | Identification,
+    path: AnyPath | None,
+    title: str | None,
+    notes: str,
+    options: Sequence[object],
+) -> str:
+    """Write the report of an identification; ``options`` are those of runs, which must be None."""
+    from flexarm.reporting.identification import identification_page
+
+    found = result if isinstance(result, Identification) else Identification.from_dataset(result)
+    if any(option is not None for option in options):
+        rule = "of the report of an identification may be path, title and notes"
+        raise InputError(Problem("arguments", rule))
+    title = "Identification" if title is None else check_kind("title", title, str, "text")
+    notes = check_kind("notes", notes, str, "text")
+    engine = template_engine()
+    place = None if path is None else check_place("path", path, (".html",))
+    text = identification_page(engine, found, title, notes)
     if place is not None:
         write_text(text, place)
     return text

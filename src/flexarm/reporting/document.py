@@ -45,7 +45,7 @@ def template_engine() -> Any:
     except ImportError:
         raise library_missing("Jinja2", "report") from None
     return jinja2.Environment(
-        loader=jinja2.FunctionLoader(_text),
+        loader=jinja2.FunctionLoader(text_of),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -54,7 +54,7 @@ def template_engine() -> Any:
 
 
 @cache
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -82,23 +82,23 @@ def render(
     if reference is not None:
         tables.insert(0, errors_table(result, arm, reference))
     page: str = engine.get_template("report.html").render(
-        title=_clean(title),
-        notes=_clean(notes.strip()),
-        style=style() + _text("report.css"),
-        failure=_clean(str(result.attrs.get("failure", ""))),
-        warnings=[_clean(text) for text in warnings_of(result)],
+        title=clean(title),
+        notes=clean(notes.strip()),
+        style=style() + text_of("report.css"),
+        failure=clean(str(result.attrs.get("failure", ""))),
+        warnings=[clean(text) for text in warnings_of(result)],
         player=player,
         magnify=magnify,
         figures=key_figures(result, arm, reference),
         about=[*about_arm(arm), *(about_run(scenario) if scenario else [])],
         run=run_facts(result),
         tables=[extremes_table(each for each in histories if each.name != "energy"), *tables],
-        files=[_file(*each) for each in _model_files(result, arm)],
+        files=[file_item(*each) for each in _model_files(result, arm)],
         scenario=scenario is not None,
         version=str(result.attrs.get("flexarm_version", "")),
         software=str(result.attrs.get("software", "")),
         writer=package_version(),
-        citation=_file("citation.bib", citation(result)),
+        citation=file_item("citation.bib", citation(result)),
     )
     return page
 
@@ -112,7 +112,7 @@ def _model_files(result: xr.Dataset, arm: Arm) -> list[tuple[str, str]]:
     return found
 
 
-def _file(name: str, text: str) -> dict[str, str]:
+def file_item(name: str, text: str) -> dict[str, str]:
     """Return name, shown text and link of a file."""
     shown, link = text, f"data:text/plain;charset=utf-8,{quote(text[:_MOST_LINK])}"
     if len(text) > _MOST_TEXT:
@@ -120,9 +120,9 @@ def _file(name: str, text: str) -> dict[str, str]:
         shown = f"{text[:_MOST_TEXT]}\n... ({more} more characters, in the result)"
     if max(len(text), len(link)) > _MOST_LINK:
         link = ""
-    return {"name": name, "text": _clean(shown), "link": link}
+    return {"name": name, "text": clean(shown), "link": link}
 
 
-def _clean(text: str) -> str:
+def clean(text: str) -> str:
     """Return text without control characters, line by line."""
     return "\n".join(map(printable, text.split("\n")))

@@ -12,13 +12,14 @@ from flexarm.cli.tables import console, numbers
 from flexarm.errors import IdentifiabilityWarning
 from flexarm.identification.result import FIT_HEADS, HEADS, Identification, fit_rows
 from flexarm.identification.study import PreparedIdentification
+from flexarm.output import write_result
 from flexarm.writing.places import check_place
 
 SUFFIXES = (".yaml", ".yml")
 
 
-def identify_file(path: Path, out: Path | None, quiet: bool) -> None:
-    """Run the identification in a file, print its result, and save the arm.
+def identify_file(path: Path, out: Path | None, result: Path | None, quiet: bool) -> None:
+    """Run the identification in a file, print its result, and save the arm and the result.
 
     The file, its records and the output path are validated before the first run.
 
@@ -29,6 +30,8 @@ def identify_file(path: Path, out: Path | None, quiet: bool) -> None:
     prepared = PreparedIdentification(path)
     if out is not None:
         check_place("--out", out, SUFFIXES)
+    if result is not None:
+        check_place("--result", result, (".nc",))
     with warnings.catch_warnings():  # printed below
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         found = prepared.run(False if quiet else None)
@@ -44,6 +47,9 @@ def identify_file(path: Path, out: Path | None, quiet: bool) -> None:
     if out is not None:
         found.write(out)
         screen.print(f"arm in {out}", soft_wrap=True)
+    if result is not None:
+        write_result(found.to_dataset(), result)
+        screen.print(f"result in {result}", soft_wrap=True)
 
 
 def _fits(title: str, found: Identification, fits: xr.Dataset) -> object:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from flexarm.cli.tables import console
 from flexarm.errors import InputError
+from flexarm.identification.storage import is_identification
 from flexarm.output import read_result
 from flexarm.plot.drawn_arm import check_drawable
 from flexarm.reporting import report
@@ -24,6 +25,11 @@ def report_file(
     """
     template_engine()
     result = read_result(path)
+    if is_identification(result):
+        place = check_place("--out", out or path.with_suffix(".html"), (".html",))
+        report(result, place, title=title or path.stem)
+        console().print(f"report in {place}", soft_wrap=True)
+        return
     try:
         check_drawable("the file", result)
     except InputError as error:
