@@ -71,9 +71,9 @@ def fitted(
     """
     problem = _Problem(hertz, response, deviation, rates)
     numbers = problem.start
-    for found in range(1, count + 1):
+    for number in range(1, count + 1):
         numbers = np.concatenate([numbers, problem.next_pole(numbers)])
-        numbers = problem.refined(numbers, _FINE if found == count else _COARSE)
+        numbers = problem.refined(numbers, _FINE if number == count else _COARSE)
     poles = numbers[1:].reshape(-1, 2)
     order = np.argsort(poles[:, 0])
     residues, found = problem.residues(numbers)
