@@ -235,12 +235,10 @@ def identify(
         Path, typer.Argument(metavar="STUDY.yaml", help="Arm, records and free parameters.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Save the arm with its estimates: .yaml."),
+        Path | None, typer.Option(metavar="FILE", help="Save the arm with its estimates: .yaml.")
     ] = None,
     result: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Save the whole result for `flexarm report`: .nc."),
+        Path | None, typer.Option(metavar="FILE", help="Save the result for `report`: .nc.")
     ] = None,
     quiet: Annotated[
         bool, typer.Option("--quiet", help="Do not print the fit after each evaluation.")
@@ -327,15 +325,10 @@ def linearize(
 @report_failures
 def report(
     result: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULT.nc",
-            help="Result of `flexarm run --out`, or of `flexarm identify --result`.",
-        ),
+        Path, typer.Argument(metavar="RESULT.nc", help="Result of `flexarm run` or `identify`.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="The .html file; by default beside the result."),
+        Path | None, typer.Option(metavar="FILE", help="The .html file; default: beside it.")
     ] = None,
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title; by default the name of the file.")
