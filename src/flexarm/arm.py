@@ -106,9 +106,9 @@ class Arm(Dynamics):
         spec = ArmSpec(**fields) if spec is None else check_kind("spec", spec, ArmSpec)
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
-        _warn_of_units(spec)
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
+        _warn_of_units(spec)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None
