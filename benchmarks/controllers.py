@@ -59,6 +59,8 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "hybrid_force": lambda arm: fa.HybridForce(arm, frequency=1.5),
     "impedance": lambda arm: fa.Impedance(arm, posture_frequency=1.5),
     "admittance": lambda arm: fa.Admittance(arm, frequency=1.5),
+    "adaptive_force": lambda arm: fa.AdaptiveForce(arm, frequency=1.5),
+    "neural_force": lambda arm: fa.NeuralForce(arm, frequency=1.5),
     "composite": lambda arm: fa.Composite(arm, torque_limit=_LIMIT),
     "loop_shaping": lambda arm: fa.LoopShaping(arm),
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),

@@ -22,6 +22,7 @@ from .control_design.input_shaping import shaper_sensitivity as shaper_sensitivi
 from .controllers import LQG as LQG
 from .controllers import MPC as MPC
 from .controllers import Adaptive as Adaptive
+from .controllers import AdaptiveForce as AdaptiveForce
 from .controllers import Admittance as Admittance
 from .controllers import Composite as Composite
 from .controllers import ComputedTorque as ComputedTorque
@@ -32,6 +33,7 @@ from .controllers import IntegralResonantControl as IntegralResonantControl
 from .controllers import JointPD as JointPD
 from .controllers import JointPID as JointPID
 from .controllers import LoopShaping as LoopShaping
+from .controllers import NeuralForce as NeuralForce
 from .controllers import NonlinearMPC as NonlinearMPC
 from .controllers import OutputRedefinition as OutputRedefinition
 from .controllers import PositivePositionFeedback as PositivePositionFeedback

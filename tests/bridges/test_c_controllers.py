@@ -88,6 +88,7 @@ LAWS = {
 }
 REFUSED = {
     "adaptive",
+    "adaptive_force",
     "admittance",
     "estimator",
     "hybrid_force",
@@ -96,6 +97,7 @@ REFUSED = {
     "mpc",
     "output_redefinition",
     "nonlinear_mpc",
+    "neural_force",
     "positive_position_feedback",
     "rbf_adaptive",
     "repetitive",

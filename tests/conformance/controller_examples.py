@@ -45,6 +45,7 @@ _BOUNDS = {"posture": [0.4, 0.1], "torque_limit": LIMIT}
 #: Arguments of each controller of the registry; functions return objects for each use.
 ARGUMENTS: dict[str, dict[str, Any]] = {
     "adaptive": {"bandwidth": 2.0, "damping": [0.8, 0.2], "adaptation": 0.003},
+    "adaptive_force": {"frequency": 1.5},
     "admittance": {"frequency": 1.5},
     "composite": _BOUNDS,
     "computed_torque": {"frequency_hz": 0.3, "damping_ratio": 0.5},
@@ -60,6 +61,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "mpc": {**_BOUNDS, "horizon": 10},
     "output_redefinition": {"inner": joint_pd, "weight": -0.5},
     "nonlinear_mpc": {**_BOUNDS, "horizon": 8},
+    "neural_force": {"frequency": 1.5, "features": 10},
     "positive_position_feedback": {"inner": joint_pd, "damping_ratio": 0.2},
     "prescribed_performance": {
         "bandwidth": 8.0,

@@ -51,7 +51,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("PositivePositionFeedback", "IntegralResonantControl", "WaveBasedControl"),
         "OutputRedefinition",
         "RepetitiveControl",
-        *("HybridForce", "Impedance", "Admittance"),
+        *("HybridForce", "Impedance", "Admittance", "AdaptiveForce", "NeuralForce"),
         *("ExtendedKalmanFilter", "UnscentedKalmanFilter", "EstimatorController", "compare"),
         "loop_margins",
         *("iterative_learning", "LearnedMotion"),

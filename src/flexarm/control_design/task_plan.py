@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ class TaskReference(NamedTuple):
 
 
 #: Number of scalar fields of ``TaskReference``.
-_NUMBERS = 9
+NUMBERS = 9
 
 
 class TaskPlan:
@@ -61,17 +62,22 @@ class TaskPlan:
         if reference is None:
             if self._held is None:
                 here, still = np.array([angle]), np.zeros((1, self._joints))
-                self._held = self._of(self._row(here, still, still, None, np.zeros(1))[0])
+                self._held = self.request(self._row(here, still, still, None, np.zeros(1))[0])
             return self._held
+        return self.request(self.row(t, reference))
+
+    def row(self, t: float, reference: Reference) -> FloatArray:
+        """Return the numbers of the request at t (s), in the order of ``TaskReference``."""
         if self._rows is None or reference is not self._reference:
             self._reference = reference
-            self._rows = SampledFeedforward(_Rows(self, reference), self._sample_time)
-        return self._of(self._rows(t))
+            self._rows = SampledFeedforward(Rows(self.rows, reference), self._sample_time)
+        return self._rows(t)
 
-    def _of(self, row: FloatArray) -> TaskReference:
+    def request(self, row: FloatArray) -> TaskReference:
+        """Return the request with the numbers of a row."""
         n = self._joints
-        a, b, c, d = (_NUMBERS + k * n for k in range(4))
-        numbers: Any = row[:_NUMBERS].tolist()
+        a, b, c, d = (NUMBERS + k * n for k in range(4))
+        numbers: Any = row[:NUMBERS].tolist()
         arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
         return TaskReference(*numbers, *arrays)
 
@@ -86,34 +92,40 @@ class TaskPlan:
         tip_acceleration += np.einsum("tij,tj->ti", J_rate, rate)
         force, normal, pressing = np.zeros((len(t), 1)), np.zeros((len(t), 2)), np.zeros_like(angle)
         if hasattr(of, "contact_force"):
-            force[:, 0] = _task_reference(of, "contact_force", t)
-            normal[:] = _task_reference(of, "normal", t)
-            pressing[:] = _task_reference(of, "pressing_torque", t)
+            force[:, 0] = values_of(of, "contact_force", t)
+            normal[:] = values_of(of, "normal", t)
+            pressing[:] = values_of(of, "pressing_torque", t)
         numbers = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
         return np.concatenate([*numbers, angle, rate, acceleration, pressing], axis=1)
 
     def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows (T, numbers) at times (T,)."""
-        angle = _task_reference(reference, "joint_angle", t)
-        rate = _task_reference(reference, "joint_rate", t)
-        acceleration = _task_reference(reference, "joint_acceleration", t)
+        angle = values_of(reference, "joint_angle", t)
+        rate = values_of(reference, "joint_rate", t)
+        acceleration = values_of(reference, "joint_acceleration", t)
         return self._row(angle, rate, acceleration, reference, t)
 
 
-class _Rows:
-    """Reference as a function of time, for ``SampledFeedforward``."""
+class Rows:
+    """Rows of numbers along a reference as a function of time, for ``SampledFeedforward``.
 
-    def __init__(self, plan: TaskPlan, reference: Any) -> None:
-        self._plan, self._reference = plan, reference
+    Args:
+        rows: function of the reference and times (T,) that returns rows (T, n).
+        reference: the reference.
+    """
+
+    def __init__(self, rows: Callable[[Any, FloatArray], FloatArray], reference: Any) -> None:
+        self._rows, self._reference = rows, reference
         self.vectorized = bool(getattr(reference, "vectorized", False))
 
     def __call__(self, t: Any) -> FloatArray:
+        """Return the row (n,) at t (s), or the rows (T, n) at times (T,)."""
         times = np.atleast_1d(np.asarray(t, dtype=np.float64))
-        rows = self._plan.rows(self._reference, times)
+        rows = self._rows(self._reference, times)
         return rows if np.ndim(t) else rows[0]
 
 
-def _task_reference(reference: Any, name: str, t: FloatArray) -> FloatArray:
+def values_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
     """Evaluate one method of a reference at times (T,)."""
     function = getattr(reference, name)
     if getattr(reference, "vectorized", False):

@@ -5,9 +5,11 @@ from __future__ import annotations
 from flexarm.control.base import Controller, Measurement, Reference
 from flexarm.control.requirements import ControllerRequirements
 from flexarm.control_design.input_shaping import shaped
+from flexarm.controllers.force.adaptive_force import AdaptiveForce
 from flexarm.controllers.force.admittance import Admittance
 from flexarm.controllers.force.hybrid_force import HybridForce
 from flexarm.controllers.force.impedance import Impedance
+from flexarm.controllers.force.neural_force import NeuralForce
 from flexarm.controllers.joint.computed_torque import ComputedTorque
 from flexarm.controllers.joint.joint_pd import JointPD
 from flexarm.controllers.joint.joint_pid import JointPID
@@ -38,6 +40,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
     controller.name: controller
     for controller in (
         Adaptive,
+        AdaptiveForce,
         Admittance,
         Composite,
         ComputedTorque,
@@ -53,6 +56,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         MPC,
         OutputRedefinition,
         NonlinearMPC,
+        NeuralForce,
         PositivePositionFeedback,
         PrescribedPerformance,
         RBFAdaptive,
@@ -68,6 +72,7 @@ __all__ = [
     "LQG",
     "MPC",
     "Adaptive",
+    "AdaptiveForce",
     "Admittance",
     "Composite",
     "ComputedTorque",
@@ -86,6 +91,7 @@ __all__ = [
     "LoopShaping",
     "Measurement",
     "Motors",
+    "NeuralForce",
     "NonlinearMPC",
     "OutputRedefinition",
     "PositivePositionFeedback",

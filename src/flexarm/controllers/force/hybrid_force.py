@@ -55,6 +55,12 @@ class HybridForce(HybridForceParameters, TaskController):
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
         x_off, y_off = request.x - x, request.y - y
+        if request.force <= 0.0:
+            self._touched = False
+            x_pull = spring * (x_off + self._x_sum) + damper * x_slip
+            y_pull = spring * (y_off + self._y_sum) + damper * y_slip
+            free = (request.x_acceleration + x_pull, request.y_acceleration + y_pull)
+            return free, (0.0, 0.0)
         # Remove the normal component of the position error, which the force control replaces.
         across = nx * x_off + ny * y_off
         x_off, y_off = x_off - across * nx, y_off - across * ny
@@ -75,7 +81,7 @@ class HybridForce(HybridForceParameters, TaskController):
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
         felt, against = felt_force(request, measurement), -self.normal_damping * slip
         error, limit = request.force - felt, _MOST_CORRECTION * request.force
-        touching = felt >= self.touch_force
+        touching = self._touching(felt)
         self._touched = self._touched or touching
         push = self.force_proportional * error + self._sum + against
         if self._touched:
@@ -85,3 +91,7 @@ class HybridForce(HybridForceParameters, TaskController):
         if touching:
             return push
         return against + min(0.0, self.normal_damping * self.approach_speed - request.force)
+
+    def _touching(self, felt: float) -> bool:
+        """Return whether a measured force (N) is a contact."""
+        return felt >= self.touch_force

@@ -36,13 +36,17 @@ class TaskController(OfArm, Controller):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         angle, rate = measurement.joint_angle, measurement.joint_rate
-        request = self._plan.at(t, angle, reference)
+        request = self._request(t, angle, reference)
         state = self._task.at(angle, rate)
         if not (request.normal_x or request.normal_y):
             return self._joints_follow(request, state, angle, rate)
         acceleration, force = self._law(request, state, measurement)
         posture = self._posture(request, angle, rate)
         return self._task.torque(state, acceleration, force, posture, request.pressing)
+
+    def _request(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
+        """Return the requested motion and force at t (s)."""
+        return self._plan.at(t, angle, reference)
 
     @abstractmethod
     def _law(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -35,6 +35,8 @@ T = TypeVar("T")
 #: Tolerance of the tip position (m), and largest number of corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
 _FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
+#: Additional coefficient of friction of ``PressedMotion.rougher``.
+_MORE_FRICTION = 0.1
 #: Friction changes sign smoothly below this fraction of the largest sliding speed, because a jump
 #: would excite vibration.
 _SLOW = 0.2
@@ -61,6 +63,7 @@ class PressedMotion:
         motion: motion of the rigid arm, whose tip follows the path.
         start_time, end_time, breaks: those of ``motion``, s.
         initial: q (dof,) of the arm in contact at time zero.
+        friction: coefficient of sliding friction that is planned for.
         vectorized: true: methods accept many times at once.
     """
 
@@ -68,13 +71,19 @@ class PressedMotion:
 
     def __init__(
         self,
+        arm: Arm,
         motion: Motion,
         force: Callable[[float], float],
         normal: Callable[[float], FloatArray],
         times: FloatArray,
-        held: Sequence[JointFeedback],
+        friction: float,
     ) -> None:
-        self.motion = motion
+        search = _Search(arm, motion, friction)
+        with one_warning():
+            held = [search.at(t, force(t), normal(t)) for t in times.tolist()]
+        self._given = (arm, motion, force, normal, times)
+        self._bent = np.array([one.q for one in held])
+        self.motion, self.friction = motion, friction
         self.start_time, self.end_time, self.breaks = (
             motion.start_time,
             motion.end_time,
@@ -91,6 +100,14 @@ class PressedMotion:
     def __repr__(self) -> str:
         size = self.motion.joints
         return f"<flexarm.PressedMotion: {size} joints, up to {self._last:g} s>"
+
+    @cached_property
+    def rougher(self) -> PressedMotion:
+        """The same motion and force with more ``friction``, computed at the first use.
+
+        Controllers that estimate the friction interpolate between the two.
+        """
+        return PressedMotion(*self._given, self.friction + _MORE_FRICTION)
 
     def _inside(self, t: ArrayLike) -> FloatArray:
         return np.clip(check_times("t", t), self._first, self._last)
@@ -188,11 +205,9 @@ def pressed_motion(
     times = np.linspace(0.0, end, count)
     pressing = _over_time("force", force, check_nonnegative)
     outward = _over_time("normal", normal, check_direction)
-    search = _Search(arm, motion, friction)
-    with one_warning():
-        held = [search.at(t, pressing(t), outward(t)) for t in times.tolist()]
-    warn_of_bending(arm, np.array([one.q for one in held]))
-    return PressedMotion(motion, pressing, outward, times, held)
+    found = PressedMotion(arm, motion, pressing, outward, times, friction)
+    warn_of_bending(arm, found._bent)
+    return found
 
 
 def _over_time(name: str, given: Any, check: Callable[[str, object], T]) -> Callable[[float], T]:

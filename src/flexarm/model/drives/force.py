@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from flexarm.model.drives.base import ControllerParameters, SampleTime
-from flexarm.model.quantities import NonNegative, Positive
+from flexarm.model.quantities import Count, NonNegative, Positive
 
 
 class HybridForceParameters(ControllerParameters):
@@ -38,6 +38,52 @@ class HybridForceParameters(ControllerParameters):
     touch_force: NonNegative = Field(
         default=0.2, description="Measured force below which there is no contact (N)."
     )
+    sample_time: SampleTime = 0.001
+
+
+class AdaptiveForceParameters(HybridForceParameters):
+    """Hybrid control that adapts to the stiffness, position and friction of the surface."""
+
+    name = "adaptive_force"
+    adaptation: NonNegative = Field(
+        default=2.0,
+        description="Adaptation gain for stiffness and slope of the surface: the integral gain of "
+        "the force error if force rate and speed have their nominal values (1/s).",
+    )
+    friction_adaptation: NonNegative = Field(
+        default=1.0,
+        description="Rate at which the friction of the surface is estimated at ``nominal_force`` "
+        "(1/s).",
+    )
+    nominal_force: Positive = Field(
+        default=5.0,
+        description="Typical force on the surface, and typical change of the force in 1 s (N).",
+    )
+    nominal_speed: Positive = Field(
+        default=0.1,
+        description="Typical speed along the surface, at which the tip certainly slides (m/s).",
+    )
+    release_time: NonNegative = Field(
+        default=0.05,
+        description="Time without a measured force after which the contact counts as lost (s).",
+    )
+    sample_time: SampleTime = 0.001
+
+
+class NeuralForceParameters(AdaptiveForceParameters):
+    """Adaptive force control with a network that learns a surface of unknown shape."""
+
+    name = "neural_force"
+    learning: NonNegative = Field(default=12.0, description="Adaptation gain of the weights (1/s).")
+    features: Count = Field(default=40, description="Number of random features of the network.")
+    feature_length: Positive = Field(
+        default=0.1, description="Distance along the surface over which its shape varies (m)."
+    )
+    leakage: NonNegative = Field(default=0.0, description="Decay rate of the weights (1/s).")
+    e_modification: NonNegative = Field(
+        default=0.0, description="Decay rate of the weights per force error (1/(N s))."
+    )
+    seed: Count = Field(default=1, description="Seed of the random features.")
     sample_time: SampleTime = 0.001
 
 

@@ -10,9 +10,11 @@ from pydantic import Field
 
 from flexarm.model.drives.base import ControllerDrive, ControllerParameters, drive_of
 from flexarm.model.drives.force import (
+    AdaptiveForceParameters,
     AdmittanceParameters,
     HybridForceParameters,
     ImpedanceParameters,
+    NeuralForceParameters,
 )
 from flexarm.model.drives.joint import (
     ComputedTorqueKeys,
@@ -53,6 +55,8 @@ _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
         HybridForceParameters,
         ImpedanceParameters,
         AdmittanceParameters,
+        AdaptiveForceParameters,
+        NeuralForceParameters,
     ),
 }
 #: Controllers except those that contain another one, by the title of their group in lists.
