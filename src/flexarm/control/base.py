@@ -47,6 +47,8 @@ class Controller(ABC):
        ``simulate`` raises if one is not met.
     6. ``memory`` lists the attributes (numbers or arrays) that carry information from one sample to
        the next; None if they are not declared. The stability analysis of the sampled loop uses it.
+       ``start_memory`` lists those that the first update stores and later ones do not change. With
+       both, ``sensitivities`` differentiates runs with this controller.
     7. Everything that a controller stores is in its attributes. ``simulate_batch`` executes runs
        side by side, with a copy of the controller (``copy.deepcopy``) for each.
     8. If ``vectorized`` is true, ``update`` also accepts the readings of many runs at the same
@@ -59,6 +61,7 @@ class Controller(ABC):
 
     sample_time: float
     memory: tuple[str, ...] | None = None
+    start_memory: tuple[str, ...] = ()
     vectorized: bool = False
 
     def __init_subclass__(cls, **options: Any) -> None:

@@ -84,18 +84,22 @@ class PreviewedReference:
         self._held: FloatArray | None = None
         self._reference: Reference | None = None
         self._first_tick = 0
+        self._now: float | None = None
         self._start = self._end = 0  # index of the current sample, and end of the computed ones
         self.missing = self._missing[: self._steps]
 
     def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
-        """Return the nominal motion at t (s); without a reference, rest at the first angles."""
+        """Return the nominal motion at t (s); without a reference, rest at the first angles.
+
+        Call it in the order of the samples; at the same time again, it returns the same.
+        """
         if self._end == 0:
             self._first_tick = round(t / self._sample_time)
-        else:
+        elif t != self._now:
             self._start += 1
             if reference is not self._reference:  # keep the samples already previewed
                 self._end = min(self._end, self._start + self._steps - 1)
-        self._reference = reference
+        self._reference, self._now = reference, t
         if self._start + self._steps > self._end:
             self._go_on(angle_now, reference)
         k = self._start

@@ -102,7 +102,8 @@ class Acting:
         """
         start, target = self._now(t), self._target[-1]
         count, lag = self.pieces, self._lag
-        coefficients = np.zeros((count, 4, *target.shape))
+        numbers = np.result_type(start, target)  # complex in derivatives of runs
+        coefficients = np.zeros((count, 4, *target.shape), dtype=numbers)
         coefficients[:, 0] = target
         if lag == 0.0:
             return np.array([t, until]), coefficients

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import cached_property, reduce
 from typing import Any, NamedTuple
@@ -159,14 +159,15 @@ class Memory:
     Args:
         controller: controller that declares its ``memory``, after an update.
         kinds: allowed kinds of NumPy's number types.
+        more: attributes beside the declared ones.
 
     Raises:
         MemoryNameError: if ``memory`` names something that is not a number or an array.
     """
 
-    def __init__(self, controller: Any, kinds: str = "iuf") -> None:
+    def __init__(self, controller: Any, kinds: str = "iuf", more: Sequence[str] = ()) -> None:
         self._places = []
-        for path in memory_of(controller) or ():
+        for path in (*(memory_of(controller) or ()), *more):
             *owners, name = path.split(".")
             try:
                 owner = reduce(getattr, owners, controller)

@@ -259,8 +259,8 @@ class Motors(Record, kw_only=False):
 
 
 def _of_joints(name: str, value: Any) -> Any:
-    """Return an array of numbers; one of float64 is not checked, because loops call this often."""
-    if type(value).__name__ == "ndarray" and value.dtype == "float64":
+    """Return an array of numbers; one of a run is not checked, because loops call this often."""
+    if type(value).__name__ == "ndarray" and value.dtype in ("float64", "complex128"):
         return value
     return check_numbers(name, value, "be numbers of shape (joints,)")
 

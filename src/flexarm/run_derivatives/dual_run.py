@@ -26,32 +26,63 @@ class DualRun(NamedTuple):
     steps: int
 
 
-def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
-    """Repeat a run that has been simulated, with derivatives in up to eight directions.
+class DualStepper:
+    """Repetition of a run that has been simulated, with derivatives in up to eight directions.
 
     The steps are chosen by the values alone, so that they are those of the run.
 
     Args:
         inputs: numbers of the run.
         by: derivatives of ``inputs`` in each direction.
+    """
+
+    def __init__(self, run: Run, inputs: Inputs, by: Sequence[Inputs]) -> None:
+        assert run.history is not None
+        numbers = dual_inputs(inputs, by)
+        self._run, self._gauges = run, numbers.arm.gauges
+        self.system = dual_system(run.system(run.history), numbers)
+        step = run.progress.step if run.default_step is not None else 0.0
+        self.progress = Progress(0.0, numbers.state, step)
+        self._samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
+
+    def advance(self, until: float) -> None:
+        """Advance to a time (s).
+
+        Raises:
+            SimulationError: if the run fails.
+        """
+        run, status = self._run, Status.PAUSED
+        while status == Status.PAUSED:
+            status = run.integrator.advance(
+                self.system,
+                run.tolerance,
+                self.progress,
+                until,
+                run.sample_times,
+                self._samples,
+                _STEPS,
+            )
+        if status != Status.DONE:
+            raise run.failure(status)
+
+    def result(self) -> DualRun:
+        """Return the samples."""
+        return self.at(self._samples)
+
+    def at(self, states: DualArray) -> DualRun:
+        """Return states (k, 2, n, 1 + m) as samples of the run."""
+        return DualRun(states, self.system.constants, self._gauges, self.progress.steps)
+
+
+def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
+    """Repeat a run without a controller; see `DualStepper`.
 
     Raises:
         SimulationError: if the run fails.
     """
-    numbers = dual_inputs(inputs, by)
-    assert run.history is not None
-    own = dual_system(run.system(run.history), numbers)
-    step = run.progress.step if run.default_step is not None else 0.0
-    progress = Progress(0.0, numbers.state, step)
-    samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
-    integrator, status = run.integrator, Status.PAUSED
-    while status == Status.PAUSED:
-        status = integrator.advance(
-            own, run.tolerance, progress, run.duration, run.sample_times, samples, _STEPS
-        )
-    if status != Status.DONE:
-        raise run.failure(status)
-    return DualRun(samples, own.constants, numbers.arm.gauges, progress.steps)
+    stepper = DualStepper(run, inputs, by)
+    stepper.advance(run.duration)
+    return stepper.result()
 
 
 def dual_inputs(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
@@ -90,6 +121,9 @@ def dual_system(system: System, numbers: Inputs) -> System:
         contacts=contacts,
     )
     moved: Any = drive._replace(
-        coefficients=numbers.torque, loads=loads, amplitude=numbers.load_value
+        breaks=drive.breaks.copy(),  # a closed loop writes them
+        coefficients=numbers.torque,
+        loads=loads,
+        amplitude=numbers.load_value,
     )
     return System(run_time_sizes(system.constants), own.constants, moved, Workspace(**work))

@@ -19,6 +19,7 @@ from flexarm.model.paths import number_at, with_number
 from flexarm.run_derivatives.arm_parameters import arm_derivative
 from flexarm.run_derivatives.differences import differences
 from flexarm.run_derivatives.inputs import ArmInputs, Inputs, arm_inputs, no_change
+from flexarm.run_derivatives.recorded_loop import RecordedLoop
 
 #: Paths of numbers that are not those of the arm: of the state at the start, the torque samples,
 #: the force on the tip, and records of the environment.
@@ -60,6 +61,7 @@ class Parameters:
         inputs: its numbers.
         samples: the torque samples; None if the torque does not consist of samples.
         tip_forces: number of loads at the beginning that are the force on the tip.
+        loop: the closed loop; None without a controller.
     """
 
     run: Run
@@ -67,6 +69,7 @@ class Parameters:
     inputs: Inputs
     samples: Samples | None
     tip_forces: int
+    loop: RecordedLoop | None = None
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:
         """Return the derivatives of the numbers of the run by each parameter.
@@ -122,7 +125,9 @@ class Parameters:
         """Return the derivative of the torque by one of its samples."""
         arm, samples = self.run.arm, self.samples
         if samples is None or self.run.prescribed:
-            rule = "requires torque as an array of samples, and no prescribed motion"
+            rule = (
+                "requires torque as an array of samples, without controller and prescribed motion"
+            )
             raise InputError(Problem(name, rule))
         if sample >= samples.shape[0] or joint >= samples.shape[1]:
             rule = f"be a sample of torque, which has shape {samples.shape}"

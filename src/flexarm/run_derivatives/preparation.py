@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_kind, check_list_of, check_mapping
+from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
-from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, nearest
@@ -21,8 +21,9 @@ from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.run_derivatives.inputs import inputs_of_run
 from flexarm.run_derivatives.parameters import Parameters, Samples
+from flexarm.run_derivatives.recorded_loop import RecordedLoop
 from flexarm.simulation.preparation import RunOptions, start_of, torque_history
-from flexarm.simulation.run import simulate
+from flexarm.simulation.run import check_objects, simulate
 
 #: Channels that follow from the states alone.
 _OF_STATES = (
@@ -47,17 +48,25 @@ def simulated(
         InputError: if an argument does not fit the arm.
         SimulationError: if the run stops early, or a function of time raises an exception.
     """
-    check_kind("arm", arm, Arm)
+    torque, prescribed = given["torque"], given.get("prescribed")
+    controller, reference = given.get("controller"), given.get("reference")
+    hardware = given.get("hardware")
+    check_objects(arm, None, controller, reference, hardware, torque, prescribed)
     if not COMPILED:
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
-    torque, prescribed = given["torque"], given.get("prescribed")
-    if prescribed is not None:
-        check_mapping("prescribed", prescribed, "joint numbers and motions")
-    state = start_of(arm, given["initial"], given["initial_rate"], None, torque)
+    state = start_of(arm, given["initial"], given["initial_rate"], reference, torque)
     names = "tip_force", "loads", "base_acceleration", "contacts"
     environment = Environment.of(arm, *(given[name] for name in names))
     run = options.new_run(arm, state, environment, None, meter)
-    refuse_deep_start(arm, state, run.loads.placed.contacts)
+    placed = run.loads.placed.contacts
+    refuse_deep_start(arm, state, placed)
+    tips = int(given["tip_force"] is not None)
+    if controller is not None:
+        refuse_pressing_outward(arm, given["contacts"], placed, reference, options.duration)
+        loop = RecordedLoop(run, controller, reference, hardware, channels_of_states(arm))
+        loop.execute()
+        run.history = loop.history
+        return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     run.prescribed = tuple(prescribed or ())
     history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
     run_through_impacts(run, partial(_with_stops, history_of) if by_samples else history_of)
@@ -66,7 +75,7 @@ def simulated(
         environment,
         inputs_of_run(run, environment),
         _samples(torque, history_of, options),
-        int(given["tip_force"] is not None),
+        tips,
     )
 
 
@@ -107,13 +116,18 @@ def refuse_unsupported(given: Mapping[str, Any]) -> None:
         raise InputError(*problems)
 
 
+def channels_of_states(arm: Arm) -> list[str]:
+    """Return the names of the channels of an arm that follow from its states."""
+    return [name for name in _OF_STATES if name != "strain" or arm.gauges]
+
+
 def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:
     """Return the names of channels; None: of all that are possible.
 
     Raises:
         InputError: if a channel does not exist or does not follow from the states.
     """
-    possible = [name for name in _OF_STATES if name != "strain" or arm.gauges]
+    possible = channels_of_states(arm)
     if given is None:
         return possible
     names = check_list_of(argument, given, str)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration
 from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
+from flexarm.control.base import Controller, Reference
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
@@ -21,11 +22,12 @@ from flexarm.histories.prescribed import Prescribed
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
-from flexarm.model import Contact, Load
+from flexarm.model import Contact, Hardware, Load
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
 from flexarm.run_derivatives.inputs import Inputs
+from flexarm.run_derivatives.loop_in_duals import loop_in_duals
 from flexarm.run_derivatives.parameters import Parameters, has_samples
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import Torque, run_options
@@ -43,6 +45,9 @@ def sensitivities(
     *,
     channels: Sequence[str] | None = None,
     torque: Torque | None = None,
+    controller: Controller | None = None,
+    reference: Reference | None = None,
+    hardware: Hardware | None = None,
     prescribed: Prescribed | None = None,
     initial: ArrayLike | None = None,
     initial_rate: ArrayLike | None = None,
@@ -75,8 +80,10 @@ def sensitivities(
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
         channels: names of channels that follow from the states; None: all of them.
 
-    The other arguments are those of ``simulate``. Controllers, events, changes of the arm and
-    section forces are not supported.
+    The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
+    has its own model. The updates of a controller are differentiated with respect to its readings
+    and its ``memory``, which it must declare. Events, changes of the arm and section forces are not
+    supported.
 
     Returns:
         Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
@@ -84,7 +91,8 @@ def sensitivities(
 
     Raises:
         InputError: if an argument has the wrong type or value or is not supported, or a parameter
-            does not exist or is not one on which the equations depend smoothly.
+            does not exist or is not one on which the equations depend smoothly, or a controller is
+            not differentiable, reads rounded signals or keeps undeclared numbers.
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
@@ -100,6 +108,9 @@ def sensitivities(
         raise InputError(Problem("parameters", "must not be empty"))
     given = {
         "torque": torque,
+        "controller": controller,
+        "reference": reference,
+        "hardware": hardware,
         "prescribed": prescribed,
         "initial": initial,
         "initial_rate": initial_rate,
@@ -137,7 +148,9 @@ def _derivatives(
     blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
 
     def of_block(block: list[Inputs]) -> list[dict[str, FloatArray]]:
-        found = run_in_duals(known.run, known.inputs, block)
+        numbers = known.run, known.inputs, block
+        loop = known.loop
+        found = run_in_duals(*numbers) if loop is None else loop_in_duals(*numbers, loop)
         return channel_derivatives(known.run.arm, found, len(block), names)
 
     threads = min(len(blocks), usable_cores())

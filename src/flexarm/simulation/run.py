@@ -155,14 +155,7 @@ def simulate(
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
     """
-    _check_objects(arm, plant, controller, hardware)
-    if reference is not None:
-        check_reference(reference)
-    if prescribed is not None:
-        check_mapping("prescribed", prescribed, "joint numbers and motions")
-    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
-        if given and controller is not None:
-            raise InputError(Problem(name, "cannot be combined with a controller"))
+    check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
     options = run_options(
         duration,
         rate=rate,
@@ -291,13 +284,20 @@ def _bending_error(run: Run) -> str:
     return next(filter(None, found), "")
 
 
-def _check_objects(
+def check_objects(
     arm: object,
     plant: object | None,
     controller: object | None,
+    reference: object | None,
     hardware: object | None,
+    torque: Torque | None,
+    prescribed: Prescribed | None,
 ) -> None:
-    """Validate arm, plant, hardware and controller before their attributes are used."""
+    """Validate objects before their attributes are used, and that one thing drives the joints.
+
+    Raises:
+        InputError: if an object has the wrong type, or two arguments cannot be combined.
+    """
     check_kind("arm", arm, Arm)
     if plant is not None:
         check_kind("plant", plant, Arm)
@@ -305,7 +305,13 @@ def _check_objects(
         check_kind("hardware", hardware, Hardware)
         if controller is None:
             raise InputError(Problem("hardware", "requires a controller"))
-    if controller is None:
-        return
-    check_controller("controller", controller)
-    check_positive("controller.sample_time", getattr(controller, "sample_time", None))
+    if controller is not None:
+        check_controller("controller", controller)
+        check_positive("controller.sample_time", getattr(controller, "sample_time", None))
+    if reference is not None:
+        check_reference(reference)
+    if prescribed is not None:
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
+    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
+        if given and controller is not None:
+            raise InputError(Problem(name, "cannot be combined with a controller"))

@@ -25,6 +25,8 @@ from flexarm.errors import InputError, Problem, shown
 class JointFollower(Parametrised, Controller):
     """Base of joint controllers that follow a reference, or keep the first angles without one."""
 
+    start_memory = ("_held",)
+
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
         default=None,

@@ -1,0 +1,125 @@
+"""A closed loop that stores the derivatives of the updates of its controller."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexarm.control.base import Controller, Reference
+from flexarm.engine.stepping import Run
+from flexarm.errors import InputError, Problem, shown
+from flexarm.hardware.measurement import FloatArray, Measurement
+from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.loop.closed_loop import ClosedLoop
+from flexarm.loop.sensors import measured_names
+from flexarm.loop_analysis.linear_controller import LinearController
+from flexarm.model import Hardware, Instrument
+from flexarm.run_derivatives.update_derivatives import UpdateDerivatives
+
+
+class RecordedLoop(ClosedLoop):
+    """Closed loop that stores the derivatives of the updates of its controller.
+
+    Args:
+        signals: channels that may be measured.
+
+    Attributes:
+        updates: derivatives of each update, with columns for the readings in ``labels``.
+        instruments: one for each measured channel; their numbers of readings are known after a run.
+
+    Raises:
+        InputError: if controller, hardware and arm do not fit each other, or the hardware or the
+            integrator is not supported with derivatives.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        controller: Controller,
+        reference: Reference | None,
+        hardware: Hardware | None,
+        signals: Sequence[str],
+    ) -> None:
+        super().__init__(run, controller, reference, hardware)
+        if run.default_step is not None:
+            rule = f"is required for {run.integrator.name} with derivatives of closed loops"
+            raise InputError(Problem("step", rule))
+        self.instruments = _instruments(run, hardware)
+        self._signals = signals
+        self._refuse_instruments()
+        self.updates: list[LinearController] = []
+        self.sizes: dict[str, int] = {}
+        self._derivatives = UpdateDerivatives(controller, self._reference)
+
+    @property
+    def history(self) -> PiecewiseCubic:
+        """Torque of a hold interval, zero here: the loop in dual numbers writes its own."""
+        pieces = self._schedule.acting.pieces
+        held = np.zeros((pieces, 4, self._run.arm.joints))
+        return PiecewiseCubic(np.arange(pieces + 1.0), held, np.zeros(0))
+
+    @property
+    def stored(self) -> list[str]:
+        """Names of the first readings that the controller stores without declaring it."""
+        return self._derivatives.stored
+
+    def _refuse_instruments(self) -> None:
+        """Raise if a reading of an instrument of the hardware has no derivative.
+
+        Raises:
+            InputError: if it is rounded, or its signal is not a channel of the states.
+        """
+        problems = []
+        given = self.hardware.instruments if self.hardware is not None else None
+        for k, item in enumerate(given or ()):
+            name = f"hardware.instruments[{k}]"
+            if item.resolution > 0.0:
+                rule = "is not supported with derivatives of runs"
+                hint = "Rounded readings have no derivative. Leave it out, or add noise instead."
+                problems.append(Problem(f"{name}.resolution", rule, hint=hint))
+            if item.output not in self._signals:
+                rule = "be a channel that follows from the states, for derivatives of runs"
+                problems.append(Problem(f"{name}.signal", rule, shown(item.signal)))
+        if problems:
+            raise InputError(*problems)
+
+    def _update(self, t: float, measurement: Measurement) -> FloatArray:
+        if not self.updates:
+            self.sizes = {name: value.size for name, value in measurement.items()}
+        self._derivatives.remember()
+        torque = super()._update(t, measurement)
+        update = self._derivatives.after(t, measurement, torque)
+        self._refuse_readings(update, measurement)
+        self.updates.append(update)
+        return torque
+
+    def _refuse_readings(self, update: LinearController, measurement: Measurement) -> None:
+        """Raise if the controller uses a reading without a derivative.
+
+        Raises:
+            InputError: if it does, or a reading is at the limit of its instrument.
+        """
+        start = 0
+        for name, value in measurement.items():
+            part = slice(start, start + value.size)
+            start += value.size
+            used = np.any(update.B[:, part]) or np.any(update.D[:, part])
+            instrument = self._instrument_of(name)
+            if used and instrument is None:
+                rule = f"reads {name}, which is not supported with derivatives of runs"
+                raise InputError(Problem("controller", rule))
+            if used and instrument is not None and np.any(np.abs(value) >= instrument.limit):
+                rule = f"is reached by {name}, which has no derivative there"
+                raise InputError(Problem("hardware.instruments.limit", rule))
+
+    def _instrument_of(self, label: str) -> Instrument | None:
+        return next((item for item in self.instruments if label in item.labels), None)
+
+
+def _instruments(run: Run, hardware: Hardware | None) -> list[Instrument]:
+    """Return the instruments of the hardware; without it, ideal ones of the supported readings."""
+    if hardware is not None and hardware.instruments is not None:
+        return list(hardware.instruments)
+    names = measured_names(run.arm, None, 0)
+    return [Instrument(name) for name in names]
