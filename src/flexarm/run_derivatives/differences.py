@@ -64,28 +64,38 @@ def differences(
     return found
 
 
-def local_slope(
-    function: Callable[[Array], Array], point: Array, place: int, step: float
-) -> Array | None:
-    """Return the derivative of a function of an array (k,) by the number at ``place``.
+def local_slopes(function: Callable[[Array], Array], point: Array, steps: Array) -> Array:
+    """Return the derivatives (k, m) of a function at ``point`` (k,) by each number.
 
-    Returns None if the differences of the two orders do not agree for any step. Near corners of
-    the function the step is reduced.
+    Near corners of the function the steps are reduced. The row of a number for which the two orders
+    do not agree for any step is NaN.
+
+    Args:
+        function: function of points (p, k) that returns values (p, m).
+        steps: (k,) first steps.
     """
+    orders = np.array([_ORDER_8, _ORDER_6])
+    shifts = np.concatenate([np.arange(1.0, 5.0), -np.arange(1.0, 5.0)])
+    found: Array | None = None
+    left = np.arange(point.size)
     for attempt in range(_ATTEMPTS):
-        shift = step * 0.1**attempt
-        found = low = size = np.zeros(1)
-        for k, weights in enumerate(zip(_ORDER_8, _ORDER_6, strict=True), start=1):
-            change = np.zeros(point.size)
-            change[place] = k * shift
-            ahead, behind = function(point + change), function(point - change)
-            size = np.maximum(size, np.abs(ahead))
-            found = found + weights[0] * (ahead - behind) / shift
-            low = low + weights[1] * (ahead - behind) / shift
-        allowed = _LOCAL * np.abs(found).max(initial=0.0) + _EXACT * size / shift
-        if np.all(np.abs(found - low) <= allowed):
-            return found
-    return None
+        step = steps[left] * 0.1**attempt
+        points = np.tile(point, (left.size, shifts.size, 1))
+        points[np.arange(left.size), :, left] += step[:, None] * shifts
+        values = function(points.reshape(-1, point.size)).reshape(left.size, shifts.size, -1)
+        rises = (values[:, :4] - values[:, 4:]) / step[:, None, None]
+        exact, low = np.einsum("oj,kjm->okm", orders, rises)
+        if found is None:
+            found = np.full((point.size, values.shape[2]), np.nan)
+        size = np.abs(values).max(axis=1)
+        allowed = _LOCAL * np.abs(exact).max(axis=1, initial=0.0)[:, None]
+        good = np.all(np.abs(exact - low) <= allowed + _EXACT * size / step[:, None], axis=1)
+        found[left[good]] = exact[good]
+        left = left[~good]
+        if not left.size:
+            break
+    assert found is not None
+    return found
 
 
 def _largest(array: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm.engine.stepping import Run
 from flexarm.integrate.base import Progress, Status, System
+from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
 from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
 from flexarm.run_derivatives.inputs import ArmInputs, Inputs
@@ -42,7 +43,8 @@ class DualStepper:
         self._run, self._gauges = run, numbers.arm.gauges
         self.system = dual_system(run.system(run.history), numbers)
         step = run.progress.step if run.default_step is not None else 0.0
-        self.progress = Progress(0.0, numbers.state, step)
+        entry = Entry(run.integrator.stepper, often=1)
+        self.progress = Progress(0.0, numbers.state, step, entry=entry)
         self._samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
 
     def advance(self, until: float) -> None:

@@ -50,6 +50,7 @@ class RecordedLoop(ClosedLoop):
         self._refuse_instruments()
         self.updates: list[LinearController] = []
         self.sizes: dict[str, int] = {}
+        self._used: list[tuple[str, float]] = []
         self._derivatives = UpdateDerivatives(controller, self._reference)
 
     @property
@@ -90,28 +91,36 @@ class RecordedLoop(ClosedLoop):
         self._derivatives.remember()
         torque = super()._update(t, measurement)
         update = self._derivatives.after(t, measurement, torque)
-        self._refuse_readings(update, measurement)
+        if not self.updates or update is not self.updates[-1]:
+            self._used = self._readings_of(update, measurement)
+        for name, limit in self._used:
+            if np.any(np.abs(measurement[name]) >= limit):
+                rule = f"is reached by {name}, which has no derivative there"
+                raise InputError(Problem("hardware.instruments.limit", rule))
         self.updates.append(update)
         return torque
 
-    def _refuse_readings(self, update: LinearController, measurement: Measurement) -> None:
-        """Raise if the controller uses a reading without a derivative.
+    def _readings_of(
+        self, update: LinearController, measurement: Measurement
+    ) -> list[tuple[str, float]]:
+        """Return the readings that an update uses and that have a limit, with the limits.
 
         Raises:
-            InputError: if it does, or a reading is at the limit of its instrument.
+            InputError: if it uses a reading without a derivative.
         """
-        start = 0
+        start, found = 0, []
         for name, value in measurement.items():
             part = slice(start, start + value.size)
             start += value.size
-            used = np.any(update.B[:, part]) or np.any(update.D[:, part])
+            if not (np.any(update.B[:, part]) or np.any(update.D[:, part])):
+                continue
             instrument = self._instrument_of(name)
-            if used and instrument is None:
+            if instrument is None:
                 rule = f"reads {name}, which is not supported with derivatives of runs"
                 raise InputError(Problem("controller", rule))
-            if used and instrument is not None and np.any(np.abs(value) >= instrument.limit):
-                rule = f"is reached by {name}, which has no derivative there"
-                raise InputError(Problem("hardware.instruments.limit", rule))
+            if np.isfinite(instrument.limit):
+                found.append((name, instrument.limit))
+        return found
 
     def _instrument_of(self, label: str) -> Instrument | None:
         return next((item for item in self.instruments if label in item.labels), None)

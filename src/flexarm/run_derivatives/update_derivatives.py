@@ -18,7 +18,7 @@ from flexarm.control.base import Reference
 from flexarm.errors import InputError, Problem
 from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.loop_analysis.linear_controller import LinearController, Memory, memory_of
-from flexarm.run_derivatives.differences import local_slope
+from flexarm.run_derivatives.differences import local_slopes
 
 #: First step of the differences, relative to the largest number of a reading or of the memory, and
 #: the step of numbers that have all been zero.
@@ -54,6 +54,7 @@ class UpdateDerivatives:
         self._before, self._joints = np.zeros(0), 0
         self._largest = np.zeros(0)
         self._last: LinearController | None = None
+        self._vectorized = bool(getattr(controller, "vectorized", False))
         self._random = np.random.default_rng(0)
 
     def remember(self) -> None:
@@ -67,42 +68,40 @@ class UpdateDerivatives:
             InputError: if the update is not differentiable, or depends on undeclared memory.
         """
         first, self._joints = self._kept is None, torque.size
-        respond = self._first if first else self._next
         readings = [np.ravel(value) for value in measurement.values()]
         point = np.concatenate([self._before, *readings])
         parts = [*([self._before] if self._before.size else []), *readings]
 
-        def updated(x: FloatArray) -> FloatArray:
-            return respond(t, x, measurement)
+        def updated(points: FloatArray) -> FloatArray:
+            return self._responses(t, points, measurement)
 
+        steps = self._steps(parts)
         if first:
             self._start_elsewhere(t, measurement)
-        now = updated(point)
-        if not first:
-            self._check_memory(t, measurement, now, torque)
-        steps = self._steps(parts)
-        found = None if first else self._unchanged(updated, point, now, steps)
-        if found is None:
-            found = self._differenced(updated, point, now, steps, t)
-        if first:
-            updated(point)  # leave the trial where the controller is
+            found = self._differenced(updated, point, steps, t)
+            updated(point[None])  # leave the trial where the controller is
             self._kept = _memory(self._controller), _memory(self._trial)
+        else:
+            found = self._checked(updated, point, steps, t, torque)
+            self._note_stored(t, measurement, torque)
         self._last = found
         return found
 
-    def _first(self, t: float, x: FloatArray, like: Measurement) -> FloatArray:
-        """Return memory and torque after the first update, with readings x (p,)."""
-        self._trial.reset()
-        torque = self._trial.update(t, _measured(like, x), self._reference)
-        return np.concatenate([_memory(self._trial).read(), np.ravel(torque)])
-
-    def _next(self, t: float, x: FloatArray, like: Measurement) -> FloatArray:
-        """Return memory and torque after an update, with memory and readings x (n + p,)."""
-        assert self._kept is not None
-        n = self._before.size
-        self._kept[1].write(x[:n])
-        torque = self._trial.update(t, _measured(like, x[n:]), self._reference)
-        return np.concatenate([self._kept[1].read(), np.ravel(torque)])
+    def _responses(self, t: float, points: FloatArray, like: Measurement) -> FloatArray:
+        """Return memory and torque after updates with memory and readings (p, n + k)."""
+        n, kept = self._before.size, None if self._kept is None else self._kept[1]
+        if self._vectorized and kept is not None and kept.read().size == 0:
+            return np.asarray(self._trial.update(t, _measured(like, points), self._reference))
+        found = []
+        for x in points:
+            if kept is None:
+                self._trial.reset()
+            else:
+                kept.write(x[:n])
+            torque = self._trial.update(t, _measured(like, x[n:]), self._reference)
+            memory = _memory(self._trial) if kept is None else kept
+            found.append(np.concatenate([memory.read(), np.ravel(torque)]))
+        return np.array(found)
 
     def _start_elsewhere(self, t: float, measurement: Measurement) -> None:
         """Update a copy of the controller for each reading, with another first one."""
@@ -112,19 +111,8 @@ class UpdateDerivatives:
             copy.reset()
             copy.update(t, Measurement(**{**measurement, name: moved}), self._reference)
 
-    def _check_memory(
-        self, t: float, measurement: Measurement, now: FloatArray, torque: FloatArray
-    ) -> None:
-        """Raise if a copy with the declared memory of the controller makes another update.
-
-        Raises:
-            InputError: if it does. A copy that differs by its first readings only is noted.
-        """
-        assert self._kept is not None
-        if not (
-            _same(now[: -torque.size], self._kept[0].read()) and _same(now[-torque.size :], torque)
-        ):
-            raise _undeclared(t)
+    def _note_stored(self, t: float, measurement: Measurement, torque: FloatArray) -> None:
+        """Note the first readings that copies with the same memory depend on."""
         for name, copy in self._started.items():
             _memory(copy).write(self._before)
             if not _same(np.ravel(copy.update(t, measurement, self._reference)), torque):
@@ -140,29 +128,37 @@ class UpdateDerivatives:
         steps = np.where(sizes > 0.0, _SHIFT * sizes, _SMALL)
         return np.repeat(steps, [part.size for part in parts])
 
-    def _unchanged(
+    def _checked(
         self,
         updated: Callable[[FloatArray], FloatArray],
         point: FloatArray,
-        now: FloatArray,
         steps: FloatArray,
-    ) -> LinearController | None:
-        """Return the last derivatives if they hold in a random direction, otherwise None."""
-        if self._last is None:
-            return None
-        slope = np.block([[self._last.A, self._last.B], [self._last.C, self._last.D]])
-        if slope.shape != (now.size, point.size):
-            return None
+        t: float,
+        torque: FloatArray,
+    ) -> LinearController:
+        """Return the last derivatives if they hold in a random direction, otherwise new ones.
+
+        Raises:
+            InputError: if the update is not differentiable, or depends on undeclared memory.
+        """
+        assert self._kept is not None
         far = _FAR * steps * self._random.uniform(0.5, 1.0, steps.size)
-        rise = 0.5 * (updated(point + far) - updated(point - far))
-        terms = np.abs(slope) @ (np.abs(point) + far) + np.abs(now)
-        return self._last if np.all(np.abs(rise - slope @ far) <= _ROUNDED * terms) else None
+        now, ahead, behind = updated(np.array([point, point + far, point - far]))
+        joints = self._joints
+        if not (_same(now[:-joints], self._kept[0].read()) and _same(now[-joints:], torque)):
+            raise _undeclared(t)
+        last = self._last
+        if last is not None and last.C.shape[1] == self._before.size:
+            slope = np.block([[last.A, last.B], [last.C, last.D]])
+            terms = np.abs(slope) @ (np.abs(point) + far) + np.abs(now)
+            if np.all(np.abs(0.5 * (ahead - behind) - slope @ far) <= _ROUNDED * terms):
+                return last
+        return self._differenced(updated, point, steps, t)
 
     def _differenced(
         self,
         updated: Callable[[FloatArray], FloatArray],
         point: FloatArray,
-        now: FloatArray,
         steps: FloatArray,
         t: float,
     ) -> LinearController:
@@ -171,16 +167,13 @@ class UpdateDerivatives:
         Raises:
             InputError: if the update is not differentiable at ``point``.
         """
-        slope = np.zeros((now.size, point.size))
-        for k, step in enumerate(steps):
-            found = local_slope(updated, point, k, step)
-            if found is None:
-                if not _same(updated(point), now):
-                    raise _undeclared(t)
-                given = f"{type(self._controller).__name__}, which is not at t = {t:.6g} s"
-                raise InputError(Problem("controller", "be differentiable for a derivative", given))
-            slope[:, k] = found
-        n, after = self._before.size, now.size - self._joints
+        slope = local_slopes(updated, point, steps).T
+        if np.any(np.isnan(slope)):
+            if not _same(*updated(np.array([point, point]))):
+                raise _undeclared(t)
+            given = f"{type(self._controller).__name__}, which is not at t = {t:.6g} s"
+            raise InputError(Problem("controller", "be differentiable for a derivative", given))
+        n, after = self._before.size, len(slope) - self._joints
         return LinearController(
             slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]
         )
@@ -202,10 +195,10 @@ def _memory(controller: Any) -> Memory:
 
 
 def _measured(like: Measurement, numbers: FloatArray) -> Measurement:
-    """Return a measurement with other numbers (p,)."""
+    """Return a measurement with other numbers (k,), or several with (p, k)."""
     values, start = {}, 0
     for name, value in like.items():
         end = start + value.size
-        values[name] = numbers[start:end].reshape(value.shape).copy()
+        values[name] = numbers[..., start:end].reshape(*numbers.shape[:-1], *value.shape).copy()
         start = end
     return Measurement(**values)

@@ -120,12 +120,16 @@ class Entry:
     ten times as much as a small kernel. An entry point skips this after some calls with the same
     first argument. While the first argument is the same object, the caller must keep the types,
     dimensions and memory layout of the others. This is not checked.
+
+    Args:
+        often: number of calls after which the types are determined once; with dual numbers 1,
+            because each call then takes 1 ms.
     """
 
-    __slots__ = ("_calls", "_code", "_first", "kernel")
+    __slots__ = ("_calls", "_code", "_first", "_often", "kernel")
 
-    def __init__(self, kernel: Callable[..., Any]) -> None:
-        self.kernel = kernel
+    def __init__(self, kernel: Callable[..., Any], often: int = _OFTEN) -> None:
+        self.kernel, self._often = kernel, often
         self._first: Any = self  # differs from every caller's first argument
         self._code: Callable[..., Any] = kernel
         self._calls = 0
@@ -134,9 +138,9 @@ class Entry:
         """Call the kernel."""
         if arguments[0] is not self._first:
             self._first, self._code, self._calls = arguments[0], self.kernel, 0
-        elif self._calls < _OFTEN:
+        elif self._calls < self._often:
             self._calls += 1
-            if self._calls == _OFTEN:
+            if self._calls == self._often:
                 self._look(arguments)
         return self._code(*arguments)
 
@@ -147,8 +151,8 @@ class Entry:
             kernel.compile(types)
             self._code = kernel.overloads[types].entry_point
 
-    def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
-        return Entry, (self.kernel,)  # a copy determines its machine code again
+    def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any], int]]:
+        return Entry, (self.kernel, self._often)  # a copy determines its machine code again
 
 
 def undecorated(
