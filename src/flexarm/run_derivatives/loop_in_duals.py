@@ -74,6 +74,9 @@ class _LoopInDuals:
         """Return the derivatives (directions, p) of the readings of a sample."""
         found: dict[str, FloatArray] = {}
         for readings, channel in self._pairs:
+            if readings.exact:
+                found[readings.labels[0]] = self._slopes(channel)
+                continue
             if readings.wants(k):
                 readings.take(k, self._slopes(channel))
             readings.write_available(k, found)
@@ -98,7 +101,10 @@ class _LoopInDuals:
     def _hold(self, until: float) -> None:
         """Advance to ``until`` (s), or to the time at which the applied torque changes."""
         now, state = self._progress.time, self._state()
-        rate = state.value[1, self._bodies, 0] + 1j * STEP * state.slopes[:, 1, self._bodies, 0]
+        rate: Any = None
+        if not self._acting.plain:
+            rate = state.array[1, self._bodies, 0].T
+            rate = rate[0] + 1j * STEP * rate[1:]
         self._acting.hold(now, rate)
         change = self._acting.next_change(now, until)
         self._breaks[:], cubics = self._acting.cubics(now, change)
