@@ -99,7 +99,10 @@ APPLICATIONS: dict[str, Area] = {
             ),
             Group(
                 sources=("run_derivatives/**/*.py",),
-                tests=("simulate/test_sensitivities.py",),
+                tests=(
+                    "simulate/test_sensitivities.py",
+                    "simulate/test_sensitivities_of_loops.py",
+                ),
             ),
             Group(
                 sources=("identification/frequency/*.py",),

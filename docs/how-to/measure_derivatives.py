@@ -1,4 +1,4 @@
-"""Time of `fa.sensitivities` and `fa.goal_gradient` over that of `fa.simulate`, in two tables.
+"""Time of `fa.sensitivities` and `fa.goal_gradient` over that of `fa.simulate`, in three tables.
 
 The arm of Table I with two elements on each link, a payload, damping and viscous friction moves for
 some seconds under smooth torques, with 100 samples per second. Medians of alternating calls. The
@@ -96,6 +96,40 @@ def table(repeats: int = REPEATS, shortest: float = 1.0) -> str:
     return "\n".join(lines)
 
 
+def controllers(own: fa.Arm) -> dict[str, fa.Controller]:
+    """Return a linear and a nonlinear controller of an arm."""
+    return {
+        "JointPD": fa.JointPD([60.0, 20.0], [12.0, 4.0], sample_time=2e-3),
+        "ComputedTorque": fa.ComputedTorque(own, frequency_hz=0.5, sample_time=2e-3),
+    }
+
+
+def loop_table(repeats: int = REPEATS, duration: float = 2.0) -> str:
+    """Return the table of closed loops along a motion of the joints."""
+    lines = [
+        "| controller | parameters | `simulate` | `sensitivities` | ratio |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    own = arm()
+    motion = fa.joint_motion(own, [0.0, 0.0], [0.5, 0.3], 1.0)
+    for name, controller in controllers(own).items():
+        for count in (1, 8, 20):
+            given = {"controller": controller, "reference": motion, "rate": 100.0}
+            found = medians(
+                {
+                    "run": lambda given=given: fa.simulate(own, duration, **given),
+                    "derivatives": lambda given=given, count=count: fa.sensitivities(
+                        own, duration, PATHS[:count], channels=["tip"], **given
+                    ),
+                },
+                repeats,
+            )
+            run, derivatives = found["run"], found["derivatives"]
+            cells = f"`{name}`", count, f"{1e3 * run:.0f} ms", f"{1e3 * derivatives:.0f} ms"
+            lines.append(f"| {' | '.join(map(str, cells))} | {derivatives / run:.1f} |")
+    return "\n".join(lines)
+
+
 #: Integrator and number of torque samples of each joint, at 500 Hz, of each row of the gradient.
 GRADIENTS = ("dormand_prince_8", 100), ("dormand_prince_8", 1000), ("kennedy_carpenter_5", 1000)
 
@@ -136,5 +170,6 @@ def gradient_table(repeats: int = REPEATS) -> str:
 
 if __name__ == "__main__":
     print(table())
-    print()
-    print(gradient_table())
+    for more in (loop_table, gradient_table):
+        print()
+        print(more())
