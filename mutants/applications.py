@@ -101,6 +101,7 @@ APPLICATIONS: dict[str, Area] = {
                 sources=("run_derivatives/**/*.py",),
                 tests=(
                     "simulate/test_sensitivities.py",
+                    "simulate/test_sensitivities_of_events.py",
                     "simulate/test_sensitivities_of_loops.py",
                 ),
             ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -156,7 +156,7 @@ def contact_event(
     """
     arm = check_kind("arm", arm, Arm)
     placed = place_contacts(arm, [check_kind("contact", contact, Contact)])
-    return Event(_Gap(arm, placed), name, direction, terminal)
+    return Event(_Gap(arm, placed, contact), name, direction, terminal)
 
 
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
@@ -211,10 +211,20 @@ class _Gap:
 
     arm: Arm
     placed: Contacts
+    contact: Contact
 
     def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         states = self.arm.padded(np.stack([q, qd], axis=1))
         return contact_values(self.arm, self.placed, states)[:, 0, GAP]
+
+
+def function_for(function: object, arm: Arm) -> EventFunction | None:
+    """Return the function of a tip or contact event for another arm; None for other functions."""
+    if isinstance(function, _TipDistance):
+        return replace(function, arm=arm)
+    if isinstance(function, _Gap):
+        return replace(function, arm=arm, placed=place_contacts(arm, [function.contact]))
+    return None
 
 
 @dataclass(eq=False)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm.engine.stepping import Run
-from flexarm.integrate.base import Progress, Status, System
+from flexarm.integrate.base import FloatArray, Progress, Status, System
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
 from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
@@ -25,6 +25,7 @@ class DualRun(NamedTuple):
     constants: ArmConstants
     gauges: DualArray  # (gauges, m)
     steps: int
+    events: DualArray = None  # (events, 2, n, 1 + m)
 
 
 class DualStepper:
@@ -43,33 +44,57 @@ class DualStepper:
         self._run, self._gauges = run, numbers.arm.gauges
         self.system = dual_system(run.system(run.history), numbers)
         step = run.progress.step if run.default_step is not None else 0.0
-        entry = Entry(run.integrator.stepper, often=1)
-        self.progress = Progress(0.0, numbers.state, step, entry=entry)
+        self.progress = self._progress(0.0, numbers.state, step)
         self._samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
+        self._waiting = event_times(run).tolist()
+        self._events: list[DualArray] = []
+
+    def _progress(self, time: float, state: DualArray, step: float) -> Progress:
+        entry = Entry(self._run.integrator.stepper, often=1)
+        return Progress(time, state, step, entry=entry)
 
     def advance(self, until: float) -> None:
-        """Advance to a time (s).
+        """Advance to a time (s), and compute the states at the events up to it.
 
         Raises:
             SimulationError: if the run fails.
         """
+        seen = bool(self._waiting) and self._waiting[0] <= until
+        start = (self.progress.time, self.progress.state.copy()) if seen else None
+        self._carry(self.progress, until, self._run.sample_times, self._samples)
+        while start is not None and self._waiting and self._waiting[0] <= until:
+            self._events.append(self._at_event(self._waiting.pop(0), *start))
+
+    def _carry(
+        self, progress: Progress, until: float, times: FloatArray, samples: DualArray
+    ) -> None:
         run, status = self._run, Status.PAUSED
         while status == Status.PAUSED:
             status = run.integrator.advance(
-                self.system,
-                run.tolerance,
-                self.progress,
-                until,
-                run.sample_times,
-                self._samples,
-                _STEPS,
+                self.system, run.tolerance, progress, until, times, samples, _STEPS
             )
         if status != Status.DONE:
             raise run.failure(status)
 
+    def _at_event(self, time: float, since: float, start: DualArray) -> DualArray:
+        """Return the state at an event, from the last sample or ``start``, as ``simulate`` does."""
+        place = int(np.searchsorted(self._run.sample_times, time)) - 1
+        begin, state = since, start.copy()
+        if place >= 0 and self._run.sample_times[place] >= since:
+            begin = float(self._run.sample_times[place])
+            state = Duals(self._samples.array[place].copy())
+        progress = self._progress(begin, state, self.progress.step)
+        self._carry(progress, time, np.zeros(0), Duals.zeros(0, *state.shape))
+        return progress.state
+
     def result(self) -> DualRun:
-        """Return the samples."""
-        return self.at(self._samples)
+        """Return the samples, and the states at the events."""
+        found = [event.array for event in self._events]
+        events = np.array(found).reshape(len(found), *self._samples.array.shape[1:])
+        log = None if self._run.watch is None else self._run.watch.log
+        if log is not None and log.ended_by is not None:
+            self._samples.array[-1] = events[-1]
+        return self.at(self._samples)._replace(events=Duals(events))
 
     def at(self, states: DualArray) -> DualRun:
         """Return states (k, 2, n, 1 + m) as samples of the run."""
@@ -85,6 +110,12 @@ def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
     stepper = DualStepper(run, inputs, by)
     stepper.advance(run.duration)
     return stepper.result()
+
+
+def event_times(run: Run) -> FloatArray:
+    """Return the times (events,) of the events of a run, s."""
+    found = run.watch.log.found if run.watch is not None else []
+    return np.array([one.time for one in found])
 
 
 def dual_inputs(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:

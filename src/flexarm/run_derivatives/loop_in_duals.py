@@ -119,7 +119,7 @@ class _LoopInDuals:
         """Return the derivatives (directions, k) of a channel at present."""
         state = self._state()
         if channel in ("joint_angle", "joint_rate"):
-            return cast(FloatArray, state.slopes[:, int(channel == "joint_rate"), self._bodies, 0])
+            return state.slopes[:, int(channel == "joint_rate"), self._bodies, 0]
         now = self._stepper.at(Duals(state.array[None]))
         found = channel_derivatives(self._arm, now, DIRECTIONS, [channel])
         return np.array([one[channel].ravel() for one in found])

@@ -14,6 +14,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.engine.events import event_log
 from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, nearest
@@ -57,7 +58,8 @@ def simulated(
     state = start_of(arm, given["initial"], given["initial_rate"], reference, torque)
     names = "tip_force", "loads", "base_acceleration", "contacts"
     environment = Environment.of(arm, *(given[name] for name in names))
-    run = options.new_run(arm, state, environment, None, meter)
+    log = event_log(arm, given.get("events", ()))
+    run = options.new_run(arm, state, environment, log, meter)
     placed = run.loads.placed.contacts
     refuse_deep_start(arm, state, placed)
     tips = int(given["tip_force"] is not None)

@@ -14,6 +14,7 @@ from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.channels import CHANNELS
+from flexarm.engine.events import Event
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
@@ -26,7 +27,7 @@ from flexarm.model import Contact, Hardware, Load
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import run_in_duals
-from flexarm.run_derivatives.inputs import Inputs
+from flexarm.run_derivatives.event_derivatives import EVENTS, crossings, event_slopes, moved_to
 from flexarm.run_derivatives.loop_in_duals import loop_in_duals
 from flexarm.run_derivatives.parameters import Parameters, has_samples
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
@@ -54,6 +55,7 @@ def sensitivities(
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
     base_acceleration: BaseAcceleration | None = None,
+    events: Sequence[Event] = (),
     contacts: Sequence[Contact] = (),
     integrator: str | Integrator = "auto",
     rate: float = 1000.0,
@@ -82,7 +84,7 @@ def sensitivities(
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The updates of a controller are differentiated with respect to its readings
-    and its ``memory``, which it must declare. Events, changes of the arm and section forces are not
+    and its ``memory``, which it must declare. Changes of the arm and section forces are not
     supported.
 
     Returns:
@@ -117,6 +119,7 @@ def sensitivities(
         "tip_force": tip_force,
         "loads": loads,
         "base_acceleration": base_acceleration,
+        "events": events,
         "contacts": contacts,
     }
     options = run_options(
@@ -145,14 +148,23 @@ def _derivatives(
 ) -> list[dict[str, FloatArray]]:
     """Return the derivatives of the channels by each parameter, eight at a time in each thread."""
     by = known.derivatives(paths)
-    blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
+    run, loop, arm = known.run, known.loop, known.run.arm
+    events = crossings(known, paths)
 
-    def of_block(block: list[Inputs]) -> list[dict[str, FloatArray]]:
-        numbers = known.run, known.inputs, block
-        loop = known.loop
+    def of_block(first: int) -> list[dict[str, FloatArray]]:
+        block = by[first : first + DIRECTIONS]
+        numbers, count = (run, known.inputs, block), len(block)
         found = run_in_duals(*numbers) if loop is None else loop_in_duals(*numbers, loop)
-        return channel_derivatives(known.run.arm, found, len(block), names)
+        if run.watch is None:
+            return channel_derivatives(arm, found, count, names)
+        if run.watch.log.ended_by is not None:
+            moved_to(found.samples, arm, events[-1], first, count)
+        channels = channel_derivatives(arm, found, count, names)
+        states = arm.unpadded(found.events.slopes[:count])
+        both = zip(channels, event_slopes(events, states, first), strict=True)
+        return [{**channel, **event} for channel, event in both]
 
+    blocks = range(0, len(by), DIRECTIONS)
     threads = min(len(blocks), usable_cores())
     with ThreadPoolExecutor(threads) as pool:
         return [one for found in pool.map(of_block, blocks) for one in found]
@@ -163,17 +175,30 @@ def _dataset(run: Run, paths: Sequence[str], found: Sequence[dict[str, FloatArra
 
     variables = {}
     for name in found[0]:
-        channel = CHANNELS[name]
+        unit, meaning, axes = _label(name)
         labels = {
-            "units": f"{channel.unit} per unit of the parameter",
-            "long_name": f"derivative of: {channel.meaning}",
+            "units": f"{unit} per unit of the parameter",
+            "long_name": f"derivative of: {meaning}",
         }
-        values = np.stack([one[name] for one in found])
-        variables[name] = (("parameter", "time", *channel.dims), values, labels)
+        variables[name] = (("parameter", *axes), np.stack([one[name] for one in found]), labels)
     coordinates = coordinates_of(run.arm, run.sample_times) | {
         "parameter": ("parameter", list(paths), {"long_name": "path of the parameter"})
     }
-    used = {"parameter", "time"}.union(*(variable[0] for variable in variables.values()))
+    if run.watch is not None:
+        log = run.watch.log
+        events = [log.names[one.place] for one in log.found]
+        coordinates["event_name"] = ("event", events, {"long_name": "name of the event"})
+    used = {"parameter", "time", "event_name"}.union(
+        *(variable[0] for variable in variables.values())
+    )
     coordinates = {name: value for name, value in coordinates.items() if name in used}
     attributes = {"integrator": run.integrator.name, "steps": run.progress.steps}
     return xr.Dataset(variables, coords=coordinates, attrs=attributes)
+
+
+def _label(name: str) -> tuple[str, str, tuple[str, ...]]:
+    """Return unit, meaning and axes of a channel, or of a variable of the events."""
+    if name in EVENTS:
+        return EVENTS[name]
+    channel = CHANNELS[name]
+    return channel.unit, channel.meaning, ("time", *channel.dims)
