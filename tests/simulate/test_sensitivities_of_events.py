@@ -174,16 +174,10 @@ def test_no_event_happens():
     assert found["event_time"].shape == (1, 0)
 
 
-@pytest.mark.parametrize(
-    ("function", "text"),
-    [
-        (lambda t, q, qd: (t - 0.005) ** 3, "touches zero without crossing"),
-        (lambda t, q, qd: abs(t - 0.005) * 0.1 + (t - 0.005), "is not smooth"),
-    ],
-)
-def test_events_without_a_derivative(function, text):
-    with pytest.raises(fa.InputError, match=text):
-        fa.sensitivities(an_arm(), 0.01, ["payload.mass"], events=[fa.Event(function)], rate=300.0)
+def test_an_event_that_touches_zero():
+    event = fa.Event(lambda t, q, qd: (t - 0.005) ** 3)
+    with pytest.raises(fa.InputError, match="touches zero without crossing"):
+        fa.sensitivities(an_arm(), 0.01, ["payload.mass"], events=[event], rate=300.0)
 
 
 def test_the_gap_by_a_number_of_its_contact():
