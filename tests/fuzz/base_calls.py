@@ -372,6 +372,7 @@ METHODS["RepetitiveControl"] = (
 #: Results that only flexarm creates, and the abstract controller, whose methods are those of every
 #: controller.
 MADE_BY_FLEXARM = {
+    "ControllerDesign",
     "Equilibrium",
     "Controller",
     "FlexibleTorque",
