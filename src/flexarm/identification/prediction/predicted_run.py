@@ -68,7 +68,7 @@ class PredictedRun(RecordRun):
             self._move(k, settings.delays.get(label.channel, 0.0))
         filters = [settings.filters.get(label.channel, ()) for label in self.labels]
         self._factors = np.array(
-            [np.prod([i.factor for i in own if i.kind == "gain"]) for own in filters]
+            [np.prod([i.factor for i in own if i.factor is not None]) for own in filters]
         )
         centred = [any(i.kind == "remove_mean" for i in own) for own in filters]
         self._offsets = np.eye(len(self.labels))[:, centred]
@@ -91,9 +91,9 @@ class PredictedRun(RecordRun):
             from scipy.interpolate import CubicSpline
 
             values = CubicSpline(self.times, self.measured[:, column])(self.times + delay)
-            near = np.floor(later).astype(int), np.ceil(later).astype(int)
+            near = [np.floor(later).astype(int), np.ceil(later).astype(int)]
         else:
-            values, near = self.measured[np.minimum(whole, len(later) - 1), column], (whole,)
+            values, near = self.measured[np.minimum(whole, len(later) - 1), column], [whole]
         valid = later <= len(later) - 1 + _WHOLE
         for places in near:
             valid &= self.valid[np.minimum(places, len(later) - 1), column]
