@@ -76,6 +76,22 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "row = int(self.rows[0])",
             "row = int(self.rows[ -1])",
         ): "there is one row",
+        (
+            "hardware = self._loops[0].hardware",
+            "hardware = self._loops[ -1].hardware",
+        ): "only the seeds of their hardware differ",
+    },
+    "batches.py": {
+        (
+            "threads=1,",
+            "threads= 2,",
+        ): "results do not depend on the number of threads",
+    },
+    "transcription.py": {
+        (
+            "curve=(curve * s.curve).reshape(self.intervals, STAGES, -1),",
+            "curve=(curve * s.curve).reshape(self.intervals, STAGES, - 2),",
+        ): "for NumPy any negative length is the unknown one",
     },
     "schedule.py": {
         (

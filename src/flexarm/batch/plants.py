@@ -75,7 +75,7 @@ class LanePlants:
         self._tolerance = Tolerance(ATOL, RTOL, tip_units(arm), 1.0)
         self._loads = load_history(arm, EMPTY, sample_time, RTOL)
         placed = self._loads.placed
-        self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance)
+        self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance, several=False)
         self._constants = arms_of_runs([arm], [placed])
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
