@@ -14,6 +14,10 @@ _DAMPING = (
     "damping, 0.0)"
 )
 
+_PROGRESS = (
+    'print(f"evaluation {{evaluation}}: {{squares:.6g}}; fit {{text}}", file=sys.stderr, flush={})'
+)
+
 _POLES = "poles = np.where(np.abs(poles) {} _ROUNDING * np.abs(poles).max(initial=0.0), poles, 0.0)"
 
 EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
@@ -86,6 +90,18 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "threads=1,",
             "threads= 2,",
         ): "results do not depend on the number of threads",
+    },
+    "response.py": {
+        (
+            "return Spectra(parts[0].frequency_hz, np.asarray(total), averages)",
+            "return Spectra(parts[ -1].frequency_hz, np.asarray(total), averages)",
+        ): "all records have the same rate, and their segments the same length",
+    },
+    "identify.py": {
+        (
+            _PROGRESS.format("True"),
+            _PROGRESS.format("False"),
+        ): "every line of the standard error is written at once",
     },
     "transcription.py": {
         (

@@ -155,7 +155,7 @@ def figure(path):
             right.plot(result.time.values, 1e3 * beside, **style)
         left.set(title="Surface of 300 N/m", xlabel="time [s]", ylabel="force error [N]")
         right.set(title="No friction", xlabel="time [s]", ylabel="tip along the wall [mm]")
-        legend_above(left, left.get_lines(), ["HybridForce", "AdaptiveForce"])
+        legend_above(right, left.get_lines(), ["HybridForce", "AdaptiveForce"])
     sheet.savefig(path, dpi=160, format="png")
 
 

@@ -92,6 +92,11 @@ def test_tests_reject_residuals_with_structure():
     assert whiteness(white(1), ALL) > 0.01
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_whiteness_of_few_residuals_is_a_probability(count):
+    assert 0.0 < whiteness(white(1)[:count], ALL[:count]) <= 1.0
+
+
 def regression(noise):
     """Estimate two numbers from one channel; return errors and their stated deviations."""
     times = np.arange(COUNT) / COUNT

@@ -322,6 +322,7 @@ PD = fa.JointPD(1.0, 1.0)
         ({"parameters": {"payload.mass": 1.0}}, "parameters['payload.mass'] must be numbers"),
         ({"seeds": [1]}, "seeds requires hardware"),
         ({"seeds": [0.5], "hardware": fa.Hardware(), "controller": PD}, "seeds must be whole"),
+        ({"seeds": [[1], [2, 3]], "hardware": fa.Hardware(), "controller": PD}, "seeds must be"),
         ({"hardware": fa.Hardware()}, "hardware requires a controller"),
         ({"torque": [[0.0, 0.0]] * 15, "controller": PD}, "torque cannot be combined with a con"),
         ({"controller": []}, "controller must not be empty"),

@@ -24,6 +24,7 @@ def test_quantiles_leave_out_failures():
     found = fa.study_statistics(table(range(12), failed=[11]), [0.0, 0.5, 1.0])
     assert found["tip_error_rms"].values.ravel().tolist() == [0.0, 5.0, 10.0]
     assert found["samples"].item() == 11
+    assert set(found.coords) == {*DIMS[1:], "quantile"}
 
 
 def test_infeasible_runs_are_not_in_the_rates():
