@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 import flexarm as fa
 from flexarm.estimation.predicted_readings import reading_rows
+from flexarm.identification import fitting
 from flexarm.identification.prediction import predicted_run
 from flexarm.identification.prediction.linear_filter import LinearModel, gains_of, likelihoods
 from flexarm.identification.prediction.predicted_run import PredictedRun
@@ -94,6 +95,14 @@ def test_estimated_process_noise_is_small_without_disturbances():
     assert fit(given).torque_noise is None
 
 
+@pytest.mark.parametrize("method", ["output_error", "prediction_error"])
+def test_a_fit_whose_noise_still_changes_has_not_converged(method, monkeypatch):
+    given = record(1)
+    assert fit(given, method=method).converged
+    monkeypatch.setattr(fitting, "_ROUNDS", 1)
+    assert not fit(given, method=method).converged
+
+
 def test_disturbance_torques_bias_prediction_errors_less():
     """Random torques a third as large as the input: rigidity and inertia over three seeds."""
     missed = {"output_error": [], "prediction_error": []}
@@ -136,6 +145,23 @@ def test_delays_offsets_and_gaps():
         late.fit["rms"].sel(channel="strain_1").item()
         > 3.0 * found.fit["rms"].sel(channel="strain_1").item()
     )
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.013, 0.02])
+def test_delayed_samples_beside_a_gap_are_those_of_the_motion(delay):
+    times = np.arange(101) / RATE
+    run = fa.simulate(arm_of(*TRUE), DURATION, torque=torque(), rate=RATE)
+    for motion in (np.ones_like, lambda t: 1.0 + np.sin(2.0 * np.pi * t)):
+        run["joint_angle"][:, 0] = motion(times - delay)
+        run["joint_angle"][40:50] = np.nan
+        given = fa.MeasuredRecord(run, delays={"joint_angle": delay}, outputs=["joint_angle"])
+        moved = PredictedRun("record", given, arm_of(*TRUE), {})
+        lost = np.arange(int(np.floor(40 - delay * RATE)), int(np.ceil(50 - delay * RATE)))
+        later = times + delay > times[-1] + 1e-9
+        np.testing.assert_array_equal(moved.valid[:, 0], ~(np.isin(np.arange(101), lost) | later))
+        missed = (moved.measured[:, 0] - motion(times))[moved.valid[:, 0]]
+        # Less than the fourth power of 2 pi / 100, the angle of a sample.
+        assert np.abs(missed).max() < 1.5e-5
 
 
 def test_likelihoods_are_those_of_the_joint_distribution():

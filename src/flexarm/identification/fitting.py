@@ -253,7 +253,8 @@ class Fit:
         outputs: of each record.
         noise: standard deviation by channel.
         evaluations: number of runs of all records, without those for derivatives.
-        converged: whether the fit ended at a minimum, before the limit of iterations.
+        converged: whether the fit ended at a minimum, before the limit of iterations, with noise
+            that no longer changes.
         torque_noise: (joints,) of prediction errors, N m, or None.
         gains: of the filters of prediction errors, one for each record.
     """
@@ -290,7 +291,7 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
             scaled = first
             outputs, _ = problem.tune(problem.vector(first), found, robust)
     free = problem.noise.keys() - problem.fixed
-    converged = True
+    converged, change = True, 0.0
     for attempt in range(_ROUNDS):
         precision = _COARSE if free and attempt == 0 else _FINE
         scaled, converged = _minimum(problem, scaled, loss, iterations, precision)
@@ -298,7 +299,7 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
         if change < _SETTLED:
             break
-    return problem.fit(problem.vector(scaled), outputs, converged)
+    return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
 def _minimum(

@@ -43,7 +43,7 @@ def identify_file(path: Path, out: Path | None, result: Path | None, quiet: bool
     for sentence in found.undetermined:
         warn(sentence)
     if not found.converged:
-        warn("the fit has not converged; raise fit.iterations")
+        warn("the fit has not converged; raise fit.iterations, or give the noise of the channels")
     if out is not None:
         found.write(out)
         screen.print(f"arm in {out}", soft_wrap=True)

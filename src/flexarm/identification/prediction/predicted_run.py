@@ -84,19 +84,24 @@ class PredictedRun(RecordRun):
         """Move the samples of a channel to the times of their motion."""
         if delay == 0.0:
             return
-        shift = delay * self.record.rate
-        later = np.arange(self.times.size) + shift
-        whole = np.round(later).astype(int)
-        if abs(shift - round(shift)) > _WHOLE:
+        own = self.valid[:, column]
+        count, shift = own.size, delay * self.record.rate
+        values, valid = np.zeros(count), np.zeros(count, bool)
+        whole = round(shift)
+        if abs(shift - whole) < _WHOLE:
+            kept = max(count - whole, 0)
+            values[:kept], valid[:kept] = self.measured[whole:, column], own[whole:]
+        else:
             from scipy.interpolate import CubicSpline
 
-            values = CubicSpline(self.times, self.measured[:, column])(self.times + delay)
-            near = [np.floor(later).astype(int), np.ceil(later).astype(int)]
-        else:
-            values, near = self.measured[np.minimum(whole, len(later) - 1), column], [whole]
-        valid = later <= len(later) - 1 + _WHOLE
-        for places in near:
-            valid &= self.valid[np.minimum(places, len(later) - 1), column]
+            later = np.arange(count) + shift
+            edges = np.flatnonzero(np.diff(own, prepend=False, append=False))
+            for first, end in edges.reshape(-1, 2):  # between gaps
+                inside = (later >= first) & (later <= end - 1)
+                if np.any(inside):
+                    places = np.arange(first, end)
+                    spline = CubicSpline(places, self.measured[first:end, column])
+                    values[inside], valid[inside] = spline(later[inside]), True
         self.measured[:, column], self.valid[:, column] = values, valid
 
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
