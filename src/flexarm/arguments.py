@@ -110,12 +110,16 @@ def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
         InputError: if the value does not have that shape, or is not finite.
 
     Warns:
-        ImplausibleValueWarning: if an angle exceeds two turns.
+        ImplausibleValueWarning: if the angles look like degrees: an angle exceeds two turns, and
+            all are multiples of 0.5, which those of an arm that turned several times are not.
     """
     angles = check_array(name, value, (joints,))
     largest = float(abs(angles).max(initial=0.0))
-    if largest > _TURNS:
-        text = f"{name} contains {largest:.4g} rad, more than two turns; angles are in radians."
+    if largest > _TURNS and not (2.0 * angles % 1.0).any():
+        text = (
+            f"{name} contains {largest:.4g} rad, more than two turns, and looks like degrees; "
+            "angles are in radians."
+        )
         warn_caller(text, ImplausibleValueWarning)
     return angles
 

@@ -43,3 +43,4 @@ def test_postures_in_degrees(call):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         call(arm, np.radians(45.0))
+        call(arm, 13.7)  # a joint that made more than two turns
