@@ -40,6 +40,11 @@ def test_estimates_are_printed_and_saved(tmp_path):
     assert done_report.exit_code == 0, done_report.output
     page = result.with_suffix(".html").read_text(encoding="utf-8")
     assert page == fa.report(fa.read_result(result), title="found")
+    for option in (("--magnify", "2"), ("--rigid",)):
+        refused = invoke("report", result, "--out", tmp_path / "other.html", *option)
+        assert refused.exit_code == 2
+        assert "may be path, title and notes" in refused.stderr
+        assert not (tmp_path / "other.html").exists()
     for text in ("joints[0].hub_inertia", "whiteness", "strain_1", f"arm in {out}"):
         assert text in done.output
     found = fa.load_arm(out).spec.joints[0].hub_inertia

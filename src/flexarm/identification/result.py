@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from flexarm.identification.storage import restored, stored
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.notebook import html_table
+from flexarm.simulation.result import package_version
 from flexarm.writing.places import AnyPath
 
 #: Probability below which a test of residuals fails.
@@ -53,7 +54,9 @@ class Identification:
             "prediction_error"; None for "output_error".
         starts: sum of squares and logarithm of the likelihood for each start; NaN if it failed.
         method: "output_error" or "prediction_error".
-        converged: whether the best fit ended at a minimum, before the limit of iterations.
+        converged: whether the best fit ended at a minimum, before the limit of iterations, and the
+            estimated noise no longer changed.
+        flexarm_version: version of flexarm that computed it.
     """
 
     arm: Arm
@@ -70,6 +73,7 @@ class Identification:
     starts: tuple[float, ...]
     method: str
     converged: bool
+    flexarm_version: str = field(default_factory=package_version)
 
     @public_call
     def __getitem__(self, path: str) -> float:

@@ -14,7 +14,6 @@ from flexarm.errors import InputError, Problem
 from flexarm.model import Motors
 from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.files import arm_spec_of_text, file_text
-from flexarm.simulation.result import package_version
 
 if TYPE_CHECKING:
     from flexarm.identification.result import Identification
@@ -29,7 +28,11 @@ def stored(found: Identification) -> xr.Dataset:
     tables = {name: getattr(found, name) for name in _TABLES}
     tables |= {f"record_{k}": table for k, table in enumerate(found.histories.values())}
     # NetCDF has no names of nothing.
-    parts = [_prefixed(name, table) for name, table in tables.items() if all(table.sizes.values())]
+    kept = {
+        name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
+        for name, table in tables.items()
+    }
+    parts = [_prefixed(name, table) for name, table in kept.items() if table.data_vars]
     attributes: dict[str, Any] = {
         "undetermined": list(found.undetermined),
         "noise": dict(found.noise),
@@ -42,7 +45,7 @@ def stored(found: Identification) -> xr.Dataset:
         "motors": None if found.motors is None else content_of(found.motors),
     }
     return xr.merge(parts).assign_attrs(
-        flexarm_version=package_version(),
+        flexarm_version=found.flexarm_version,
         arm=file_text(found.arm.spec),
         **{KIND: json.dumps(attributes)},
     )
@@ -68,7 +71,7 @@ def restored(dataset: xr.Dataset) -> dict[str, Any]:
             parameter=nothing, other=nothing
         )
         fields["validation"] = _table(dataset, "validation") or fields["fit"].isel(record=nothing)
-        fields["histories"] = {name: _table(dataset, f"record_{k}") for k, name in enumerate(names)}
+        fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
         noise, motors = given["torque_noise"], given["motors"]
         return {
             **fields,
@@ -77,6 +80,7 @@ def restored(dataset: xr.Dataset) -> dict[str, Any]:
             "starts": tuple(given["starts"]),
             "torque_noise": None if noise is None else np.array(noise),
             "motors": None if motors is None else Motors(**motors),
+            "flexarm_version": dataset.attrs["flexarm_version"],
             "arm": _arm(dataset.attrs["arm"]),
             "arms": {name: _arm(text) for name, text in given["arms"].items()},
         }
@@ -88,6 +92,15 @@ def restored(dataset: xr.Dataset) -> dict[str, Any]:
 def is_identification(value: object) -> bool:
     """Return whether a value is the dataset of an identification."""
     return isinstance(value, xr.Dataset) and KIND in value.attrs
+
+
+def _history(dataset: xr.Dataset, record: int) -> xr.Dataset:
+    """Return the history of a record, with ``driven`` also if it has no inputs."""
+    table = _table(dataset, f"record_{record}")
+    if "driven" in table:
+        return table
+    nothing = np.zeros((table.sizes["time"], 0))
+    return table.assign(driven=(("time", "input"), nothing)).assign_coords(input=[])
 
 
 def _arm(text: str) -> Arm:

@@ -52,7 +52,7 @@ def identification_page(engine: Any, found: Identification, title: str, notes: s
         title=clean(title),
         notes=clean(notes.strip()),
         style=style() + text_of("report.css"),
-        version=package_version(),
+        version=clean(found.flexarm_version),
         writer=package_version(),
         warnings=[clean(text) for text in _warnings(found)],
         figures=_figures(found),
@@ -70,7 +70,8 @@ def identification_page(engine: Any, found: Identification, title: str, notes: s
 def _warnings(found: Identification) -> list[str]:
     texts = list(found.undetermined)
     if not found.converged:
-        texts.append("The fit has not converged: raise the number of iterations.")
+        hint = "raise the number of iterations, or give the noise of the channels"
+        texts.append(f"The fit has not converged: {hint}.")
     bound = found.parameters["parameter"].values[found.parameters["at_bound"].values].tolist()
     if bound:
         texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")

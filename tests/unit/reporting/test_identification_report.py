@@ -68,6 +68,31 @@ def test_a_file_has_the_same_page(tmp_path):
     assert str(restored) == str(found())
 
 
+def test_a_record_with_a_controller_keeps_its_history(tmp_path):
+    motion = fa.joint_motion(arm(), [0.0], [0.3], 0.2)
+    pd = fa.JointPD([6.0], [0.6], sample_time=0.01)
+    result = fa.simulate(arm(), 0.3, controller=pd, reference=motion, rate=100.0)
+    record = fa.MeasuredRecord(result, outputs=["joint_angle"], controller=pd, reference=motion)
+    own = fa.identify(arm(), record, FREE[1:2], progress=False)
+    path = tmp_path / "found.nc"
+    fa.write_result(own.to_dataset(), path)
+    again = fa.read_result(path)
+    restored = fa.Identification.from_dataset(again)
+    xr.testing.assert_equal(restored.histories["record 1"], own.histories["record 1"])
+    assert restored.histories["record 1"]["driven"].shape == (31, 0)
+    assert fa.report(again, title="x") == fa.report(own, title="x")
+
+
+def test_a_file_keeps_the_version_that_computed_it():
+    stored = found().to_dataset().assign_attrs(flexarm_version="0.0.7")
+    restored = fa.Identification.from_dataset(stored)
+    assert restored.to_dataset().attrs["flexarm_version"] == "0.0.7"
+    page = fa.report(stored)
+    assert "Report of an identification by flexarm 0.0.7" in page
+    assert f'content="flexarm {found().flexarm_version}"' in page  # what wrote the page
+    assert found().flexarm_version == fa.__version__
+
+
 def test_wrong_arguments(tmp_path):
     with pytest.raises(fa.InputError, match="may be path, title and notes"):
         fa.report(found(), magnify=2.0)

@@ -25,15 +25,11 @@ def report_file(
     """
     template_engine()
     result = read_result(path)
-    if is_identification(result):
-        place = check_place("--out", out or path.with_suffix(".html"), (".html",))
-        report(result, place, title=title or path.stem)
-        console().print(f"report in {place}", soft_wrap=True)
-        return
-    try:
-        check_drawable("the file", result)
-    except InputError as error:
-        raise error.at(str(path)) from None
+    if not is_identification(result):
+        try:
+            check_drawable("the file", result)
+        except InputError as error:
+            raise error.at(str(path)) from None
     place = check_place("--out", out or path.with_suffix(".html"), (".html",))
     report(result, place, title=title or path.stem, magnify=magnify, rigid=rigid)
     console().print(f"report in {place}", soft_wrap=True)
