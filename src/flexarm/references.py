@@ -155,6 +155,17 @@ _ENTRIES = {
   journal = {Journal of Guidance, Control, and Dynamics},
   volume = {15}, number = {5}, pages = {1094--1102}, year = {1992}
 }""",
+    "RoyWhitcomb2002": """@article{RoyWhitcomb2002,
+  author = {Roy, J. and Whitcomb, L. L.},
+  title = {Adaptive force control of position/velocity controlled robots: theory and experiment},
+  journal = {IEEE Transactions on Robotics and Automation}, volume = {18}, number = {2},
+  year = {2002}
+}""",
+    "RahimiRecht2007": """@inproceedings{RahimiRecht2007,
+  author = {Rahimi, A. and Recht, B.},
+  title = {Random features for large-scale kernel machines},
+  booktitle = {Advances in Neural Information Processing Systems}, volume = {20}, year = {2007}
+}""",
     "SicilianoBook1988": """@article{SicilianoBook1988,
   author = {Siciliano, B. and Book, W. J.},
   title = {A singular perturbation approach to control of lightweight flexible manipulators},

@@ -293,6 +293,40 @@ def test_contact_starts_at_the_given_speed_and_is_kept(sliding):
     assert gap[touch + 700 :].max() < 0.0, "it bounces no more"
 
 
+def strokes(t):
+    """Return the force (N) of two strokes of 0.5 s, with 0.3 s of free motion between them."""
+    rise = min(t % 0.8, 0.5 - t % 0.8) / 0.1
+    return 2.0 * min(max(rise, 0.0), 1.0)
+
+
+@pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce])
+def test_tip_presses_lifts_off_and_presses_again(kind):
+    """The path is 2 mm before the wall, and 20 mm further away where the force is zero."""
+    arm = ARM.rigid()
+    points = [(1.4, 0.6), (1.38, 0.6), (1.4, 0.6)]
+    path = fa.via_point_motion(arm, points, 0.3, start_time=0.5)
+    reference = fa.pressed_motion(arm, path, strokes, NORMAL, duration=1.2)
+    result = fa.simulate(
+        arm,
+        1.2,
+        controller=kind(arm, frequency=20.0),
+        reference=reference,
+        initial=reference.initial,
+        contacts=[fa.Contact(fa.Wall((1.402, 0.0), NORMAL), stiffness=STIFFNESS, damping=5.0)],
+    )
+    t, pressed = result.time.values, -result.contact_force.values[:, 0, 0]
+    off = result.tip.values[:, :2] - reference.tip(t)[:, :2]
+    free = (t > 0.5) & (t < 0.8)
+    assert pressed[free].max() < 1e-6
+    # At 20 rad/s, 20 % of the 2 mm remain after 0.15 s, and 2 % after 0.3 s.
+    assert abs(off[np.searchsorted(t, (0.65, 0.79))]).max() < 5e-4
+    for begin in (0.25, 1.05):
+        now = pressed[(t > begin) & (t < begin + 0.15)]
+        # It has just touched down: the integral needs 0.1 s, and the arm still vibrates.
+        assert now.mean() == pytest.approx(2.0, rel=0.1)
+        assert abs(now - 2.0).max() < 1.0
+
+
 def test_noise_delay_and_resolution_have_small_effects(sliding):
     arm, reference = sliding
     hardware = fa.Hardware(

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control_design.surface_plan import SurfacePlan
+from flexarm.control_design.task_plan import TaskPlan
 from flexarm.hardware.measurement import Measurement
 
 LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
@@ -61,13 +63,10 @@ def push_of(controller, t, reference, force, along=0.0, normal_rate=0.0):
 
 @pytest.mark.parametrize("kind", [fa.AdaptiveForce, fa.NeuralForce])
 def test_constant_force_at_rest_is_hybrid_control(kind):
-    adaptive, hybrid = kind(ARM), fa.HybridForce(ARM)
+    # Within the release time the contact is kept, as by a law that takes every force for one.
+    adaptive, hybrid = kind(ARM), fa.HybridForce(ARM, touch_force=0.0)
     for k, force in enumerate((3.0, 3.5, 4.2, 0.1, 0.0, 3.9)):
-        adaptive._estimate[2:] = 0.0  # the network has no effect on a surface at rest
         wanted = hybrid.update(k * T, reading(force), Surface())
-        if force < hybrid.touch_force:  # the contact is kept for the release time instead
-            adaptive.update(k * T, reading(force), Surface())
-            continue
         found = adaptive.update(k * T, reading(force), Surface())
         np.testing.assert_allclose(found, wanted, atol=1e-12)
 
@@ -101,12 +100,44 @@ def test_friction_is_estimated_while_the_tip_slides():
 
 
 def test_brief_loss_of_contact_keeps_the_push():
-    controller = fa.AdaptiveForce(ARM, force_integral=0.0, release_time=0.01)
-    pushes = [push_of(controller, 0.0, Surface(), 4.0)]
-    pushes += [push_of(controller, k * T, Surface(), 0.0) for k in range(1, 15)]
-    np.testing.assert_allclose(pushes[:10], 0.0, atol=1e-12)
+    reference = Surface(lambda t: 4.0 + 2.0 * t, speed=0.05)
+    given = {"adaptation": 0.0, "force_integral": 0.0, "release_time": 0.01}
+    controller = fa.AdaptiveForce(ARM, **given)
+    controller._estimate[:] = (-2.0, 3.0)
+    force = [4.0, 4.0] + 14 * [0.0] + [4.0]
+    pushes = [push_of(controller, k * T, reference, one) for k, one in enumerate(force)]
+    kept = -2.0 * 2.0 / 5.0 - 3.0 * 0.05 / 0.1
+    np.testing.assert_allclose([*pushes[:11], pushes[-1]], kept, atol=1e-11)
     # Then it approaches with at most normal_damping * approach_speed = 2 N.
-    np.testing.assert_allclose(pushes[11:], -2.0, atol=1e-12)
+    approach = [2.0 - reference.force(k * T) for k in range(12, 16)]
+    np.testing.assert_allclose(pushes[12:16], approach, atol=1e-12)
+
+
+def test_jump_of_the_requested_force_adds_a_bounded_push():
+    reference = Surface(lambda t: np.where(np.asarray(t) < 5.5 * T, 4.0, 6.0))
+    controller = fa.AdaptiveForce(ARM, adaptation=2.0, force_integral=0.0)
+    controller._estimate[0] = 0.5
+    pushes = [push_of(controller, k * T, reference, 4.0) for k in range(10)]
+    # Five times the nominal rate of the force, in the two samples of the central difference.
+    expected = np.zeros(10)
+    expected[5:7] = 5.0 * 0.5
+    np.testing.assert_allclose(pushes, expected, atol=1e-11)
+    # The error is 0 in the first of them and 2 N in the second.
+    assert controller.estimate["stiffness_push"] == pytest.approx(0.5 + T * 2.0 * 2.0 * 5.0)
+
+
+@pytest.mark.parametrize("more", [0.0, 0.04, 0.1])
+def test_request_is_between_both_plans(more):
+    line = fa.line_motion(ARM, (1.4, 0.2), (1.4, 0.5), 1.0)
+    reference = fa.pressed_motion(ARM, line, 4.0, (-1.0, 0.0), friction=0.2)
+    surface, plan, rougher = SurfacePlan(ARM, T), TaskPlan(ARM, T), TaskPlan(ARM, T)
+    for t in (0.0, 0.3, 0.5):
+        found = surface.at(t, ANGLE, reference, 0.2 + more, 0.0)
+        rows = plan.row(t, reference), rougher.row(t, reference.rougher)
+        assert np.abs(rows[1] - rows[0]).max() > 1e-3 or t == 0.0  # friction has an effect
+        wanted = plan.request(rows[0] + more / 0.1 * (rows[1] - rows[0]))
+        for one, other in zip(found, wanted, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
 class MasslessContact:
@@ -210,3 +241,30 @@ def test_network_forgets_with_leakage():
     learned = controller._estimate[2:].copy()
     controller.update(T, reading(4.0), reference)
     np.testing.assert_allclose(controller._estimate[2:], (1.0 - 10.0 * T) * learned, rtol=1e-12)
+
+
+def test_network_neither_learns_nor_forgets_at_rest():
+    controller = fa.NeuralForce(ARM, leakage=10.0, e_modification=10.0)
+    controller.update(0.0, reading(3.0), Surface(speed=0.3))
+    learned = controller._estimate[2:].copy()
+    controller.update(T, reading(3.0), Surface(speed=0.05))
+    np.testing.assert_array_equal(controller._estimate[2:], learned)
+
+
+def test_network_forgets_at_most_everything():
+    controller = fa.NeuralForce(ARM, e_modification=1000.0, learning=0.0)
+    controller._estimate[2:] = 1.0
+    controller.update(0.0, reading(14.0), Surface(speed=0.3))
+    np.testing.assert_array_equal(controller._estimate[2:], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "titles"),
+    [
+        (fa.AdaptiveForce, ["Adaptive force control"]),
+        (fa.NeuralForce, ["Adaptive force control", "Random features"]),
+    ],
+)
+def test_methods_are_cited(kind, titles):
+    found = fa.citation(kind(ARM))
+    assert all(title in found for title in titles)

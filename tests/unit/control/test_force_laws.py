@@ -97,6 +97,24 @@ def test_integral_is_bounded_by_half_of_the_force():
     assert pushes(controller, [9.0] * 20)[-1] == pytest.approx(-2.0)
 
 
+class Strokes(AtRest):
+    """Two strokes with motion without force between them."""
+
+    def contact_force(self, t):
+        return 0.0 if 20.5 * 1e-3 < t < 22.5 * 1e-3 else 4.0
+
+
+def test_integral_is_cleared_where_the_force_is_zero():
+    controller = fa.HybridForce(ARM)
+    row, found = jacobian_row(), []
+    for k in range(25):
+        force = 4.0 if k > 22 else 3.0
+        torque = controller.update(k * controller.sample_time, reading(force), Strokes())
+        found.append(np.dot(torque - PRESSED.holding_torque(0.0), row) / np.dot(row, row))
+    assert found[20] == pytest.approx(20 * 10.0 * 1e-3), "the integral of the first stroke"
+    np.testing.assert_allclose(found[23:], 0.0, atol=1e-12)
+
+
 def test_admittance_moves_its_reference_at_a_bounded_speed():
     slow = fa.Admittance(ARM, damping=1.0, most_speed=0.05)
     fast = fa.Admittance(ARM, damping=1.0, most_speed=1e9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from flexarm.control.base import FloatArray, Measurement, Reference
@@ -14,6 +16,9 @@ from flexarm.model.drives.force import AdaptiveForceParameters
 
 #: Largest coefficient of friction that is estimated.
 _MOST_FRICTION = 2.0
+#: Largest force rate and speed that the law uses, relative to the nominal ones. It bounds the push
+#: and the adaptation where the requested force jumps.
+_MOST_SIGNAL = 5.0
 #: Fraction of the nominal speed above which the tip counts as sliding.
 _SLIDING = 0.8
 _AT_REST = SurfaceMotion(0.0, 0.0, 0.0, 0.0)
@@ -38,6 +43,7 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
             sample time are not positive.
     """
 
+    references: ClassVar[str] = "RoyWhitcomb2002"
     memory = (  # type: ignore[assignment]
         *HybridForce.memory,
         "_estimate",
@@ -107,19 +113,22 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         """Return the force (N) to add to the reference's: (F.13)."""
         push = super()._push(request, measurement, slip)
         self._friction_rate = 0.0
+        if self._unfelt > self.release_time:
+            return push
+        signals = self._signals()
+        push += float(signals @ self._estimate)
         if self._unfelt > 0.0:
             return push
         felt = felt_force(request, measurement)
-        signals = self._signals()
-        push += float(signals @ self._estimate)
         self._adapt(signals, request.force - felt)
         self._rub(request, measurement, felt)
         return push
 
     def _signals(self) -> FloatArray:
-        """Return the signals that the estimates multiply, relative to their nominal values."""
+        """Return the signals that the estimates multiply, relative to nominal values: (F.13)."""
         now = self._now
-        return np.array([now.force_rate / self.nominal_force, now.speed / self.nominal_speed])
+        signals = (now.force_rate / self.nominal_force, now.speed / self.nominal_speed)
+        return np.clip(signals, -_MOST_SIGNAL, _MOST_SIGNAL)
 
     def _adapt(self, signals: FloatArray, error: float) -> None:
         """Update the estimates with the force error (N): (F.14)."""

@@ -24,8 +24,10 @@ class HybridForce(HybridForceParameters, TaskController):
     (F.7).
 
     The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
-    the first contact. If the reference has no force, or there is no reference, the joints follow
-    the motion or keep their first angles with ``frequency``, and no force is measured.
+    the first contact. Where the force of the reference is 0, the tip follows it in all directions,
+    also into a surface nearer than the path. If the reference has no force, or there is no
+    reference, the joints follow the motion or keep their first angles with ``frequency``, and no
+    force is measured.
 
     Raises:
         InputError: if a gain is negative or not finite, or frequency, speed or sample time are not
@@ -56,7 +58,7 @@ class HybridForce(HybridForceParameters, TaskController):
         x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
         x_off, y_off = request.x - x, request.y - y
         if request.force <= 0.0:
-            self._touched = False
+            self._sum, self._touched = 0.0, False
             x_pull = spring * (x_off + self._x_sum) + damper * x_slip
             y_pull = spring * (y_off + self._y_sum) + damper * y_slip
             free = (request.x_acceleration + x_pull, request.y_acceleration + y_pull)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from flexarm.control.base import FloatArray
@@ -20,6 +22,8 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
     Raises:
         InputError: if a gain is negative or not finite, or a number that must be positive is not.
     """
+
+    references: ClassVar[str] = "RoyWhitcomb2002 RahimiRecht2007"
 
     def __post_init__(self) -> None:
         random = np.random.default_rng(self.seed)
@@ -41,8 +45,9 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
 
     def _adapt(self, signals: FloatArray, error: float) -> None:
         """Update the estimates; those of the network only while the tip slides."""
-        if not self._slides:
+        if self._slides:
+            forgotten = self.leakage + self.e_modification * abs(error)
+            self._estimate[2:] *= max(0.0, 1.0 - self.sample_time * forgotten)
+        else:
             signals[2:] = 0.0
-        forgotten = self.leakage + self.e_modification * abs(error)
-        self._estimate[2:] *= 1.0 - self.sample_time * forgotten
         super()._adapt(signals, error)
