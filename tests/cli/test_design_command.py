@@ -5,6 +5,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
+from flexarm.proposals.assessment import Loops
 
 ARM = """\
 flexarm: 1
@@ -56,6 +57,24 @@ def test_an_existing_file_is_replaced_on_request_only(path, tmp_path):
     assert out.read_text() == "mine"
     assert call(*options, "--overwrite").exit_code == 0
     assert fa.load_scenario(out).drive.kind == "joint_pd"
+
+
+def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypatch):
+    assess = Loops.assess
+
+    def unstable(self, drive):
+        one = assess(self, drive)
+        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0})
+
+    monkeypatch.setattr(Loops, "assess", unstable)
+    out = tmp_path / "design.yaml"
+    options = ("--task", "hold", "--computing", "low", "--sensors", "joints", "--out", out)
+    outcome = call(path, *options)
+    assert outcome.exit_code == 1
+    assert "Task hold: error in mm" in outcome.output
+    assert "No candidate is stable on the model" in outcome.output
+    assert "no scenario is written" in outcome.output
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flexarm as fa
+from flexarm.errors import Problem
+from flexarm.proposals.assessment import Assessed, Loops
+from flexarm.proposals.candidates import Candidate
 from flexarm.proposals.case import case_of, plants_of
+from flexarm.proposals.design import _chosen
+from flexarm.proposals.reasons import reasons_of
 from flexarm.proposals.requirements import requirements_of
 from flexarm.scenarios.scenario import prepare
+from flexarm.scenarios.study import PreparedStudy
 
 DEFAULTS = {
     "sensors": None,
@@ -174,6 +181,84 @@ def test_a_force_is_followed():
     assert chosen.disk_margin > 0.4
     assert chosen.force_error_rms < 0.1  # 5 % of the force
     assert {item.signal for item in found.scenario.hardware.instruments} >= {"contact_force"}
+
+
+def assessed(disk_margin, growth):
+    margins = {"gain_margin": 2.0, "phase_margin": 0.5, "delay_margin": 0.01, "damping_ratio": 0.1}
+    return Assessed({}, {"disk_margin": disk_margin, "growth": growth, **margins}, 2)
+
+
+def scores(**values):
+    found = xr.DataArray(list(values.values()), dims=("candidate", "plant"))
+    plants = ["nominal", "heavy"][: found.sizes["plant"]]
+    return xr.Dataset({"score": found.assign_coords(candidate=list(values), plant=plants)})
+
+
+def test_a_stable_candidate_is_proposed_before_an_unstable_one_with_less_error():
+    needs = needs_of(one_link(), "hold")
+    found = {"unstable": assessed(0.0, 3.0), "stable": assessed(0.2, -1.0)}
+    table = scores(unstable=[1e-3], stable=[5e-3])
+    assert _chosen(needs, found, table) == "stable"
+    found["margin"] = assessed(0.5, -1.0)
+    table = scores(unstable=[1e-3], stable=[5e-3], margin=[9e-3])
+    assert _chosen(needs, found, table) == "margin"
+
+
+def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch):
+    assess = Loops.assess
+
+    def unstable(self, drive):
+        one = assess(self, drive)
+        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0})
+
+    monkeypatch.setattr(Loops, "assess", unstable)
+    with pytest.warns(fa.UnstableLoopWarning, match="No candidate is stable on the model"):
+        found = fa.design(one_link(), "hold", computing="low", sensors="joints", progress=False)
+    assert found.reasons[0].startswith("No candidate is stable on the model")
+    assert found.text.startswith("# No candidate is stable on the model")
+
+
+def test_the_torque_limit_is_that_of_the_motors_of_all_candidates():
+    options = {"torque_limit": 0.5, "duration": 0.4, "sensors": "joints"}
+    found = fa.design(one_link(), "point_to_point", computing="low", **options, progress=False)
+    assert found.scenario.drive.kind == "joint_pd"
+    assert found.table.torque_peak.max() <= 0.5 + 1e-12
+    assert found.scenario.hardware.motors.torque_limit == pytest.approx([0.5])
+
+
+def test_a_proposal_that_fails_on_an_arm_names_it():
+    needs = needs_of(one_link(), "hold")
+    table, candidate = scores(one=[1e-3, np.nan]), Candidate("one", "A reason.", ())
+    found = {"one": assessed(0.5, -1.0)}
+    reasons = reasons_of(needs, [candidate], found, table, "one")
+    begin = "one for the task hold: it does not complete its run on 'heavy'. A reason."
+    assert reasons[0] == begin
+
+
+def test_no_complete_run_on_the_model_is_an_error(monkeypatch):
+    def failing(self, progress):
+        found = run(self, progress)
+        found["failure"] = xr.full_like(found["failure"], "the state is not finite", dtype=object)
+        return found
+
+    run = PreparedStudy.run
+    monkeypatch.setattr(PreparedStudy, "run", failing)
+    with pytest.raises(fa.SimulationError, match=r"no candidate completes.*state is not finite"):
+        fa.design(one_link(), "hold", computing="low", sensors="joints", progress=False)
+
+
+def test_a_line_out_of_reach_is_named():
+    with pytest.raises(fa.InputError, match="reach"):
+        fa.design(two_links(), "track", start=[-1.3, 0.02], end=[1.3, 0.02], progress=False)
+
+
+def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):
+    def failing(self, drive):
+        raise fa.InputError(Problem("acceptable", "gives no weight to a mode"))
+
+    monkeypatch.setattr(Loops, "assess", failing)
+    with pytest.raises(fa.InputError, match="acceptable gives no weight to a mode"):
+        fa.design(one_link(), "hold", computing="low", progress=False)
 
 
 @pytest.mark.parametrize(

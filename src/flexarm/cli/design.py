@@ -62,7 +62,7 @@ def design(
         ),
     ] = None,
     torque_limit: Annotated[
-        str | None, typer.Option(metavar='"A,B,..."', help="Largest torques of the joints, N m.")
+        str | None, typer.Option(metavar='"A,B,..."', help="Limits of the motors, N m.")
     ] = None,
     force: Annotated[
         float, typer.Option(metavar="NEWTONS", help="Force on the surface (task force).")

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import textwrap
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import typer
 
 from flexarm.arm import load_arm
+from flexarm.cli.failures import FAILED_RUN, print_error
 from flexarm.cli.postures import comma_separated
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown
+from flexarm.loop_analysis.margins import MARGINAL
 from flexarm.proposals.design import ControllerDesign, check_new, design
 
 if TYPE_CHECKING:
@@ -44,6 +48,8 @@ def design_file(
 
     Raises:
         InputError: if the file or an option is not valid, or ``out`` exists or cannot be written.
+        typer.Exit: with the status of a failed run, if the proposal is unstable. Then no file is
+            written.
     """
     arm = load_arm(path)
     given = dict(options)
@@ -53,12 +59,17 @@ def design_file(
         given[name] = _numbers(f"--{name.replace('_', '-')}", given[name])
     hint = "Give another file with --out, or replace it with --overwrite."
     check_new("--out", out, overwrite=overwrite, hint=hint)
-    found = design(arm, task, **given)
+    with warnings.catch_warnings():  # the reasons have it
+        warnings.simplefilter("ignore", UnstableLoopWarning)
+        found = design(arm, task, **given)
     screen = console()
     screen.print(_errors_of(found))
     screen.print(_margins_of(found.table))
     for text in found.reasons:
         screen.print("\n".join(textwrap.wrap(text, _WIDTH)), soft_wrap=True)
+    if found.table["growth"].sel(candidate=found.chosen) >= MARGINAL:
+        print_error("no candidate is stable, so no scenario is written")
+        raise typer.Exit(FAILED_RUN)
     found.save(out, overwrite=overwrite)
     screen.print(f"scenario in {out}", soft_wrap=True)
 

@@ -102,11 +102,7 @@ class Readings:
         return k % self._every == 0
 
     def take(self, k: int, value: FloatArray) -> None:
-        """Take the frame at sample k.
-
-        Raises:
-            InputError: if a fault is of a channel that the signal does not have.
-        """
+        """Take the frame at sample k."""
         acting = [one for one in self._instrument.faults if one.acts(k * self._tick)]
         if acting:
             value = faulty(value, acting, k * self._tick)
@@ -150,16 +146,9 @@ class Readings:
 
 
 def faulty(value: FloatArray, faults: Sequence[InstrumentFault], t: float) -> FloatArray:
-    """Return a value (k,) or (runs, k) with the faults that act at time t (s).
-
-    Raises:
-        InputError: if a fault is of a channel that the signal does not have.
-    """
+    """Return a value (k,) or (runs, k) with the faults that act at time t (s)."""
     found = value.copy()
     for fault in faults:
-        if fault.channel is not None and fault.channel > value.shape[-1]:
-            rule = f"be at most {value.shape[-1]}, the number of readings of the instrument"
-            raise InputError(Problem("channel of a fault", rule, str(fault.channel)))
         at = _channel(fault)
         match fault.kind, fault.size:
             case "bias", float(size):

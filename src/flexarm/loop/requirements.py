@@ -7,6 +7,7 @@ from flexarm.control.base import Reference, requirements_of
 from flexarm.errors import Problem
 from flexarm.loop.sensors import measured_names
 from flexarm.model import Hardware
+from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
 
 
@@ -19,6 +20,8 @@ def misfits(
     called: str = "",
 ) -> list[Problem]:
     """Return the requirements of a controller that are not met, one problem each.
+
+    Faults of instruments at channels that the arm does not have are among them.
 
     Args:
         arm: the simulated arm.
@@ -39,7 +42,7 @@ def misfits(
     for name in requirements.measured:
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(called, name, arm, hardware, there, contacts))
-    return problems
+    return [*problems, *(one.problem() for one in channel_faults(arm.spec, hardware, contacts))]
 
 
 def _missing(

@@ -112,7 +112,8 @@ def loop_margins(
     The loop is linearised about the arm at rest and opened at the torque of one joint while the
     others stay closed. Sampling, zero-order hold, delays and filters are exact. Joints have viscous
     friction only, because dry friction linearised at rest is a damper that moving joints do not
-    have.
+    have. Faults of instruments belong to the loop if they are gains or frozen readings from the
+    start of a run to its end; others do not.
 
     Args:
         controller: a controller that declares its ``memory``; all built-in ones do except

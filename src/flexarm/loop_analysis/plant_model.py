@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
+from flexarm.hardware.instruments import faulty
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.signals import OutputName
@@ -21,7 +22,7 @@ from flexarm.loop_analysis.linear_controller import (
 )
 from flexarm.loop_analysis.sampled_loop import SampledLoop
 from flexarm.loop_analysis.sampled_plant import Reading, sampled_plant
-from flexarm.model import Contact, Friction, Hardware, Instrument, Sensor
+from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Sensor
 
 #: Factors on the rate, and weights of a mean that cancels terms of first to third order.
 _RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
@@ -159,7 +160,8 @@ def loop_of(
 
     The controller is linearised about the readings of its own model ``believed``, by default
     ``model``, and about the force that the ``reference`` requests. Errors are zero there, and no
-    limit of torques or integrals is active.
+    limit of torques or integrals is active. Gain faults and frozen readings of instruments, from
+    the start of a run to its end, are factors of the readings of ``model``.
 
     Args:
         rate: rate of all joints (rad/s), see `Sliding`. The derivatives of Coriolis and centrifugal
@@ -179,7 +181,7 @@ def loop_of(
         if len(labels) > 1:
             measured[labels[1]] = np.zeros_like(value)
     motors = hardware.motors if hardware is not None else None
-    readings = [Reading(item, *model.signals[item.output][1:]) for item in instruments]
+    readings = [_reading(item, model.signals[item.output]) for item in instruments]
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
     if rate == 0.0 or reference is None:
         return SampledLoop(plant, linear_controller(controller, measured, reference, t))
@@ -192,6 +194,18 @@ def loop_of(
         terms.append([weight * slope for slope in slopes])
     mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))
     return SampledLoop(plant, mean)
+
+
+def _reading(item: Instrument, signal: Signal) -> Reading:
+    """Return the reading of a signal, with the gains that faults give it during the whole run."""
+    gains = [
+        one if one.kind == "gain" else InstrumentFault("gain", 0.0, channel=one.channel)
+        for one in item.faults
+        if one.kind in ("gain", "frozen") and one.start == 0.0 and one.end is None
+    ]
+    shape = (-1, 2) if item.signal == "contact_force" else (-1,)
+    factor = faulty(np.ones(len(signal.C)).reshape(shape), gains, 0.0).reshape(-1, 1)
+    return Reading(item, factor * signal.C, factor * signal.D, signal.components)
 
 
 def _is_rate(item: Instrument) -> bool:

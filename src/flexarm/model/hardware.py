@@ -319,3 +319,34 @@ def instrument_faults(arm: ArmSpec, hardware: Hardware, contacts: bool) -> Itera
         if item.link is not None:
             for fault in place_faults(arm, item.link, item.station):
                 yield fault.inside(*place)
+    yield from channel_faults(arm, hardware)
+
+
+def channel_faults(
+    arm: ArmSpec, hardware: Hardware | None, contacts: float = math.inf
+) -> Iterator[Fault]:
+    """Yield the faults of instruments at channels that their signals do not have.
+
+    Args:
+        contacts: number of contacts; infinity if it is not known.
+    """
+    for k, item in enumerate((hardware and hardware.instruments) or ()):
+        count = _readings(arm, str(item.signal), contacts)
+        for j, one in enumerate(item.faults):
+            if one.channel is not None and 0 < count < one.channel:
+                place = ("hardware", "instruments", k, "faults", j, "channel")
+                rule = f"be at most {count:g}, the number of readings of the instrument"
+                yield Fault(place, rule, str(one.channel))
+
+
+def _readings(arm: ArmSpec, signal: str, contacts: float) -> float:
+    """Return the number of channels of a signal; those of each contact force are x and y."""
+    if signal == "strain":
+        return sum(len(link.gauges) for link in arm.links)
+    if signal == "contact_gap":
+        return contacts
+    if signal.startswith("joint_") or signal == "torque":
+        return sum(not joint.fixed for joint in arm.joints)
+    if signal.startswith("link_"):
+        return len(arm.links)
+    return 1 if signal.startswith("tip_angle") else 2

@@ -14,7 +14,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.loop_analysis.margins import MARGINAL, loop_at, loop_margins, without_friction
 from flexarm.model import Contact, Hardware, Scenario
 from flexarm.proposals.candidates import Candidate, Drive
-from flexarm.scenarios.motions import TaskReference
+from flexarm.scenarios.motions import TaskReference, motion_of
 from flexarm.scenarios.references import Followed
 from flexarm.scenarios.scenario import prepare
 
@@ -44,6 +44,11 @@ class Assessed(NamedTuple):
     margins: dict[str, float]
     states: int
 
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable on all plants at all postures."""
+        return self.margins["growth"] < MARGINAL
+
     def value(self, disk_margin: float) -> tuple[bool, float, float]:
         """Return the value by which settings are compared; larger is better.
 
@@ -51,7 +56,7 @@ class Assessed(NamedTuple):
         others, the largest margin.
         """
         margins = self.margins
-        enough = bool(margins["growth"] < MARGINAL and margins["disk_margin"] >= disk_margin)
+        enough = bool(self.stable and margins["disk_margin"] >= disk_margin)
         return enough, -margins["growth"] if enough else margins["disk_margin"], -margins["growth"]
 
 
@@ -62,6 +67,9 @@ class Loops:
         content: the keys of the study.
         plants: the simulated arms by name.
         postures: (k, joints) rad.
+
+    Attributes:
+        error: text of the last error of a design; empty without one.
     """
 
     def __init__(
@@ -70,10 +78,20 @@ class Loops:
         self._content, self._plants, self._postures = content, plants, postures
         self._motion: TaskReference | None = None
         self._followed: dict[str | None, Followed] = {}
+        self.error = ""
 
     def scenario(self, drive: Drive) -> Scenario:
         """Return the scenario of a drive on the arm of the model."""
         return scenario_of(self._content, drive)
+
+    def prepare_motion(self, drive: Drive) -> None:
+        """Create the motion, which all drives share.
+
+        Raises:
+            InputError: if it leaves the reach of the arm.
+        """
+        scenario = self.scenario(drive)
+        self._motion = motion_of(Arm(scenario.arm), scenario)
 
     def assess(self, drive: Drive) -> Assessed:
         """Return the margins of a drive.
@@ -85,7 +103,7 @@ class Loops:
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
         prepared = prepare(scenario, motion=self._motion, followed=known)
-        self._motion, self._followed[kind] = prepared.motion, prepared.followed
+        self._followed[kind] = prepared.followed
         controller = prepared.options["controller"]
         around: dict[str, Any] = {"hardware": prepared.options.get("hardware")}
         places: Any = self._postures
@@ -100,15 +118,18 @@ class Loops:
         return Assessed(drive, margins, _states(controller, nominal, self._postures[0], **around))
 
     def best(self, candidate: Candidate, disk_margin: float) -> Assessed | None:
-        """Return the best setting of a candidate; None if none can be designed."""
+        """Return the best setting of a candidate; None if none can be designed.
+
+        ``error`` is then the text of the last error.
+        """
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
             warnings.simplefilter("ignore", FlexarmWarning)
             for drive in candidate.drives:
                 try:
                     found.append(self.assess(drive))
-                except FlexarmError:  # no solution of a Riccati equation, no equilibrium
-                    continue
+                except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium
+                    self.error = str(error)
         return max(found, key=lambda one: one.value(disk_margin), default=None)
 
 

@@ -32,8 +32,13 @@ def case_of(needs: Requirements) -> dict[str, Any]:
         found["loads"] = [_disturbance(needs)]
     if needs.task == "force":
         found["contacts"] = [_surface(needs)]
+    hardware: dict[str, Any] = {}
     if {"tip", "force"} & needs.sensors:
-        found["hardware"] = {"instruments": _instruments(needs)}
+        hardware["instruments"] = _instruments(needs)
+    if needs.torque_limit is not None:
+        hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
+    if hardware:
+        found["hardware"] = hardware
     found["plants"] = plants_of(needs)
     motion = found["motions"][needs.task]
     moved = motion.get("path", motion)

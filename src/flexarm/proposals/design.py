@@ -14,7 +14,16 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm import Arm
 from flexarm.control.base import Controller
-from flexarm.errors import FlexarmWarning, InputError, Problem, public_call, shown
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    UnstableLoopWarning,
+    public_call,
+    shown,
+    warn_caller,
+)
 from flexarm.model import PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.proposals.assessment import Assessed, Loops, scenario_of
@@ -156,8 +165,8 @@ def design(
         start, end: joint angles, rad, for "hold" (start only) and "point_to_point"; positions of
             the tip (2,), m, for "track" and "force". By default a motion that suits the arm.
         duration: of the motion, s; by default 2.5 periods of the lowest frequency.
-        torque_limit: N m, one for all joints or one for each; used by the candidates that limit
-            their torque.
+        torque_limit: of the motors, N m, one for all joints or one for each: in all simulations and
+            scenarios. LQG and MPC also compute with it.
         force: on the surface, N.
         disk_margin: required on all arms, see `loop_margins`; if none of the settings of a
             candidate has it, the setting with the largest margin is used.
@@ -168,6 +177,9 @@ def design(
             leaves the reach of the arm.
         EquilibriumError: if the arm has no equilibrium at a posture.
         SimulationError: if no candidate completes its simulation on the arm of the model.
+
+    Warns:
+        UnstableLoopWarning: if no candidate is stable on all arms. The proposal is then unstable.
     """
     needs = requirements_of(
         arm,
@@ -189,6 +201,8 @@ def design(
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
     reasons = reasons_of(needs, candidates, found, table, chosen)
+    if not found[chosen].stable:
+        warn_caller(reasons[0], UnstableLoopWarning)
     scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
     return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
 
@@ -206,11 +220,12 @@ def _assessed(
         for name, factors in content["plants"].items()
     }
     loops = Loops(content, plants, postures_of(needs))
+    loops.prepare_motion(candidates[0].drives[0])
     best = {one.name: loops.best(one, needs.disk_margin) for one in candidates}
     found = {name: one for name, one in best.items() if one is not None}
     if not found:
         rule = "has no controller among the candidates that can be designed for this arm"
-        hint = "Give the links damping, or use other sensors."
+        hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
     return found
 
@@ -221,7 +236,11 @@ def _table(
     found: Mapping[str, Assessed],
     progress: bool | None,
 ) -> xr.Dataset:
-    """Return the margins of the candidates, and the metrics of their simulations."""
+    """Return the margins of the candidates, and the metrics of their simulations.
+
+    Raises:
+        SimulationError: if no candidate completes its simulation on the arm of the model.
+    """
     drives = {name: one.drive for name, one in found.items()}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
     with warnings.catch_warnings():  # the table has the warnings of the runs
@@ -231,6 +250,10 @@ def _table(
     table = runs.isel(reference=0, drop=True).rename(controller="candidate")
     first, *others = SCORES[needs.task]
     score = sum((table[name] for name in others), table[first]).where(table["failure"] == "")
+    nominal = {"plant": next(iter(plants))}
+    if score.sel(nominal).isnull().all():
+        reason = "no candidate completes its simulation on the arm of the model."
+        raise SimulationError(0.0, reason, str(table["failure"].sel(nominal).values[0]))
     unit = table[first].attrs["units"]
     table["score"] = score.assign_attrs(units=unit, long_name="error that is compared")
     for name, (unit, meaning) in _LABELS.items():
@@ -243,10 +266,17 @@ def _table(
 
 
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
-    """Return the candidate with the least error in the worst case, among those with margin."""
+    """Return the candidate with the least error in the worst case.
+
+    Candidates with the required margin come first, then those that are stable on all arms.
+    """
     worst = table["score"].fillna(np.inf).max("plant")
     values = {
-        name: (not one.value(needs.disk_margin)[0], float(worst.sel(candidate=name)))
+        name: (
+            not one.value(needs.disk_margin)[0],
+            not one.stable,
+            float(worst.sel(candidate=name)),
+        )
         for name, one in found.items()
     }
     return min(values, key=lambda name: values[name])

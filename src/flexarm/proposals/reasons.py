@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.loop_analysis.margins import MARGINAL
 from flexarm.proposals.assessment import Assessed
 from flexarm.proposals.candidates import Candidate
 from flexarm.proposals.requirements import Requirements
@@ -33,9 +32,8 @@ def reasons_of(
     """Return the sentences that explain a proposal."""
     worst = table["score"].max("plant", skipna=False)
     reason = next(one.reason for one in candidates if one.name == chosen)
-    error = _amount(needs, float(worst.sel(candidate=chosen)))
-    most = f"{_ERRORS[needs.task]} at most {error} on the simulated arms"
-    sentences = [f"{chosen} for the task {needs.task}: {most}. {reason}"]
+    result = _result(needs, table["score"].sel(candidate=chosen))
+    sentences = [f"{chosen} for the task {needs.task}: {result}. {reason}"]
     for name in found:
         if name != chosen:
             sentences.append(_other(needs, name, found[name], float(worst.sel(candidate=name))))
@@ -44,12 +42,27 @@ def reasons_of(
         for one in candidates
         if one.name not in found
     ]
-    return (*sentences, _margin(needs, found[chosen]), *_advice(needs))
+    if found[chosen].stable:
+        sentences.append(_margin(needs, found[chosen]))
+    else:
+        hint = "Reduce the uncertainty, or add sensors."
+        sentences.insert(0, f"No candidate is stable on {_arms(needs)}. {hint}")
+    return (*sentences, *_advice(needs))
+
+
+def _result(needs: Requirements, score: xr.DataArray) -> str:
+    """Return the error of the proposal on the simulated arms, or the arms on which it fails."""
+    failed = score["plant"].values[np.isnan(score.values)]
+    if failed.size:
+        return f"it does not complete its run on {' and '.join(map(repr, map(str, failed)))}"
+    return (
+        f"{_ERRORS[needs.task]} at most {_amount(needs, float(score.max()))} on the simulated arms"
+    )
 
 
 def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
     """Return why another candidate is not proposed, or how near it is."""
-    if one.margins["growth"] >= MARGINAL:
+    if not one.stable:
         return f"{name} is unstable on one of the arms."
     if not np.isfinite(worst):
         return f"{name} does not complete its run on one of the arms."
@@ -60,22 +73,26 @@ def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
 
 
 def _margin(needs: Requirements, one: Assessed) -> str:
-    """Return the margins of the proposal, in words."""
-    margins, arms = one.margins, "the model"
-    if needs.payload or needs.rigidity:
-        arms = "all arms within the uncertainty that were tried"
-    if margins["growth"] >= MARGINAL:
-        return f"No candidate is stable on {arms}: reduce the uncertainty, or add sensors."
+    """Return the margins of a stable proposal, in words."""
+    margins = one.margins
     text = (
-        f"On {arms}, at the start and at the end of the motion, the loop of each joint permits a "
-        f"gain factor of {margins['gain_margin']:.2g}, {np.degrees(margins['phase_margin']):.0f} "
-        f"degrees of phase and {1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
+        f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
+        f"permits a gain factor of {margins['gain_margin']:.2g}, "
+        f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
+        f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
         f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
         f"{margins['damping_ratio']:.2g}."
     )
     if margins["disk_margin"] < needs.disk_margin:
         text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
     return text
+
+
+def _arms(needs: Requirements) -> str:
+    """Return the arms on which loops are analysed, in words."""
+    if needs.payload or needs.rigidity:
+        return "all arms within the uncertainty that were tried"
+    return "the model"
 
 
 def _advice(needs: Requirements) -> Iterator[str]:

@@ -28,6 +28,7 @@ from flexarm.loop.stability import (
 from flexarm.model import (
     Change,
     EventSpec,
+    Hardware,
     Load,
     Scenario,
     TorqueDrive,
@@ -84,8 +85,14 @@ class Prepared:
         controller = self.options.get("controller")
         return None if controller is None else float(controller.sample_time)
 
-    def loop_poles(self, plant: Arm | None = None) -> list[LoopPole]:
-        """Return the dominant poles of the sampled loop, see `flexarm.loop.stability`."""
+    def loop_poles(
+        self, plant: Arm | None = None, hardware: Hardware | None = None
+    ) -> list[LoopPole]:
+        """Return the dominant poles of the sampled loop, see `flexarm.loop.stability`.
+
+        Args:
+            plant, hardware: those to simulate; None for those of the scenario.
+        """
         options = self.options
         if "controller" not in options:
             return []
@@ -95,7 +102,7 @@ class Prepared:
             simulated,
             options["controller"],
             options["reference"],
-            options.get("hardware"),
+            hardware or options.get("hardware"),
             options.get("contacts", ()),
             simulated.rest(self.arm.joint_angles(options["initial"])),
             options["duration"],

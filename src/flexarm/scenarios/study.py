@@ -108,7 +108,9 @@ class PreparedStudy:
     def unstable_loops(self) -> dict[str, str]:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
         found = {
-            f"{drive} on {plant} along {motion}": prepared.unstable_loop(prepared.loop_poles(arm))
+            f"{drive} on {plant} along {motion}": prepared.unstable_loop(
+                prepared.loop_poles(arm, self.hardware_of(plant))
+            )
             for (drive, motion), prepared in self._prepared.items()
             for plant, arm in self.plants.items()
         }

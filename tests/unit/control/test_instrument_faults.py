@@ -7,6 +7,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.hardware.instruments import Readings
+from flexarm.model import locate_study
+from flexarm.scenarios.study import PreparedStudy
 
 TICK = 0.1
 
@@ -53,12 +55,6 @@ def test_faults_act_in_order_before_resolution_and_limit():
     faults = [fa.InstrumentFault("bias", 0.3), fa.InstrumentFault("gain", 2.0)]
     instrument = fa.Instrument("joint_angle", resolution=1.0, limit=4.0, faults=faults)
     assert read(instrument, [[1.0], [2.0]])[:, 0].tolist() == [3.0, 4.0]
-
-
-def test_a_fault_of_a_channel_that_does_not_exist_is_named():
-    instrument = fa.Instrument("joint_angle", faults=[fa.InstrumentFault("gain", 0.0, channel=3)])
-    with pytest.raises(fa.InputError, match="channel of a fault must be at most 2"):
-        read(instrument, VALUES)
 
 
 @pytest.mark.parametrize(
@@ -147,3 +143,78 @@ def test_instruments_of_a_plant_that_do_not_fit_are_named(tmp_path):
     path.write_text(STUDY.replace("signal: joint_rate", "signal: strain"))
     with pytest.raises(fa.ModelError, match=r"strain, but the arm has no gauges"):
         fa.run_study(path)
+
+
+@pytest.mark.parametrize(
+    ("signal", "count"),
+    [
+        ("joint_angle", 1),
+        ("joint_rate", 1),
+        ("joint_twist", 1),
+        ("link_tip_slope", 1),
+        ("tip", 2),
+        ("tip_angle", 1),
+        ("torque", 1),
+        (fa.Sensor("velocity", link=1), 2),
+    ],
+)
+def test_a_fault_of_a_channel_that_does_not_exist_is_named_before_the_run(signal, count):
+    def hardware(channel):
+        late = fa.InstrumentFault("gain", 0.0, start=5.0, channel=channel)
+        names = ["joint_angle", "joint_rate"]
+        exact = [fa.Instrument(name) for name in names if name != signal]
+        return fa.Hardware([*exact, fa.Instrument(signal, faults=[late])])
+
+    law = fa.JointPD(1.0, 1.0)
+    fa.simulate(arm(), 0.01, controller=law, hardware=hardware(count), progress=False)
+    rule = rf"faults\[0\]\.channel must be at most {count}, the number of readings"
+    with pytest.raises(fa.InputError, match=rule):
+        fa.simulate(arm(), 0.01, controller=law, hardware=hardware(count + 1), progress=False)
+
+
+def test_a_channel_of_a_plant_of_a_study_is_checked(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.replace("start: 0.3}", "start: 0.3, channel: 2}"))
+    with pytest.raises(fa.ModelError, match="channel must be at most 1"):
+        locate_study(path)
+
+
+def inverted(size=-1.0, **times):
+    fault = fa.InstrumentFault("gain", size, **times)
+    return fa.Hardware([fa.Instrument("joint_angle", faults=[fault]), fa.Instrument("joint_rate")])
+
+
+def growth(hardware):
+    law = fa.JointPD(20.0, 3.0)
+    return fa.loop_margins(law, arm(), [0.0], hardware=hardware).growth.item()
+
+
+def test_a_gain_fault_of_the_whole_run_belongs_to_the_loop():
+    healthy = growth(inverted(1.0))
+    assert healthy < 0.0
+    assert growth(inverted(-1.0)) > 1.0
+    assert growth(inverted(-1.0, channel=1)) > 1.0
+    # Later and passing faults do not.
+    assert growth(inverted(-1.0, start=1.0)) == healthy
+    assert growth(inverted(-1.0, end=1.0)) == healthy
+    # A lost or frozen reading is no feedback: the loop is that without a proportional gain.
+    alone = fa.Hardware([fa.Instrument("joint_angle"), fa.Instrument("joint_rate")])
+    open_loop = fa.loop_margins(fa.JointPD(0.0, 3.0), arm(), [0.0], hardware=alone).growth.item()
+    assert growth(inverted(0.0)) == pytest.approx(open_loop, abs=1e-6)
+    frozen = fa.Instrument("joint_angle", faults=[fa.InstrumentFault("frozen")])
+    stuck = fa.Hardware([frozen, fa.Instrument("joint_rate")])
+    assert growth(stuck) == pytest.approx(open_loop, abs=1e-6)
+
+
+def test_a_run_with_an_inverted_sensor_warns_before_it_starts():
+    with pytest.warns(fa.UnstableLoopWarning, match="the sampled loop is unstable at the start"):
+        fa.simulate(
+            arm(), 1.0, controller=fa.JointPD(20.0, 3.0), hardware=inverted(), progress=False
+        )
+
+
+def test_check_reports_a_loop_that_an_inverted_sensor_of_a_plant_makes_unstable(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(STUDY.replace("size: 0.0, start: 0.3", "size: -1.0"))
+    found = PreparedStudy(*locate_study(path)).unstable_loops()
+    assert list(found) == ["pd on lost along move"]
