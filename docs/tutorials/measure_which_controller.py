@@ -1,11 +1,8 @@
 """Rows of the page "Which controller?" that the page itself does not compute.
 
-    python docs/tutorials/measure_which_controller.py [short]
-
-With ``short``, loop shaping and two trials of learning only.
+    python docs/tutorials/measure_which_controller.py
 """
 
-import sys
 import warnings
 
 import numpy as np
@@ -29,14 +26,12 @@ PLANTS = {
 }
 
 
-def controllers(short):
+def controllers():
     """Yield names, controllers and their references."""
     static = fa.quasi_static_reference(ARM, LINE)
     middle = static.joint_angle(1.5)
     shaping = {"bandwidth": 12.0, "rigidity_uncertainty": 0.3, "feedforward": static.torque}
     yield "LoopShaping", fa.LoopShaping(ARM, middle, **shaping), static
-    if short:
-        return
     joints = fa.JointPD([400.0, 100.0], [40.0, 6.0], feedforward=static.torque)
     damped = fa.IntegralResonantControl(ARM, joints, 0.3, posture=middle)
     yield "IntegralResonantControl", damped, static
@@ -56,23 +51,22 @@ def errors(controller, reference):
     return 1e3 * table.tip_error_rms.values.ravel()
 
 
-def learning(plant, trials):
-    """Return the errors of the tip in the trials of learning, mm RMS."""
+def learning(plant):
+    """Return the errors of the tip in eight trials of learning, mm RMS."""
     static = fa.quasi_static_reference(ARM, LINE)
     pd = fa.JointPD([40.0, 10.0], [20.0, 3.0], feedforward=static.torque)
-    options = {"duration": 4.0, "interval": 0.01, "effort": 1e-4, "trials": trials}
+    options = {"duration": 4.0, "interval": 0.01, "effort": 1e-4, "trials": 8}
     return 1e3 * fa.iterative_learning(ARM, static, pd, plant=plant, **options).error_rms
 
 
 def main():
     """Print the rows."""
     warnings.simplefilter("ignore", fa.LargeDeflectionWarning)  # the softer links bend far
-    short = "short" in sys.argv[1:]
-    for name, controller, reference in controllers(short):
+    for name, controller, reference in controllers():
         model, both = errors(controller, reference)
         print(f"{name:24} {model:5.1f} mm on the model, {both:5.1f} mm with both", flush=True)
     for name, plant in PLANTS.items():
-        found = learning(plant, 2 if short else 8)
+        found = learning(plant)
         print(f"learning, {name:14}", np.array2string(found, precision=3, suppress_small=True))
 
 
