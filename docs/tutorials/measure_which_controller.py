@@ -1,6 +1,6 @@
 """Rows of the page "Which controller?" that the page itself does not compute.
 
-    python docs/tutorials/measure_which_controller.py
+python docs/tutorials/measure_which_controller.py
 """
 
 import warnings
