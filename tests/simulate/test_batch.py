@@ -143,6 +143,16 @@ def test_controllers_references_and_seeds():
     np.testing.assert_array_equal(batch.coords["seed"], [3, 3, 8])
 
 
+def test_parameters_of_a_run_are_valid_together():
+    """The lower limit exceeds the upper limit of the arm, but not that of the run."""
+    limits = fa.JointLimits(lower=-1.0, upper=0.25, stiffness=1e3)
+    link = fa.Link(length=1.0, mass_per_length=1.0, flexible=False)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(limits=limits)])
+    moved = {"joints[0].limits.lower": [0.26, -1.0], "joints[0].limits.upper": [0.5, 0.25]}
+    found = fa.simulate_batch(arm, 0.01, initial=[[0.4], [0.0]], parameters=moved)
+    assert not found.failure.values.any()
+
+
 def test_parameters_leave_the_model_of_the_controller():
     own = {"controller": fa.JointPD(4.0, 0.5, sample_time=0.005), "reference": MOTION, **SHORT}
     batch = fa.simulate_batch(ARM, parameters={"payload.mass": [0.0, 0.4]}, **own)

@@ -76,6 +76,19 @@ def test_steep_friction_is_stiff(smoothing_rate, options, wanted):
     assert run(table_one(1, joints=[joint] * 2), 0.01, **options).integrator == wanted
 
 
+def test_friction_of_prescribed_joints_does_not_decide():
+    steep, flat = (
+        fa.Joint(friction=fa.Friction(coulomb=0.5, smoothing_rate=rate)) for rate in (0.01, 10.0)
+    )
+    arm = table_one(1, joints=[steep, flat])
+    still = fa.PrescribedAngle(*[lambda t: 0.0] * 3)
+    assert run(arm, 0.01).integrator == "kennedy_carpenter_5"
+    assert run(arm, 0.01, prescribed={1: still}).integrator == "dormand_prince_8"
+    assert run(arm, 0.01, prescribed={2: still}).integrator == "kennedy_carpenter_5"
+    batch = fa.simulate_batch(arm, 0.01, initial=np.zeros((1, arm.dof)), prescribed={1: still})
+    assert batch.integrator.values.tolist() == ["dormand_prince_8"]
+
+
 def test_stops_leave_only_very_steep_friction_to_an_implicit_method():
     """Runs through impacts are repeated with tolerances at which order 5 is expensive."""
     friction = fa.Friction(coulomb=0.5, smoothing_rate=0.1)

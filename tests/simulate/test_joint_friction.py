@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.model.paths import number_at, with_number
 
 INERTIA = 2.0 / 3.0  # of a rod of 2 kg and 1 m about its end
 
@@ -110,9 +111,39 @@ def test_steep_friction_is_implicit(rubbing):
 
 @pytest.mark.compiled
 def test_evaluations_hardly_depend_on_the_smoothing_rate():
-    """Those of an explicit method are inversely proportional to it."""
+    """Those of an explicit method are inversely proportional to it.
+
+    Below, the rate errors that ``rtol`` permits exceed the smoothing rate: the slope at the start
+    of a step is then that of a sliding joint, and the steps become short without it.
+    """
     few, many = (strokes(rubbing_rods(rate)).evaluations for rate in (1e-2, 1e-4))
     assert many < 3.0 * few
+    limit = rubbing_rods(1e-6)
+    loose, tight = (strokes(limit, rtol=rtol, atol=1e-2 * rtol) for rtol in (1e-7, 1e-8))
+    assert tight.evaluations < 12.0 * few
+    assert tight.evaluations < 0.3 * loose.evaluations
+
+
+@pytest.mark.compiled
+def test_sensitivities_through_steep_friction_equal_differences():
+    """Both joints stick, slide and turn back at a smoothing rate of 0.001 rad/s."""
+    of, path = rubbing_rods(1e-3), "joints[{}].friction.coulomb"
+    how = {"torque": lambda t: np.array([4.0, 1.5]) * np.sin(8.0 * np.pi * t), "rate": 100.0}
+    paths = [path.format(0), path.format(1), "links[0].flexural_rigidity"]
+    found = fa.sensitivities(of, 0.15, paths, channels=["tip", "joint_angle"], **how)
+    assert found.attrs["integrator"] == "kennedy_carpenter_5"
+    exact = how | {"integrator": "kennedy_carpenter_5", "rtol": 1e-11, "atol": 1e-13}
+    for k, name in enumerate(paths):
+        value = number_at("path", of.spec, name)
+        more, less = (
+            fa.simulate(fa.Arm(with_number(of.spec, name, factor * value)), 0.15, **exact)
+            for factor in (1.0 + 1e-4, 1.0 - 1e-4)
+        )
+        for channel in ("tip", "joint_angle"):
+            wanted = (more[channel] - less[channel]).values / (2e-4 * value)
+            # Observed: 7e-5, the error of the default tolerances; that of differences is 1e-6.
+            error = np.abs(found[channel].values[k] - wanted).max()
+            assert error < 3e-4 * np.abs(wanted).max(), (name, channel)
 
 
 @pytest.mark.compiled

@@ -106,6 +106,20 @@ def test_wrong_plans_are_named(changes, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize("shared", [None, EXACT], ids=["none", "without noise"])
+def test_hardware_of_a_plant_makes_samples_different(shared):
+    plan = {"vary": {}, "samples": NOISE, "drives": {"PD": PD}, "hardware": shared}
+    fa.Study(content(**plan, plants={"one": {}, "noisy": {"hardware": READING}}))
+    with pytest.raises(fa.InputError, match="without noise"):
+        fa.Study(content(**plan, plants={"exact": {"hardware": EXACT}}))
+
+
+def test_noise_of_the_study_that_no_plant_has_is_named():
+    plan = {"vary": {}, "samples": NOISE, "drives": {"PD": PD}, "hardware": READING}
+    with pytest.raises(fa.InputError, match="without noise"):
+        fa.Study(content(**plan, plants={"exact": {"hardware": EXACT}}))
+
+
 def test_largest_seed_is_the_largest_number_of_63_bits():
     """Stores keep seeds as integers of 64 bits with a sign."""
     assert samples("random", 4, seed=2**63 - 1).count == 4

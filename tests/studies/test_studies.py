@@ -83,6 +83,22 @@ def test_impossible_numbers_are_no_failures_of_a_drive():
     assert found["infeasible"].item() == 1
 
 
+def test_numbers_of_a_sample_are_valid_together():
+    """The lower limit 0.26 exceeds the upper limit of the file, but not that of the sample."""
+    limits = {"lower": -1.0, "upper": 0.25, "stiffness": 1000.0}
+    first, second = content()["arm"]["joints"]
+    arm = {**content()["arm"], "joints": [{**first, "limits": limits}, second]}
+    for place in ("", "arm."):  # in the simulated arm, and in the file
+        vary = {
+            f"{place}joints[0].limits.lower": {"kind": "values", "values": [-1.0, 0.26]},
+            f"{place}joints[0].limits.upper": {"kind": "values", "values": [0.5, 0.25]},
+        }
+        table = run(arm=arm, vary=vary, samples={"method": "grid"})
+        upper, lower = (table[path].values for path in reversed(vary))
+        np.testing.assert_array_equal(table["infeasible"].values.ravel() != "", lower > upper)
+        assert np.sum(lower > upper) == 1
+
+
 def test_diverging_runs_are_recorded():
     gains = {"kind": "joint_pd", "proportional": 1.0, "derivative": 1e6, "sample_time": 0.01}
     vary = {"drives.PD.derivative": {"kind": "values", "values": [1.0, 1e6]}}

@@ -163,10 +163,10 @@ class OpenLoop:
         with self.users:
             environment = Environment.of(arm, *self._environment)
             log = event_log(arm, self._events)
-            run = options.new_run(arm, state, environment, log, self._meter, self._changes)
+            own = self._changes, self._prescribed
+            run = options.new_run(arm, state, environment, log, self._meter, *own)
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
-        run.prescribed = tuple(self._prescribed)
         run.loads_of = partial(self._loads, run.loads_of)
         same = self._variations.same_arm and run.changes is None
         if same and not placed.body.size and log is None:

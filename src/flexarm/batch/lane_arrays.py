@@ -49,7 +49,7 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
     """
     different = list({id(history): history for history in histories}.values())
     places, starts = {}, np.zeros(3, dtype=np.int64)
-    stops = [stops_of(history, loads) for history in different]
+    stops = [loads.stops_with(history) for history in different]
     for history, own in zip(different, stops, strict=True):
         sizes = [history.breaks.size, len(history.coefficients), own.size]
         ends = starts + sizes
@@ -73,8 +73,3 @@ def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
         "factor_breaks": loads.factors.breaks,
         "factor_coefficients": np.ascontiguousarray(loads.factors.coefficients),
     }
-
-
-def stops_of(history: PiecewiseCubic, loads: LoadHistory) -> FloatArray:
-    """Return the times (s) at which the torque or the loads of a run are not smooth."""
-    return np.unique(np.concatenate([history.stops, loads.factors.stops]))

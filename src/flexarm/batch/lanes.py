@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
-from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs, stops_of
+from flexarm.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
@@ -43,7 +43,7 @@ MOST_STEPS = 200_000
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
 #: Arguments of ``simulate`` that act on an arm, in lanes too.
-_ACTING = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
+_IN_LANES = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
 #: Function that advances runs under a drive to their ends, or by at most that many steps.
 Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
@@ -59,7 +59,7 @@ def fits_lanes(
     Args:
         acting: as for ``OpenLoop``.
     """
-    plain = all(is_absent(value) for name, value in acting.items() if name not in _ACTING)
+    plain = all(is_absent(value) for name, value in acting.items() if name not in _IN_LANES)
     if not plain or options.specialized or options.stations:
         return False
     unknown = BY_FORCES if is_absent(acting["contacts"]) else BY_FORCES - BY_CONTACTS
@@ -327,7 +327,7 @@ class OpenLanes(Lanes):
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
-        stops = stops_of(run.drive, run.loads)
+        stops = run.loads.stops_with(run.drive)
         return choose_by_drive(choice, run.arm, tolerance, stops, self._options.duration)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:

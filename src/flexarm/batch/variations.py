@@ -17,7 +17,7 @@ from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Hardware
-from flexarm.model.paths import number_at, with_number
+from flexarm.model.paths import number_at, with_numbers
 from flexarm.simulation.preparation import Torque
 
 T = TypeVar("T")
@@ -323,8 +323,7 @@ def _specs(arms: Sequence[Arm], values: Mapping[str, FloatArray], count: int) ->
     for k in range(count):
         spec: ArmSpec = _of(arms, k).spec
         try:
-            for path, row in values.items():
-                spec = with_number(spec, path, float(row[k]))
+            spec = with_numbers(spec, {path: float(row[k]) for path, row in values.items()})
         except InputError as error:
             problems += [replace(p, where=f"simulate_batch: run {k}") for p in error.problems]
         specs.append(spec)

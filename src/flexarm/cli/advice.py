@@ -67,7 +67,8 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
     tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
     touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state))
-    choice = choose_integrator("auto", None, arm, tolerance, touch)
+    prescribed = tuple(given.get("prescribed") or ())
+    choice = choose_integrator("auto", None, arm, tolerance, touch, prescribed)
     text = f"{choice.integrator.name} is recommended: {choice.reason}"
     requested = given.get("integrator", "auto")
     return [("integrator", text if requested == "auto" else f"{requested}; {text}")]

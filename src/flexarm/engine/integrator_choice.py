@@ -82,11 +82,13 @@ def choose_integrator(
     arm: Arm,
     tolerance: Tolerance,
     touch: float = 0.0,
+    prescribed: tuple[int, ...] = (),
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     Args:
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
+        prescribed: joints, by number from 1, whose motion is prescribed.
 
     Raises:
         InputError: under the conditions of ``check_integrator``.
@@ -97,7 +99,7 @@ def choose_integrator(
     if requested == "auto":
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
-        return _by_stiffness(arm, tolerance, touch)
+        return _by_stiffness(arm, tolerance, touch, prescribed)
     return Choice(INTEGRATORS[requested](step=step), "named by the user")
 
 
@@ -130,13 +132,15 @@ def choose_by_drive(
     return Choice(method, f"order 2 with bending implicit: {reason}", doubt=doubt)
 
 
-def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
+def _by_stiffness(
+    arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]
+) -> Choice:
     """Choose an explicit method, or for stiff arms one that is implicit in bending.
 
     Contacts are always explicit: if a contact is faster than every vibration, an implicit method
     has no advantage.
     """
-    if _is_steep(arm, tolerance, touch):
+    if _is_steep(arm, tolerance, touch, prescribed):
         return Choice(
             KennedyCarpenter5(),
             "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
@@ -167,9 +171,9 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float) -> Choice:
     )
 
 
-def _is_steep(arm: Arm, tolerance: Tolerance, touch: float) -> bool:
+def _is_steep(arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]) -> bool:
     """Return whether friction limits the steps of an explicit method far more than vibrations."""
-    rate = friction_rate(arm)
+    rate = friction_rate(arm, prescribed)
     if rate < _LEAST_STEEP:
         return False
     relative = tolerance.relative

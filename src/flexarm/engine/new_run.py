@@ -46,6 +46,7 @@ def new_run(
     stations: int = 0,
     specialized: bool | None = None,
     changes: Sequence[Change] = (),
+    prescribed: tuple[int, ...] = (),
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
@@ -60,7 +61,7 @@ def new_run(
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(touching)
     tolerance = tolerance_of(arm, state, atol, rtol)
-    choice = choose_integrator(integrator, step, arm, tolerance, touch)
+    choice = choose_integrator(integrator, step, arm, tolerance, touch, prescribed)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
@@ -78,6 +79,7 @@ def new_run(
         loads=loads_of(rtol),
         loads_of=loads_of,
         meter=meter,
+        prescribed=prescribed,
         stations=stations,
         specialized=specialized,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
@@ -98,7 +100,7 @@ def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: f
     """
     requested = run.tolerance
     tolerance = tolerance_of(run.arm, state, requested.absolute, requested.relative)
-    choice = choose_integrator(integrator, step, run.arm, tolerance)
+    choice = choose_integrator(integrator, step, run.arm, tolerance, prescribed=run.prescribed)
     return replace(
         run,
         choice=choice,

@@ -26,6 +26,7 @@ from flexarm.engine.tolerance import tolerance_of
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.histories.prescribed import constants_with
 from flexarm.integrate.base import (
     Drive,
     FloatArray,
@@ -36,8 +37,7 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many
-from flexarm.kernels.columns import FREE
-from flexarm.kernels.layout import ArmConstants, compile_time_sizes
+from flexarm.kernels.layout import compile_time_sizes
 
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
@@ -95,16 +95,13 @@ class Run:
 
     def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
-        constants = self._constants()
+        constants = constants_with(self.arm, self.prescribed)
         coefficients = self.arm.padded_torque(history.coefficients)
         loads, contacts = self.loads, self.loads.placed.contacts
-        stops = history.stops
-        if stops.size or loads.factors.stops.size:
-            stops = np.unique(np.concatenate([stops, loads.factors.stops]))
         drive = Drive(
             history.breaks,
             coefficients,
-            stops,
+            loads.stops_with(history),
             # The kernels overwrite these values as time goes on, so each system has its own copy.
             loads.placed._replace(
                 value=loads.placed.value.copy(),
@@ -118,15 +115,6 @@ class Run:
         kernels = KernelView(constants)
         sizes = compile_time_sizes(constants) if self.specialized else kernels.sizes
         return System(sizes, constants, drive, kernels.work)
-
-    def _constants(self) -> ArmConstants:
-        """Return the constants of the arm, with prescribed joints marked as not free."""
-        constants = self.arm.assembly.constants
-        if not self.prescribed:
-            return constants
-        body = constants.body.copy()
-        body[self.arm.assembly.joint_body[self._moved()], FREE] = 0.0
-        return constants._replace(body=body)
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray
@@ -227,7 +215,7 @@ class Run:
             self.default_step = default_step(self.integrator, self.tolerance)
         if self.watch is not None:
             self._handle_jump(self.watch, old)
-        constants, drive = self._constants(), system.drive
+        constants, drive = constants_with(self.arm, self.prescribed), system.drive
         contacts = touching._replace(seen=touching.seen.copy())
         drive = drive._replace(loads=drive.loads._replace(contacts=contacts))
         return System(system.sizes, constants, drive, KernelView(constants).work)
@@ -389,7 +377,7 @@ def run_open_loop(run: Run, history: PiecewiseCubic) -> None:
     """Simulate a run under a given torque history."""
     run.history = history
     changed = run.changes.times if run.changes is not None else np.zeros(0)
-    stops = np.concatenate([history.stops, run.loads.factors.stops, changed])
+    stops = np.concatenate([run.loads.stops_with(history), changed])
     choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
     if choice is not run.choice:
         run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt

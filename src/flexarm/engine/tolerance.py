@@ -8,7 +8,9 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
+from flexarm.histories.prescribed import constants_with
 from flexarm.integrate.base import FloatArray, Tolerance
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
@@ -16,10 +18,10 @@ _INTERIOR = 0.1
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
 
-#: ``Tolerance.unit`` and ``friction_rate`` of each arm, and the frequency computed last, with its
-#: posture.
+#: ``Tolerance.unit`` of each arm, its ``friction_rate`` by prescribed joints, and the frequency
+#: computed last, with its posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
-_friction: WeakKeyDictionary[Arm, float] = WeakKeyDictionary()
+_friction: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
@@ -88,20 +90,22 @@ def fastest_frequencies(arm: Arm, states: FloatArray) -> FloatArray:
     return found
 
 
-def friction_rate(arm: Arm) -> float:
+def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     """Return the rate (1/s) at which friction stops the joint that it stops fastest.
 
     It is that of small motions of one joint from rest, with straight links and all joint angles
-    zero; 0 without friction.
+    zero; 0 without friction of a joint that is free.
+
+    Args:
+        prescribed: joints, by number from 1, whose motion is prescribed.
     """
-    rate = _friction.get(arm)
-    if rate is None:
-        rate = _friction[arm] = _friction_rate(arm)
-    return rate
+    rates = _friction.setdefault(arm, {})
+    if prescribed not in rates:
+        rates[prescribed] = _friction_rate(constants_with(arm, prescribed))
+    return rates[prescribed]
 
 
-def _friction_rate(arm: Arm) -> float:
-    c = arm.assembly.constants
+def _friction_rate(c: ArmConstants) -> float:
     coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
     slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]

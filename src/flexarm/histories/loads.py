@@ -15,6 +15,7 @@ from flexarm.arm import Arm
 from flexarm.errors import InputError
 from flexarm.histories.functions import Row, function_history
 from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.integrate.base import FloatArray
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.model import AccelerationTable, FactorTable, Load
 from flexarm.model.environment.tables import is_table
@@ -33,6 +34,10 @@ class LoadHistory:
     owners: list[Load]
     placed: Loads
     factors: PiecewiseCubic
+
+    def stops_with(self, torque: PiecewiseCubic) -> FloatArray:
+        """Return the times (s) at which the loads or a torque history are not smooth, sorted."""
+        return np.unique(np.concatenate([torque.stops, self.factors.stops]))
 
 
 def load_history(

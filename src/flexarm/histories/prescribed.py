@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
@@ -17,6 +17,8 @@ from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.histories.functions import Row, function_history
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
+from flexarm.kernels.columns import FREE
+from flexarm.kernels.layout import ArmConstants
 from flexarm.motion import Motion
 from flexarm.user_functions import call
 
@@ -211,3 +213,13 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
             worst = int(np.argmax(np.abs(found - said)))
             rule = f"be the derivative ({found[worst]:.6g} at t = {times[worst]:.6g} s)"
             raise InputError(Problem(f"{name}.{kind}", rule, shown(float(said[worst]))))
+
+
+def constants_with(arm: Arm, prescribed: Sequence[int]) -> ArmConstants:
+    """Return the constants of an arm with joints, by number from 1, marked as not free."""
+    constants = arm.assembly.constants
+    if not prescribed:
+        return constants
+    body = constants.body.copy()
+    body[arm.assembly.joint_body[np.isin(arm.joint_numbers, prescribed)], FREE] = 0.0
+    return constants._replace(body=body)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
@@ -62,6 +62,21 @@ def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
     """
     changed: R = _with(record, parts_of(path), value, checked, "")
     return changed
+
+
+def with_numbers(record: R, values: Mapping[str, Any]) -> R:
+    """Return a copy of a record with other numbers, by paths that ``number_at`` accepts.
+
+    All numbers are set before the copy is validated, so their order has no effect.
+
+    Raises:
+        ModelError: as for ``with_number``.
+    """
+    for path, value in values.items():
+        record = with_number(record, path, value, checked=False)
+    for path, value in values.items():  # validates all records that contain the number
+        record = with_number(record, path, value)
+    return record
 
 
 def number_paths(record: Record) -> Iterator[str]:

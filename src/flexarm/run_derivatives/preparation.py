@@ -59,7 +59,7 @@ def simulated(
     names = "tip_force", "loads", "base_acceleration", "contacts"
     environment = Environment.of(arm, *(given[name] for name in names))
     log = event_log(arm, given.get("events", ()))
-    run = options.new_run(arm, state, environment, log, meter)
+    run = options.new_run(arm, state, environment, log, meter, prescribed=prescribed)
     placed = run.loads.placed.contacts
     refuse_deep_start(arm, state, placed)
     tips = int(given["tip_force"] is not None)
@@ -69,7 +69,6 @@ def simulated(
         loop.execute()
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
-    run.prescribed = tuple(prescribed or ())
     history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
     run_through_impacts(run, partial(_with_stops, history_of) if by_samples else history_of)
     return Parameters(

@@ -71,6 +71,7 @@ class RunOptions(NamedTuple):
         log: EventLog | None,
         meter: Meter,
         changes: Sequence[Change] = (),
+        prescribed: Prescribed | None = None,
     ) -> Run:
         """Create a run from ``state`` (2, n, 1 + m); the errors are those of ``new_run``."""
         return new_run(
@@ -90,6 +91,7 @@ class RunOptions(NamedTuple):
             stations=self.stations,
             specialized=self.specialized,
             changes=changes,
+            prescribed=tuple(prescribed or ()),
         )
 
 

@@ -177,7 +177,7 @@ def simulate(
     acting = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(simulated, *acting)
     with Meter("simulating", progress) as meter:
-        run = options.new_run(simulated, state, environment, log, meter, changes)
+        run = options.new_run(simulated, state, environment, log, meter, changes, prescribed)
         placed = run.loads.placed.contacts
         refuse_deep_start(simulated, state, placed)
         refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
@@ -191,7 +191,6 @@ def simulate(
                 warn_caller(unstable, UnstableLoopWarning)
             result = _closed_loop(run, loop, unstable)
         else:
-            run.prescribed = tuple(prescribed or ())
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
             )

@@ -15,7 +15,7 @@ from flexarm.errors import FlexarmError, InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, StudySpec
 from flexarm.model.file_format.files import record_of_bytes
-from flexarm.model.paths import with_number
+from flexarm.model.paths import with_numbers
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
@@ -154,10 +154,7 @@ class _Sample:
         Raises:
             InputError: if the numbers are not possible.
         """
-        study: StudySpec = self._study.study
-        for path, value in self._own.items():
-            study = with_number(study, path, value)
-        return study
+        return with_numbers(self._study.study, self._own)
 
     @cached_property
     def prepared(self) -> PreparedStudy:
@@ -184,10 +181,7 @@ class _Sample:
 
     @cached_property
     def _spec(self) -> ArmSpec:
-        spec = self.study.arm
-        for path, value in self._of_arm.items():
-            spec = with_number(spec, path, value)
-        return spec
+        return with_numbers(self.study.arm, self._of_arm)
 
 
 @lru_cache(maxsize=2)

@@ -202,6 +202,28 @@ def test_feedback_and_preparation_are_an_update(arm):
         np.testing.assert_array_equal(first.update(0.01 * k, reading, goal), found)
 
 
+@pytest.mark.parametrize("iterations", [1, 2])
+def test_plan_continues_if_the_prediction_overflows(arm, iterations):
+    """An encoder jumps by a turn, which the estimator takes for rates that no arm survives."""
+    law = fa.NonlinearMPC(arm, POSTURE, torque_limit=1.0, horizon=8, iterations=iterations)
+    hold, overflows = fa.joint_motion(arm, POSTURE, POSTURE, 1.0), 0
+    law.reset()
+    for k in range(8):
+        overflowed, last = law._ready is None and k > 0, law._plan
+        angle = np.add(POSTURE, [2.0 * np.pi * (k >= 3), 0.0])
+        reading = fa.Measurement(joint_angle=angle, joint_rate=np.zeros(2), strain=np.zeros(2))
+        assert np.all(np.abs(law.update(law.sample_time * k, reading, hold)) <= 1.0)
+        if overflowed:
+            overflows += 1
+            # The estimate starts again at the readings; its rates were thousands of rad/s.
+            assert np.abs(law.estimate).max() < 7.0
+        if overflowed and iterations == 1:
+            np.testing.assert_array_equal(law._plan, np.append(last[2:], last[-2:]))
+    assert overflows == 1
+    # The second iteration predicts one sample earlier, and plans from the new estimate.
+    assert law.fallback == 1
+
+
 def test_recorded_run_is_followed():
     few = with_modes(arm_with_gauges(), 1)
     motion = fa.joint_motion(few, POSTURE, [0.6, 0.6], 0.5)

@@ -129,9 +129,13 @@ class MPC(MPCParameters, LQG):
             self.inaccurate += excess <= _ACCEPTED
         if excess <= _ACCEPTED:
             return free + change
+        return self._shifted(free)
+
+    def _shifted(self, first: FloatArray) -> FloatArray:
+        """Return the last plan, shifted by one sample; at the first sample ``first``."""
         self.fallback += 1
         if self._plan is None:
-            return free  # there is no plan at the first sample; the caller clips the torque
+            return first  # the caller clips the torque
         m = self.arm.joints
         return np.append(self._plan[m:], self._plan[-m:])
 

@@ -41,6 +41,8 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     Attributes:
         arm: the model of the controller, with at most ``modes`` modes for each link.
         limited, inaccurate, fallback: as for `MPC`; for several iterations, of the last.
+            ``fallback`` also counts samples without a plan because the prediction overflowed; the
+            estimate then starts again from the readings of the encoders.
 
     Raises:
         InputError: as for `LQG`.
@@ -102,14 +104,15 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         self._arrays.move(nominal.angle)
         wanted = self._motion.states(N + 1)
         x = self._estimated(nominal, wanted[0], measurement)
-        if self._ready is None:
-            self._ready = self._linearised(x, self._motion.torques(N))
+        ready = self._ready
+        if self._plan is None:
+            ready = self._linearised(x, self._motion.torques(N))
         for _ in range(self.iterations - 1):
             counts = self.limited, self.inaccurate, self.fallback
-            plan = self._optimal(self._ready, x, wanted)
-            self._ready = self._linearised(x, plan.reshape(N, m))
+            plan = self._planned(ready, x, wanted)
+            ready = self._linearised(x, plan.reshape(N, m))
             self.limited, self.inaccurate, self.fallback = counts
-        self._plan = self._optimal(self._ready, x, wanted)
+        self._plan = self._planned(ready, x, wanted)
         torque = self._within_limits(self._plan[:m])
         if self._integrals:
             self._integrate(measurement, nominal, self._plan[:m] - torque)
@@ -147,13 +150,19 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         x: FloatArray = wanted + self._whole[:n]
         return x
 
-    def _linearised(self, x: FloatArray, torques: FloatArray) -> _Prepared:
+    def _linearised(self, x: FloatArray, torques: FloatArray) -> _Prepared | None:
         return self._programme(x, self._model_steps.take(x, torques), torques)
 
-    def _programme(self, x: FloatArray, steps: Steps, torques: FloatArray) -> _Prepared:
-        """Return the programme about the motion from x (2 dof,) under torques (N, joints)."""
+    @np.errstate(over="ignore", invalid="ignore")
+    def _programme(self, x: FloatArray, steps: Steps, torques: FloatArray) -> _Prepared | None:
+        """Return the programme about the motion from x (2 dof,) under torques (N, joints).
+
+        The result is None if the motion or the programme overflows.
+        """
         from scipy.linalg import lapack
 
+        if not all(np.all(np.isfinite(array)) for array in steps):
+            return None
         N, n, m = self.horizon, self._states, self._joints
         s = n + self._integrals
         by = np.zeros((N, s, s + N * m))
@@ -174,9 +183,18 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         blocks = np.einsum("kikj->kij", hessian.reshape(N, m, N, m))  # a view of the diagonal
         blocks += self._torque_weight
         # LAPACK directly, because it takes a quarter of the time of an inverse by NumPy.
-        root = lapack.dtrtri(lapack.dpotrf(hessian, lower=1)[0], lower=1)[0].T
+        factor, failed = lapack.dpotrf(hessian, lower=1)
+        if failed:
+            return None
+        root = lapack.dtrtri(factor, lower=1)[0].T
         states = np.vstack([x, steps.after])
         return _Prepared(states, torques.ravel(), flat, last[:, s:], both[:, :s], root)
+
+    def _planned(self, ready: _Prepared | None, x: FloatArray, wanted: FloatArray) -> FloatArray:
+        """Return the torques (N joints,) of the programme, or of the last plan without one."""
+        if ready is None:
+            return self._shifted(self._motion.torques(self.horizon).ravel())
+        return self._optimal(ready, x, wanted)
 
     def _optimal(self, ready: _Prepared, x: FloatArray, wanted: FloatArray) -> FloatArray:
         """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start."""

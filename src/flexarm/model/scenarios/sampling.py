@@ -108,11 +108,18 @@ class SamplePlan(Record):
             yield Fault(("count",), f"is required with method {given.method}")
 
 
+def _hardware(given: Given) -> list[Any]:
+    """Return the hardware of each plant of a study with valid plants: its own or the study's."""
+    shared = given.hardware if given.has("hardware") else None
+    return [plant.hardware or shared for plant in given.plants.values()]
+
+
 def _without_noise(given: Given) -> bool:
     """Return whether no noise acts on any drive of a valid study."""
-    if not given.has("hardware", "drives"):
+    if not given.has("drives", "plants") or not (given.absent("hardware") or given.has("hardware")):
         return False
-    noisy = any(item.noise > 0.0 for item in given.hardware.instruments or ())
+    parts = [item for item in _hardware(given) if item is not None]
+    noisy = any(item.noise > 0.0 for part in parts for item in part.instruments or ())
     return not noisy or all(drive.kind not in CONTROLLED for drive in given.drives.values())
 
 
@@ -128,7 +135,8 @@ def sampling_faults(given: Given) -> Iterator[Fault]:
     plan: SamplePlan = given.samples
     if not vary and plan.method == "grid":
         yield Fault(("vary",), "is required with a grid")
-    if plan.noise == "different" and given.absent("hardware"):
+    bare = given.absent("hardware") and given.has("plants") and not any(_hardware(given))
+    if plan.noise == "different" and bare:
         yield Fault(("samples", "noise"), "requires hardware, whose noise it is")
     elif not vary and plan.noise == "same" and (plan.count or 1) > 1:
         hint = "All samples would be equal. Give each its own noise with `noise: different`."
