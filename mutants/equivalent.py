@@ -115,12 +115,6 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "inner = np.unique(times[(times > 0.0) & (times <= last)])",
         ): "an interval of no length has the value of the next one and is left out",
     },
-    "tables.py": {
-        (
-            "table = Table.grid(padding=(0, 2, 0, 0))",
-            "table = Table.grid(padding=(0, 2, 0, -1))",
-        ): "a negative padding is none",
-    },
     "point_motion.py": {
         (
             "for k in range(stations.body.shape[0]):",

@@ -126,7 +126,9 @@ def agrees(arm, duration, path, given, step=2e-3, **more):
 FIXED = {"integrator": "rk4", "step": SAMPLE_TIME / 8, "rate": 1.0 / SAMPLE_TIME}
 #: Controllers whose update is not a smooth function of declared memory and readings, with a text of
 #: the message.
-REFUSED = dict.fromkeys(("estimator", "rbf_adaptive", "repetitive"), "declare its memory")
+REFUSED = dict.fromkeys(
+    ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "declare its memory"
+)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -95,7 +95,7 @@ def test_declared_memory_of_controllers_is_complete(name):
     """The linear system of a controller has the same response to small readings of many samples."""
     controller = EXAMPLES[name]()
     if controller.memory is None:
-        assert name in ("estimator", "rbf_adaptive", "repetitive")
+        assert name in ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive")
         return
     arm = two_links()
     instruments = instruments_of(arm, None, 0)

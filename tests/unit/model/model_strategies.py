@@ -287,6 +287,7 @@ def scenarios(draw):
     motion = draw(st.one_of(st.none(), plain, pressed))
     presses = isinstance(motion, PressedMotionSpec)
     gains = not_negative | st.lists(not_negative, min_size=len(arm.links), max_size=len(arm.links))
+    wound = all(joint.fixed or joint.winding is not None for joint in arm.joints)
     drives = [
         st.just(NoDrive()),
         st.builds(
@@ -294,7 +295,7 @@ def scenarios(draw):
             rate=positive,
             values=st.lists(each, min_size=2, max_size=4),
             interpolation=st.sampled_from(["cubic", "linear", "hold"]),
-            quantity=st.sampled_from(["torque", "voltage"]),
+            quantity=st.sampled_from(["torque", "voltage"] if wound else ["torque"]),
         ),
     ]
     if motion is not None:

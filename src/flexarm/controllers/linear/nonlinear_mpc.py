@@ -33,13 +33,13 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
 
     At every sample the controller takes one Gauss-Newton step (a real-time iteration) towards the
     torques with the least cost over the horizon, as predicted by the nonlinear dynamics of the arm
-    with few modes, and applies the first. The weights, the cost beyond the horizon, and the gain
+    and applies the first. The weights, the cost beyond the horizon, and the gain
     of the estimator are those of `LQG`, so the torques are nearly those of `LQG` for small motions
     within the limits. The estimate begins at the first readings of the encoders, and is predicted
     by the nonlinear dynamics, too.
 
     Attributes:
-        arm: the model of the controller, with at most ``modes`` modes for each link.
+        arm: the model of the controller; with ``modes``, with at most so many for each link.
         limited, inaccurate, fallback: as for `MPC`; for several iterations, of the last.
             ``fallback`` also counts samples without a plan because the prediction overflowed; the
             estimate then starts again from the readings of the encoders.
@@ -53,12 +53,14 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     eliminated: all of them are those of a simulation under the torques of the last sample.
     """
 
-    memory = LQG.memory
+    # It keeps the last plan and the derivatives about it, too many numbers to declare.
+    memory = None  # type: ignore[assignment]
     vectorized = False
     references = "DiehlBockSchloeder2005 LawsonHanson1974"
 
     def __post_init__(self) -> None:
-        self.arm = with_modes(self.arm, self.modes)
+        if self.modes is not None:
+            self.arm = with_modes(self.arm, self.modes)
         super().__post_init__()
 
     def _prepare(self) -> None:

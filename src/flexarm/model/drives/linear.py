@@ -149,10 +149,10 @@ class NonlinearMPCParameters(MPCParameters):
     name = "nonlinear_mpc"
     _: KW_ONLY
     horizon: _Horizon = 20
-    modes: Count = Field(
-        default=2,
+    modes: Count | None = Field(
+        default=None,
         description="Number of modes of each link (of each segment) in the model of the "
-        "controller; links with fewer modes keep theirs.",
+        "controller; links with fewer modes keep theirs. By default those of the arm.",
     )
     iterations: Count = Field(
         default=1,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
 from flexarm.model.quantities import (
     Count,
+    Finite,
     Flag,
     Interval,
     Mapped,
@@ -20,6 +21,7 @@ from flexarm.model.quantities import (
     Positive,
     Typed,
     Word,
+    plain,
 )
 
 Bandwidth = Annotated[
@@ -177,7 +179,7 @@ class PrescribedPerformanceParameters(ControllerParameters):
     decay: NonNegative = Field(
         default=1.0, description="Rate at which the bound of the angle error decreases (1/s)."
     )
-    gain_limit: Annotated[Number, Field(ge=1.01, le=1e6)] = Field(
+    gain_limit: Annotated[Finite, Field(ge=1.01, le=1e6), BeforeValidator(plain)] = Field(
         default=20.0,
         description="Factor up to which the gains increase towards the bounds; the "
         "sampled loop must be stable with ``damping`` times this factor.",

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.model import Instrument, Scenario
+from flexarm.model import Instrument, InstrumentFault, Scenario
 from flexarm.model.arm.damping import ModalDamping, RayleighDamping
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import Gauge
@@ -260,6 +260,7 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
     JointEvent: _joint_event,
     TipEvent: _tip_event,
     Instrument: _instrument,
+    InstrumentFault: lambda of, _: {"kind": "bias", "size": 0.01},
     ModalDamping: lambda of, _: {"ratio": 0.01},
     RayleighDamping: lambda of, _: {"stiffness_coefficient": 0.001},
     SmoothingSpec: lambda of, _: {"duration": 0.1},
