@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from central_differences import differences
 from flexarm.model.paths import number_at, with_number
 from random_arms import random_spec
 
@@ -13,7 +14,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 NAMES = "event_time", "event_q", "event_qd"
-ORDER_8, ORDER_6 = (4 / 5, -1 / 5, 4 / 105, -1 / 280), (3 / 4, -3 / 20, 1 / 60, 0.0)
 DURATION = 0.4
 WALL = fa.Wall((0.0, 0.3), (0.0, -1.0))
 
@@ -50,20 +50,6 @@ def events_of(arm, kind, terminal):
         ),
     }
     return [made[kind](terminal=terminal, name=kind)]
-
-
-def differences(result_of, value, step):
-    runs = {k: result_of(value + k * step) for k in range(-4, 5) if k}
-    exact, check = (
-        [
-            sum(w * (runs[k][p] - runs[-k][p]) for k, w in enumerate(weights, start=1)) / step
-            for p in range(len(runs[1]))
-        ]
-        for weights in (ORDER_8, ORDER_6)
-    )
-    return [
-        (one, np.abs(one - other).max(initial=0.0)) for one, other in zip(exact, check, strict=True)
-    ]
 
 
 PATHS = ["payload.mass", "links[0].length", "initial_rate[0]", "links[1].flexural_rigidity"]
@@ -188,3 +174,86 @@ def test_the_gap_by_a_number_of_its_contact():
         fa.sensitivities(
             arm, DURATION, ["contacts[0].stiffness"], torque=lambda t: [3.0, -1.0 + t], **given
         )
+
+
+@pytest.mark.parametrize("kind", ["stop", "contact"])
+def test_steps_of_the_default_integrator(kind):
+    """The derivatives follow those of very short steps, although a force begins or ends there."""
+    arm, path = an_arm(stops=kind == "stop"), "payload.mass"
+    rate = 0.3 * np.ones(arm.dof)
+    rate[len(rate) // 2 :] *= 0.1
+    given = {
+        "torque": lambda t: [3.0, -1.0 + t], "initial_rate": rate, "rate": 200.0,
+        "contacts": [wall_contact()] if kind == "contact" else (),
+    }  # fmt: skip
+    found = fa.sensitivities(
+        arm, DURATION, [path], events=events_of(arm, kind, False), channels=["q"], **given
+    )["event_time"].values[0]
+
+    def times(value):
+        own = fa.Arm(with_number(arm.spec, path, value))
+        events = events_of(own, kind, False)
+        exact = {"integrator": "rk4", "step": 2e-5}
+        return [fa.simulate(own, DURATION, events=events, **given, **exact)["event_time"].values]
+
+    ((wanted, error),) = differences(times, 0.3, 1e-4)
+    # Measured 3e-5 and 1e-7; the tolerance of the steps is 1e-7.
+    largest = np.abs(wanted).max()
+    assert error < 1e-7 * largest
+    np.testing.assert_allclose(found, wanted, atol={"stop": 6e-5, "contact": 5e-7}[kind] * largest)
+
+
+def time_slope(make, path, value, event_of):
+    """Return the derivative of an event's time, and a central difference of it."""
+    given = {"torque": lambda t: [0.3], "initial_rate": [0.8]}
+    found = fa.sensitivities(
+        make(value), 2.0, [path], events=[event_of(make(value))], channels=["q"], **given
+    )
+    ends = [
+        fa.simulate(make(value + change), 2.0, events=[event_of(make(value + change))], **given)
+        for change in (1e-5, -1e-5)
+    ]
+    wanted = (ends[0]["event_time"].values[0] - ends[1]["event_time"].values[0]) / 2e-5
+    return found["event_time"].values[0, 0], wanted
+
+
+def test_the_tip_by_the_angle_of_a_fixed_joint():
+    def make(angle):
+        rigid = {"mass_per_length": 1.0, "flexural_rigidity": 1e3, "flexible": False}
+        return fa.Arm(
+            links=[fa.Link(length=1.0, **rigid), fa.Link(length=0.7, **rigid)],
+            joints=[fa.Joint(), fa.Joint(fixed=True, rest_angle=angle)], gravity=(0.0, 0.0),
+        )  # fmt: skip
+
+    found, wanted = time_slope(
+        make, "joints[1].rest_angle", 0.5,
+        lambda arm: fa.tip_event(arm, (0.0, 0.6), (0.0, 1.0), terminal=True),
+    )  # fmt: skip
+    assert abs(wanted) > 0.1
+    assert found == pytest.approx(wanted, rel=1e-5)  # located within the tolerance of the steps
+
+
+def test_a_stop_by_its_angle():
+    def make(upper):
+        limits = fa.JointLimits(lower=-1.0, upper=upper, stiffness=500.0, damping=0.2)
+        link = fa.Link(length=1.0, mass_per_length=1.0, flexural_rigidity=1e3)
+        joints = [fa.Joint(limits=limits)]
+        return fa.Arm(links=[link], joints=joints, gravity=(0.0, 0.0)).rigid()
+
+    found, wanted = time_slope(
+        make, "joints[0].limits.upper", 0.3,
+        lambda arm: fa.joint_event(arm, 1, "upper", direction=1, terminal=True),
+    )  # fmt: skip
+    assert wanted > 0.5
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
+def test_an_event_by_numbers_that_move_no_point():
+    """Numbers that are zero and may not be negative, too."""
+    arm = an_arm()
+    paths = ["joints[0].damping", "joints[1].damping"]
+    event = fa.tip_event(arm, (0.0, 0.25), (0.1, 1.0))
+    found = fa.sensitivities(
+        arm, DURATION, paths, torque=lambda t: [3.0, -1.0 + t], events=[event], channels=["q"]
+    )
+    assert np.all(found["event_time"] > 0.0)  # damping delays the tip

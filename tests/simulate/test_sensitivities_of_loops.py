@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from central_differences import differences
 from flexarm.hardware.measurement import Measurement
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
@@ -25,7 +26,6 @@ pytestmark = [
 STEP = 1e-30
 #: Rounding of two ways to compute the same derivative, over a hundred steps.
 SAME = 1e-10
-ORDER_8, ORDER_6 = (4 / 5, -1 / 5, 4 / 105, -1 / 280), (3 / 4, -3 / 20, 1 / 60, 0.0)
 
 
 def a_motion(arm):
@@ -90,16 +90,6 @@ def test_linear_laws_against_complex_steps(name):
             np.testing.assert_allclose(both[part], wanted[part], rtol=0, atol=allowed, err_msg=path)
 
 
-def differences(result_of, value, step):
-    """Return the derivatives of a channel by differences of order 8, and their estimated error."""
-    runs = {k: result_of(value + k * step) for k in range(-4, 5) if k}
-    exact, check = (
-        sum(w * (runs[k] - runs[-k]) for k, w in enumerate(weights, start=1)) / step
-        for weights in (ORDER_8, ORDER_6)
-    )
-    return exact, np.abs(exact - check).max()
-
-
 def agrees(arm, duration, path, given, step=2e-3, **more):
     """Compare the derivatives of the tip with differences; return the largest one."""
     found = fa.sensitivities(arm, duration, [path], channels=["tip"], **given, **more)
@@ -112,12 +102,12 @@ def agrees(arm, duration, path, given, step=2e-3, **more):
         else:
             own = fa.Arm(with_number(arm.spec, path, value))
         # The controller keeps its model: it is designed for the arm that does not change.
-        return fa.simulate(own, duration, **changed)["tip"].values
+        return [fa.simulate(own, duration, **changed)["tip"].values]
 
     start = path.startswith("initial[")
     value = given["initial"][int(path[8:-1])] if start else number_at("", arm.spec, path)
     step *= max(abs(value), 0.1)
-    wanted, error = differences(tip, value, step)
+    ((wanted, error),) = differences(tip, value, step)
     allowed = 10.0 * error + 1e-8 * np.abs(wanted).max() + 1e-12 / step
     assert allowed < 1e-3 * np.abs(wanted).max()
     np.testing.assert_allclose(found["tip"].values[0], wanted, rtol=0, atol=allowed)

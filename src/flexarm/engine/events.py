@@ -100,11 +100,12 @@ def joint_event(
             hint = "Give the joint limits, or the angle itself."
             rule = f"be a number (joint {joint} has no limits)"
             raise InputError(Problem("angle", rule, shown(angle), hint))
-        value = limits.lower if angle == "lower" else limits.upper
+        value = float(getattr(limits, angle))
     else:
         value = check_number("angle", angle)
     place = int(arm.joint_index[index])
-    return Event(_JointAngle(arm, place, value), name, direction, terminal)
+    stop = (joint - 1, angle) if isinstance(angle, str) else None
+    return Event(_JointAngle(arm, place, value, stop), name, direction, terminal)
 
 
 @public_call
@@ -183,6 +184,7 @@ class _JointAngle:
     arm: Arm
     place: int  # in q
     angle: float
+    stop: tuple[int, str] | None = None  # joint, from 0, and side of the stop with this angle
 
     def __call__(self, t: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         return np.asarray(q[..., self.place] - self.angle)
@@ -219,7 +221,11 @@ class _Gap:
 
 
 def function_for(function: object, arm: Arm) -> EventFunction | None:
-    """Return the function of a tip or contact event for another arm; None for other functions."""
+    """Return a function that depends on the arm, a built-in one, for another arm; or None."""
+    if isinstance(function, _JointAngle) and function.stop is not None:
+        joint, side = function.stop
+        angle = getattr(arm.spec.joints[joint].limits, side)
+        return replace(function, arm=arm, angle=angle)
     if isinstance(function, _TipDistance):
         return replace(function, arm=arm)
     if isinstance(function, _Gap):

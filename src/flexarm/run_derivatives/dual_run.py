@@ -78,6 +78,9 @@ class DualStepper:
 
     def _at_event(self, time: float, since: float, start: DualArray) -> DualArray:
         """Return the state at an event, from the last sample or ``start``, as ``simulate`` does."""
+        # Unlike in the search of the run, the step is that after the interval, not before it: the
+        # samples of the interval are needed to know where to begin. The derivatives of the state
+        # at a given time depend on it only within the tolerance of the steps.
         place = int(np.searchsorted(self._run.sample_times, time)) - 1
         begin, state = since, start.copy()
         if place >= 0 and self._run.sample_times[place] >= since:

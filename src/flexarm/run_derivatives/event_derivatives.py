@@ -23,7 +23,7 @@ from flexarm.integrate.torque import slope_at
 from flexarm.kernels.compilation.dual_arrays import DualArray
 from flexarm.model.paths import number_at, with_number
 from flexarm.run_derivatives.differences import differences, local_slopes
-from flexarm.run_derivatives.parameters import Parameters
+from flexarm.run_derivatives.parameters import Parameters, is_of_arm
 
 #: Unit, meaning and axes of the variables of the events.
 EVENTS = {
@@ -115,7 +115,7 @@ def _crossing(
         return _values(event.function, points, dof)
 
     slopes = local_slopes(values, point, np.full(point.size, _STEP))[:, 0]
-    if np.any(np.isnan(slopes)):
+    if not np.all(np.isfinite(slopes)):
         raise _refused(f"{name} at t = {found.time:.6g} s has a function that is not smooth")
     terms = slopes * np.append(motion, 1.0)
     rate = float(terms.sum())
@@ -154,18 +154,19 @@ def _values(function: Any, points: FloatArray, dof: int) -> FloatArray:
 
 
 def _partial(arm: Arm, function: Any, path: str, point: FloatArray) -> float:
-    """Return the derivative of a built-in event's function by a parameter, at a constant state.
+    """Return the derivative of an event's function by a parameter, at a constant state.
 
-    The function of a user is constant. Only the shapes of the links move points of the arm.
+    A built-in one depends on the arm, and one of the user on the time and the state alone.
     """
     if path.startswith("contacts[") and hasattr(function, "contact"):
         raise _refused(f"the gap of a contact event is not differentiated by {path}")
-    own = path.startswith("links[") and ".damping" not in path and ".gauges" not in path
-    if not own or function_for(function, arm) is None:
+    if function_for(function, arm) is None or not is_of_arm(path):
         return 0.0
 
     def at(value: float) -> list[FloatArray]:
-        moved = function_for(function, Arm(with_number(arm.spec, path, value)))
+        # Unchecked, so that a mass of zero, which moves no point, may become negative.
+        changed = Arm(with_number(arm.spec, path, value, checked=False))
+        moved = function_for(function, changed)
         return [_values(moved, point[None], arm.dof)[0]]
 
     value = number_at("parameters", arm.spec, path)

@@ -16,10 +16,12 @@ from flexarm.kernels.compilation.dual_arrays import Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.loop.actuators import Acting
+from flexarm.loop_analysis.linear_controller import LinearController
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import DualRun, DualStepper
 from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.recorded_loop import RecordedLoop
+from flexarm.run_derivatives.update_derivatives import is_finite, not_differentiable
 
 
 def loop_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs], loop: RecordedLoop) -> DualRun:
@@ -66,9 +68,24 @@ class _LoopInDuals:
     def _command(self, k: int) -> Any:
         """Return the command (directions, joints) of a sample; imaginary parts are derivatives."""
         update, readings = self._loop.updates[k], self._measure(k)
+        if not is_finite(update):
+            update = self._without_corners(update, readings, self._loop.times[k])
         slopes = self._memory @ update.C.T + readings @ update.D.T
         self._memory = self._memory @ update.A.T + readings @ update.B.T
         return self._loop.commands[k] + 1j * STEP * slopes
+
+    def _without_corners(
+        self, update: LinearController, readings: FloatArray, t: float
+    ) -> LinearController:
+        """Return an update without the infinite derivatives by numbers that no parameter changes.
+
+        Raises:
+            InputError: if a parameter changes a number at a corner.
+        """
+        for matrix, numbers in zip(update, (self._memory, readings) * 2, strict=True):
+            if np.any(numbers[:, np.any(np.isinf(matrix), axis=0)]):
+                raise not_differentiable(self._loop.controller, t)
+        return LinearController(*(np.where(np.isinf(part), 0.0, part) for part in update))
 
     def _measure(self, k: int) -> FloatArray:
         """Return the derivatives (directions, p) of the readings of a sample."""
@@ -126,5 +143,6 @@ class _LoopInDuals:
 
 
 def _linear(item: Any) -> Any:
-    """Return the instrument of the derivatives of readings: without errors, noise and range."""
-    return item.replace(noise=0.0, bias=0.0, limit=np.inf)
+    """Return the instrument of the derivatives of readings: without added errors and range."""
+    kept = [fault for fault in item.faults if fault.kind not in ("bias", "drift")]
+    return item.replace(noise=0.0, bias=0.0, limit=np.inf, faults=kept)

@@ -34,6 +34,11 @@ def has_samples(paths: Sequence[str]) -> bool:
     return any(_SAMPLE.fullmatch(path) for path in paths)
 
 
+def is_of_arm(path: str) -> bool:
+    """Return whether a path is that of a number of the arm."""
+    return not any(kind.fullmatch(path) for kind in (_STATE, _SAMPLE, _TIP, _RECORD))
+
+
 class Samples(NamedTuple):
     """Torque samples of a run."""
 

@@ -46,11 +46,13 @@ class RecordedLoop(ClosedLoop):
             rule = f"is required for {run.integrator.name} with derivatives of closed loops"
             raise InputError(Problem("step", rule))
         self.instruments = _instruments(run, hardware)
+        self._limited = [item for item in self.instruments if np.isfinite(item.limit)]
         self._signals = signals
         self._refuse_instruments()
         self.updates: list[LinearController] = []
         self.sizes: dict[str, int] = {}
-        self._used: list[tuple[str, float]] = []
+        self._used: set[str] = set()  # readings that the last update depends on
+        self._reached: set[str] = set()  # rates that include a reading at the limit
         self._derivatives = UpdateDerivatives(controller, self._reference)
 
     @property
@@ -93,37 +95,33 @@ class RecordedLoop(ClosedLoop):
         update = self._derivatives.after(t, measurement, torque)
         if not self.updates or update is not self.updates[-1]:
             self._used = self._readings_of(update, measurement)
-        for name, limit in self._used:
-            if np.any(np.abs(measurement[name]) >= limit):
-                rule = f"is reached by {name}, which has no derivative there"
+        for item in self._limited:
+            now = np.any(np.abs(measurement[item.label]) >= item.limit)
+            self._reached |= set(item.labels[1:] if now else ())
+            used = self._used.intersection(item.labels)
+            if used & self._reached or (used and now):
+                rule = f"is reached by {item.label}, which has no derivative there"
                 raise InputError(Problem("hardware.instruments.limit", rule))
         self.updates.append(update)
         return torque
 
-    def _readings_of(
-        self, update: LinearController, measurement: Measurement
-    ) -> list[tuple[str, float]]:
-        """Return the readings that an update uses and that have a limit, with the limits.
+    def _readings_of(self, update: LinearController, measurement: Measurement) -> set[str]:
+        """Return the names of the readings that an update uses.
 
         Raises:
             InputError: if it uses a reading without a derivative.
         """
-        start, found = 0, []
+        start, found = 0, set()
         for name, value in measurement.items():
             part = slice(start, start + value.size)
             start += value.size
             if not (np.any(update.B[:, part]) or np.any(update.D[:, part])):
                 continue
-            instrument = self._instrument_of(name)
-            if instrument is None:
+            if not any(name in item.labels for item in self.instruments):
                 rule = f"reads {name}, which is not supported with derivatives of runs"
                 raise InputError(Problem("controller", rule))
-            if np.isfinite(instrument.limit):
-                found.append((name, instrument.limit))
+            found.add(name)
         return found
-
-    def _instrument_of(self, label: str) -> Instrument | None:
-        return next((item for item in self.instruments if label in item.labels), None)
 
 
 def _instruments(run: Run, hardware: Hardware | None) -> list[Instrument]:

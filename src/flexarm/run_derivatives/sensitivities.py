@@ -83,7 +83,8 @@ def sensitivities(
         channels: names of channels that follow from the states; None: all of them.
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
-    has its own model. The updates of a controller are differentiated with respect to its readings
+    has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
+    an arm, that arm does not change. The updates of a controller are differentiated with respect to its readings
     and its ``memory``, which it must declare. Changes of the arm and section forces are not
     supported.
 

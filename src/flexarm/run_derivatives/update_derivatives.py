@@ -3,7 +3,8 @@
 An update maps the memory and the readings to the next memory and the torque. Central differences
 of order 8 differentiate it: for linear laws their error is rounding only, and for smooth laws it is
 1e-12. Differences of order 6 estimate it, so that a law that is not smooth is rejected. A linear
-law has the same derivatives at each update, which a difference in a random direction verifies.
+law has the same derivatives at each update, which a first and a second difference in a random
+direction verify.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from flexarm.loop_analysis.linear_controller import LinearController, Memory, me
 from flexarm.run_derivatives.differences import local_slopes
 
 #: First step of the differences, relative to the largest number of a reading or of the memory, and
-#: the step of numbers that have all been zero.
-_SHIFT, _SMALL = 0.01, 1e-3
+#: the step of numbers that have all been zero. They are no multiple of a resolution, at which a law
+#: that rounds would seem to be linear.
+_SHIFT, _SMALL = 0.01 * 0.95**0.5, 1e-3 * 0.95**0.5
 #: Rounding errors of an update, relative to the sum of the absolute values of its terms.
 _ROUNDED = 2e-14
 #: Length of the random direction, in steps of the differences.
@@ -148,10 +150,11 @@ class UpdateDerivatives:
         if not (_same(now[:-joints], self._kept[0].read()) and _same(now[-joints:], torque)):
             raise _undeclared(t)
         last = self._last
-        if last is not None and last.C.shape[1] == self._before.size:
+        if last is not None and last.C.shape[1] == self._before.size and is_finite(last):
             slope = np.block([[last.A, last.B], [last.C, last.D]])
-            terms = np.abs(slope) @ (np.abs(point) + far) + np.abs(now)
-            if np.all(np.abs(0.5 * (ahead - behind) - slope @ far) <= _ROUNDED * terms):
+            rounded = _ROUNDED * (np.abs(slope) @ (np.abs(point) + far) + np.abs(now))
+            odd, even = 0.5 * (ahead - behind) - slope @ far, 0.5 * (ahead + behind) - now
+            if np.all(np.abs(odd) <= rounded) and np.all(np.abs(even) <= rounded):
                 return last
         return self._differenced(updated, point, steps, t)
 
@@ -162,7 +165,7 @@ class UpdateDerivatives:
         steps: FloatArray,
         t: float,
     ) -> LinearController:
-        """Return derivatives by differences.
+        """Return derivatives by differences, infinite ones at corners.
 
         Raises:
             InputError: if the update is not differentiable at ``point``.
@@ -171,12 +174,22 @@ class UpdateDerivatives:
         if np.any(np.isnan(slope)):
             if not _same(*updated(np.array([point, point]))):
                 raise _undeclared(t)
-            given = f"{type(self._controller).__name__}, which is not at t = {t:.6g} s"
-            raise InputError(Problem("controller", "be differentiable for a derivative", given))
+            raise not_differentiable(self._controller, t)
         n, after = self._before.size, len(slope) - self._joints
         return LinearController(
             slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]
         )
+
+
+def is_finite(update: LinearController) -> bool:
+    """Return whether an update has no corner where it was differentiated."""
+    return all(bool(np.all(np.isfinite(matrix))) for matrix in update)
+
+
+def not_differentiable(controller: Any, t: float) -> InputError:
+    """Return the error of a controller whose update at t (s) has no derivative."""
+    given = f"{type(controller).__name__}, which is not at t = {t:.6g} s"
+    return InputError(Problem("controller", "be differentiable for a derivative", given))
 
 
 def _undeclared(t: float) -> InputError:
