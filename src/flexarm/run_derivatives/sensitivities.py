@@ -84,9 +84,9 @@ def sensitivities(
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
-    an arm, that arm does not change. The updates of a controller are differentiated with respect to its readings
-    and its ``memory``, which it must declare. Changes of the arm and section forces are not
-    supported.
+    an arm, that arm does not change. The updates of a controller are differentiated with respect to
+    its readings and its ``memory``, which it must declare. Changes of the arm and section forces
+    are not supported.
 
     Returns:
         Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
