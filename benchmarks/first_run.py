@@ -30,10 +30,10 @@ _FORCE_CONTROL = """
 import warnings
 hubs = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)]
 arm = fa.Arm(links=arm.spec.links, joints=hubs)
-motion = fa.joint_motion(arm, [0.4, 0.6], [0.5, 0.5], 0.1)
+motion = fa.joint_motion(arm, [0.4, 0.6], [0.5, 0.5], 0.1, start_time=0.5)
 x, y, *_ = arm.tip(arm.rest([0.4, 0.6]))
 floor = fa.Contact(fa.Wall((float(x), float(y) + 1e-4), (0.0, 1.0)), 1e4)
-pressed = fa.pressed_motion(arm, motion, 0.1, [0.0, 1.0], interval=0.05)
+pressed = fa.pressed_motion(arm, motion, 0.1, [0.0, 1.0], duration=0.1)
 controller = fa.HybridForce(arm, frequency=1.5, sample_time=0.004)
 with warnings.catch_warnings():
     # The loop is unstable on so flexible an arm; what compiles for it is the same.

@@ -77,12 +77,25 @@ def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypat
     assert not out.exists()
 
 
+def test_one_torque_limit_is_that_of_all_joints(path, tmp_path):
+    link = ARM.partition("links:\n")[2].partition("  joints:")[0]
+    two = ARM.replace(link, 2 * link).replace("{hub_inertia: 0.05}", "{hub_inertia: 0.05}, {}")
+    path.write_text(two)
+    options = ("--task", "hold", "--out", tmp_path / "design.yaml", "--disk-margin", "5")
+    for limit in ("5", "5,4"):  # the next wrong option is reported
+        found = call(path, *options, "--torque-limit", limit).output
+        assert "disk_margin must be greater than 0" in found
+    found = call(path, *options, "--torque-limit", "0").output
+    assert "torque_limit must be greater than 0, got 0" in found
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (("--start", "0.3,x"), "--start must be numbers separated by commas"),
         (("--sensors", "joints,eyes"), "sensors must be one of"),
         (("--torque-limit", "0"), "torque_limit must be greater than 0"),
+        (("--torque-limit", "1,2,3"), "torque_limit must be"),
         (("--out", "design.txt"), "--out must end in .yaml or .yml"),
     ],
 )

@@ -52,7 +52,7 @@ def optimal() -> fa.OptimalMotion:
 
 @cache
 def pressed() -> Any:
-    return fa.pressed_motion(arm(), motion(), 0.1, [0.0, 1.0], interval=0.5)
+    return fa.pressed_motion(arm(), motion(), 0.1, [1.0, 0.3], interval=0.5)
 
 
 @cache

@@ -107,14 +107,15 @@ def test_what_sensors_determine():
 def test_a_record_without_motion_determines_nothing():
     arm = arm_of(ONE)
     still = fa.simulate(arm, 0.2, rate=200.0)[["joint_angle", "strain"]]
-    plan = fa.identifiability(arm, planned(still), [RIGIDITY, "joints[0].damping"])
+    plan = fa.identifiability(arm, planned(still, input="none"), [RIGIDITY, "joints[0].damping"])
     assert np.all(np.isinf(plan.parameters["standard_deviation"]))
     assert np.isfinite(plan.parameters["correlation"]).all()
     (sentence,) = plan.undetermined
     assert "rigidity of link 1 and damping of joint 1: their standard deviations" in sentence
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = fa.identify(arm, planned(with_noise(still, 1)), [RIGIDITY], progress=False)
+        record = planned(with_noise(still, 1), input="none")
+        found = fa.identify(arm, record, [RIGIDITY], progress=False)
     assert found.parameters["standard_deviation"].values.tolist() == [np.inf]
 
 

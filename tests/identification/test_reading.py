@@ -218,6 +218,19 @@ def test_gaps_in_an_input_are_refused():
     assert len(error.value.problems) == 2
 
 
+@pytest.mark.parametrize("interpolation", ["cubic", "linear", "hold"])
+def test_a_result_states_the_interpolation_of_its_torque(interpolation):
+    samples = np.array([[0.2], [-0.1], [0.3], [0.1], [0.0]])
+    given = {"rate": 100.0, "torque_interpolation": interpolation}
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=9.0, mass_per_length=0.4)])
+    run = fa.simulate(arm, 0.04, torque=samples, **given)
+    assert run.attrs["torque_interpolation"] == interpolation
+    assert fa.MeasuredRecord(run).interpolation == interpolation
+    assert fa.MeasuredRecord(run, interpolation="cubic").interpolation == "cubic"
+    smooth = fa.simulate(arm, 0.04, torque=lambda t: [0.1 * t], **given)
+    assert fa.MeasuredRecord(smooth).interpolation == "cubic"
+
+
 @pytest.mark.parametrize("name", sorted(MEASURED))
 def test_every_measured_channel_has_labels(name):
     dims = MEASURED[name].dims

@@ -236,6 +236,25 @@ def broken(t):
     return [0.0, 0.0]
 
 
+@pytest.mark.parametrize("stations", [0, 3], ids=["lanes", "alone"])
+def test_a_factor_that_fails_is_the_failure_of_each_run(stations):
+    load = fa.Load(1, (0.0, 1.0), factor=lambda t: 1.0 + broken(t)[0])
+    for more in ({}, {"controller": fa.JointPD(4.0, 0.5)}):
+        batch = fa.simulate_batch(
+            ARM, loads=[load], initial=STARTS[:2], stations=stations, **SHORT, **more
+        )
+        assert list(batch["ended_by"].values) == ["failure"] * 2
+        for text in batch["failure"].values:
+            assert text.startswith(
+                "stopped at t = 0.01 s: Load.factor failed with RuntimeError: no"
+            )
+
+
+def test_impossible_numbers_of_a_later_run_are_refused():
+    with pytest.raises(fa.InputError, match=r"^simulate_batch: run 2: payload\.mass must be at l"):
+        fa.simulate_batch(ARM, parameters={"payload.mass": [0.1, 0.2, -0.3]}, **SHORT)
+
+
 @pytest.mark.parametrize(
     ("torque", "reason"),
     [(broken, "no more data"), (lambda t: [0.0], "must be numbers of shape (2,)")],

@@ -78,8 +78,19 @@ def test_functions_get_the_channels_of_their_run():
 
 
 def test_a_time_after_the_run():
-    own, _ = reduced(late=fa.Reduction("peak", "joint_rate", after=1.0))
-    np.testing.assert_array_equal(own["late"], [np.nan, np.nan])
+    """It is refused; a run that an event ends before it has no value."""
+    late = {
+        "last": fa.Reduction("peak", "tip", after=0.05),
+        "none": fa.Reduction("rms", "tip", after=5),
+    }
+    message = r"^simulate_batch: reductions\['none'\].after must be at most 0.05 s, .* got 5\.$"
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate_batch(ARM, reductions=late, channels=[], **HOW)
+    end = fa.Event(lambda t, q, qd: t - 0.03, "early", terminal=True)
+    peaks = {"peak": fa.Reduction("peak", "joint_rate", after=0.04)}
+    batch = fa.simulate_batch(ARM, reductions=peaks, channels=[], events=[end], **HOW)
+    assert batch["ended_by"].item() == "early"
+    assert np.isnan(batch["peak"].values).tolist() == [[True, True]]
 
 
 def test_all_samples_count():

@@ -111,7 +111,7 @@ def test_motion_that_presses_the_wrong_way_is_rejected(arm, surface, normal):
 
 def test_motion_that_reaches_a_wall_later_is_checked_there(arm):
     line = fa.line_motion(arm, (1.0, 0.6), (1.0, 0.3), 1.0)
-    wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * t, (0.0, -1.0))
+    wrong = fa.pressed_motion(arm, line, lambda t: 5.0 * max(t - 0.6, 0.0), (0.0, -1.0))
     floor = fa.Contact(fa.Wall((0.0, 0.3), (0.0, 1.0)), 1e4)
     with pytest.raises(fa.InputError, match=r"got \(0, -1\) at t = 0\.[7-9]\d* s, which points"):
         fa.simulate(arm, 1.0, controller=fa.JointPD(20.0, 2.0), reference=wrong, contacts=[floor])

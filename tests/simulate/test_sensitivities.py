@@ -292,6 +292,10 @@ def test_a_number_whose_terms_are_omitted():
 def test_wrong_channels():
     with pytest.raises(fa.InputError, match="follows from the states"):
         fa.sensitivities(bench_arm(), 0.01, ["payload.mass"], channels=["joint_force"])
+    with pytest.raises(
+        fa.InputError, match=r"channels\[1\] .*'torque'\. Known: joint_angle, .*, tip, "
+    ):
+        fa.sensitivities(bench_arm(), 0.01, ["payload.mass"], channels=["tip", "torque"])
 
 
 def test_more_than_eight_parameters_equal_single_ones():

@@ -112,8 +112,8 @@ class OpenLoop:
         Raises:
             InputError: if an argument does not fit the arm.
         """
-        run, state = self._new_run(0)
         with suppress(SimulationError):  # each run reports the failure of a function
+            run, state = self._new_run(0)
             self.history(0, run.arm, state, self._options.rtol)
 
     def __call__(self, k: int) -> Outcome:
@@ -122,7 +122,10 @@ class OpenLoop:
         Raises:
             InputError: if an argument does not fit the arm of the run.
         """
-        run, state = self._new_run(k)
+        try:
+            run, state = self._new_run(k)
+        except SimulationError as error:  # a factor or another function of time failed
+            return failed(k, error)
         failure = ""
         try:
             run_through_impacts(run, partial(self.history, k, run.arm, state))

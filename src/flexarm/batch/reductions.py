@@ -78,7 +78,8 @@ class Reduction:
             the channel stays within ``band`` of its last value. Or a function of the times
             (samples,), s, and of the values (samples, ...) of each channel, that returns a number.
         channel: name of a channel of results; a function may have a list of them.
-        after: time (s) from which samples count; NaN if the run ends before it.
+        after: time (s) from which samples count, within the duration; NaN if an event ends the run
+            before it.
         band: of "settling", in the unit of the channel.
 
     Raises:
@@ -198,3 +199,18 @@ def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction
     if problems:
         raise InputError(*problems)
     return found
+
+
+def check_samples(reductions: Mapping[str, Reduction], end: float) -> None:
+    """Raise if a reduction would have no samples; ``end``: time of the last sample, s.
+
+    Raises:
+        InputError: if one begins after it.
+    """
+    problems = [
+        Problem(f"reductions[{name!r}].after", f"be at most {end:g} s, the end", shown(item.after))
+        for name, item in reductions.items()
+        if item.after > end
+    ]
+    if problems:
+        raise InputError(*problems)

@@ -18,7 +18,7 @@ from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.batch.lanes import OpenLanes, fits_lanes
 from flexarm.batch.recording import TAKEN, Recorder
-from flexarm.batch.reductions import Reduction, check_channel, check_reductions
+from flexarm.batch.reductions import Reduction, check_channel, check_reductions, check_samples
 from flexarm.batch.variations import variations_of
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
@@ -124,8 +124,8 @@ def simulate_batch(
 
     Raises:
         InputError: if an argument has the wrong shape or value, the numbers of runs differ, or
-            ``simulate`` would raise for the first run. A later run that cannot be simulated has
-            its reason in ``failure``.
+            a number in ``parameters`` is impossible, or ``simulate`` would raise for the first run.
+            A later run that cannot be simulated has its reason in ``failure``.
 
     Warns:
         FlexarmWarning: once, if runs have warnings.
@@ -159,6 +159,7 @@ def simulate_batch(
     acting = {name: given.pop(name) for name in _ACTING}
     own.check_events(acting["events"])
     checked = run_options(duration, rate=rate, **given)
+    check_samples(reduced, float(checked.times[-1]))
     first = own.arms[0]
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"

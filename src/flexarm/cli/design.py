@@ -62,7 +62,11 @@ def design(
         ),
     ] = None,
     torque_limit: Annotated[
-        str | None, typer.Option(metavar='"A,B,..."', help="Limits of the motors, N m.")
+        str | None,
+        typer.Option(
+            metavar='"A,B,..."',
+            help="Limits of the motors, N m, one for all joints or one for each.",
+        ),
     ] = None,
     force: Annotated[
         float, typer.Option(metavar="NEWTONS", help="Force on the surface (task force).")

@@ -118,7 +118,7 @@ def _contacts() -> None:
 
 
 def _force_control() -> None:
-    pressed = fa.pressed_motion(_arm(), _motion(), 0.1, [0.0, 1.0], interval=0.05)
+    pressed = fa.pressed_motion(_arm(), _motion(), 0.1, [0.0, 1.0], duration=0.1)
     fa.simulate(
         _arm(),
         0.01,

@@ -57,6 +57,9 @@ def design_file(
         given["sensors"] = comma_separated(given["sensors"])
     for name in _NUMBERS:
         given[name] = _numbers(f"--{name.replace('_', '-')}", given[name])
+    limit = given["torque_limit"]
+    if limit is not None and len(limit) == 1:
+        given["torque_limit"] = limit[0]  # for all joints
     hint = "Give another file with --out, or replace it with --overwrite."
     check_new("--out", out, overwrite=overwrite, hint=hint)
     with warnings.catch_warnings():  # the reasons have it

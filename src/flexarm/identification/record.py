@@ -12,6 +12,7 @@ import xarray as xr
 from flexarm.arguments import check_dataset, check_kind, check_mapping, check_posture
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.errors import InputError, Problem, nearest, public_call, shown
+from flexarm.histories.samples import INTERPOLATIONS
 from flexarm.identification.labels import MEASURED, Label, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
@@ -22,6 +23,7 @@ from flexarm.model.identification.records import RecordSettings
 FEWEST = 4
 #: Largest deviation of an interval from the mean one in a uniform record, as a fraction of it.
 _UNEVEN = 1e-3
+_MISSING = "is required, because the record contains no torque, current or voltage"
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +119,9 @@ class MeasuredRecord:
         """Interpolation of the input between its samples: "cubic", "linear" or "hold"."""
         if self.settings.interpolation is not None:
             return self.settings.interpolation
+        given = self.data.attrs.get("torque_interpolation")
+        if isinstance(given, str) and given in INTERPOLATIONS:
+            return given
         return "hold" if "controller" in self.data.attrs else "cubic"
 
     @property
@@ -197,7 +202,8 @@ def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
     """Return records by name, from a record, a dataset over time, a list or a dictionary of them.
 
     Raises:
-        InputError: if the value is not a record, or a list or dictionary of them.
+        InputError: if the value is not a record, or a list or dictionary of them, or a record has
+            neither an input nor ``input="none"``.
     """
     if isinstance(given, MeasuredRecord | xr.Dataset):
         given = [given]
@@ -211,6 +217,13 @@ def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
             item = MeasuredRecord(item)
         what = "a MeasuredRecord, or a dataset over time"
         records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
+    problems = [
+        Problem("input", _MISSING, hint='Give "none" if nothing drives the joints.', where=key)
+        for key, record in records.items()
+        if not record.driven and record.settings.input is None
+    ]
+    if problems:
+        raise InputError(*problems)
     return records
 
 

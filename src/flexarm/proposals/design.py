@@ -158,7 +158,7 @@ def design(
         sensors: of "joints" (always), "gauges", "tip" (its position) and "force" (on the surface);
             by default joints, the gauges of the arm, and for the task "force" its sensor.
         computing: "low" permits a few states for each joint, "medium" a model of the flexible arm
-            in the controller, "high" an optimisation in each sample, which requires
+            in the controller, "high" an optimisation in each sample if there is a
             ``torque_limit``.
         payload_uncertainty: largest relative error of the payload: 1 for up to twice as much.
         rigidity_uncertainty: largest relative error of the flexural rigidity of the links.

@@ -17,7 +17,7 @@ from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outw
 from flexarm.engine.events import event_log
 from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.progress import Meter
-from flexarm.errors import InputError, Problem, nearest
+from flexarm.errors import InputError, Problem, nearest, suggestion
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.run_derivatives.inputs import inputs_of_run
@@ -137,7 +137,7 @@ def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list
             f"{argument}[{k}]",
             "be a channel that follows from the states",
             repr(name),
-            nearest(name, possible),
+            suggestion(name, possible),
         )
         for k, name in enumerate(names)
         if name not in possible

@@ -313,6 +313,7 @@ def _set_drive(
             values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
         )
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
+        options["torque_interpolation"] = drive.interpolation
     elif drive.kind in FEEDFORWARD_DRIVES:
         options["torque"] = with_holding(followed.torque, start)
     elif isinstance(drive, ControllerDrive):

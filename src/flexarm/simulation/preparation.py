@@ -157,6 +157,11 @@ def start_of(
     return initial_state(arm, initial, initial_rate, straight)
 
 
+def between_samples(torque: Torque | None, options: RunOptions) -> str:
+    """Return the interpolation of samples of a torque; that of a function of time is "cubic"."""
+    return "cubic" if torque is None or callable(torque) else options.interpolation
+
+
 def torque_history(
     arm: Arm,
     torque: Torque | None,

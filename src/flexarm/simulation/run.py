@@ -41,7 +41,13 @@ from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
-from flexarm.simulation.preparation import Torque, run_options, start_of, torque_history
+from flexarm.simulation.preparation import (
+    Torque,
+    between_samples,
+    run_options,
+    start_of,
+    torque_history,
+)
 from flexarm.simulation.result import add_loop, make_result
 
 if TYPE_CHECKING:
@@ -194,7 +200,7 @@ def simulate(
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
             )
-            result = _open_loop(run, history_of)
+            result = _open_loop(run, history_of, between_samples(torque, options))
     if result.attrs["warning"]:
         warn_caller(result.attrs["warning"], LargeDeflectionWarning)
     if run.doubt:
@@ -203,7 +209,9 @@ def simulate(
     return result
 
 
-def _open_loop(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> xr.Dataset:
+def _open_loop(
+    run: Run, history_of: Callable[[float], PiecewiseCubic], interpolation: str
+) -> xr.Dataset:
     started = time.perf_counter()
     failure: SimulationError | None = None
     try:
@@ -213,7 +221,7 @@ def _open_loop(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> xr.Da
             raise
         failure = error
     assert run.history is not None
-    result = _result(run, run.history, started, str(failure or ""))
+    result = _result(run, run.history, started, interpolation, str(failure or ""))
     if failure is not None:
         failure.result = result
         raise failure
@@ -228,16 +236,17 @@ def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
         if unstable:  # the instability is the cause of every later failure
             error.hint = f"{unstable[0].upper()}{unstable[1:]}"
         if loop.times:
-            result = _result(run, loop, started, str(error), unstable)
+            result = _result(run, loop, started, "hold", str(error), unstable)
             error.result = add_loop(result, loop)
         raise
-    return add_loop(_result(run, loop, started, "", unstable), loop)
+    return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
 
 
 def _result(
     run: Run,
     drive: PiecewiseCubic | ClosedLoop,
     started: float,
+    interpolation: str,
     failure: str = "",
     unstable: str = "",
 ) -> xr.Dataset:
@@ -256,6 +265,7 @@ def _result(
         "steps": progress.steps,
         "rejected_steps": progress.rejected,
         "impact_steps": progress.impacts,
+        "torque_interpolation": interpolation,
         "evaluations": progress.evaluations + run.discarded,
         "shortest_feature": max(
             run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)

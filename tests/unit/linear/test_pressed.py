@@ -112,6 +112,18 @@ def test_values_for_many_times_and_after_the_end():
     assert repr(found) == "<flexarm.PressedMotion: 2 joints, up to 2.5 s>"
 
 
+def test_the_tip_may_approach_without_force():
+    down = fa.line_motion(ARM, (1.2, 0.5), (1.5, 0.5), 1.0)
+
+    def after(start):
+        return lambda t: 8.0 * max(t - start, 0.0) ** 3
+
+    found = fa.pressed_motion(ARM, down, after(0.9), (-1.0, 0.0), duration=1.5, interval=0.25)
+    assert found.contact_force(1.5) > 0.0
+    with pytest.raises(fa.InputError, match=r"^pressed_motion: normal is the direction of \d+% of"):
+        fa.pressed_motion(ARM, down, after(0.1), (-1.0, 0.0), duration=1.5)
+
+
 def test_normal_may_turn():
     def turning(t):
         return (-1.0, 0.1 * t)
@@ -133,6 +145,7 @@ def test_normal_may_turn():
         ({"normal": (0.0, 0.0)}, "normal"),
         ({"normal": (1.0, 0.0, 0.0)}, "normal"),
         ({"normal": lambda t: (0.0, 0.0)}, "normal at t"),
+        ({"normal": (0.0, 1.0)}, "normal is the direction of 100% of the path"),
         ({"friction": -0.1}, "friction"),
         ({"interval": 0.0}, "interval"),
         ({"duration": -1.0}, "duration"),

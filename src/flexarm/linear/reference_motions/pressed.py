@@ -40,6 +40,9 @@ _MORE_FRICTION = 0.1
 #: Friction changes sign smoothly below this fraction of the largest sliding speed, because a jump
 #: would excite vibration.
 _SLOW = 0.2
+#: Largest part of the path along the normal under a force, and number of instants to find it.
+#: Shaped motions deviate from their path, and the force may begin before the path arrives.
+_MOST_ACROSS, _INSTANTS = 0.5, 201
 
 
 class JointFeedback(NamedTuple):
@@ -193,7 +196,8 @@ def pressed_motion(
 
     Raises:
         InputError: if a force is negative or not finite, a normal is zero, ``friction`` is
-            negative, the motion is for another arm, or the bent arm cannot reach the path.
+            negative, the motion is for another arm, the bent arm cannot reach the path, or the
+            path moves along the normal by more than half of its length while the force is not zero.
         SimulationError: if a function of time raises an exception.
     """
     arm = check_kind("arm", arm, Arm)
@@ -205,9 +209,33 @@ def pressed_motion(
     times = np.linspace(0.0, end, count)
     pressing = _over_time("force", force, check_nonnegative)
     outward = _over_time("normal", normal, check_direction)
+    _refuse_across(motion, pressing, outward, end)
     found = PressedMotion(arm, motion, pressing, outward, times, friction)
     warn_of_bending(arm, found._bent)
     return found
+
+
+def _refuse_across(
+    motion: Motion,
+    force: Callable[[float], float],
+    normal: Callable[[float], FloatArray],
+    end: float,
+) -> None:
+    """Raise if the path crosses the surface, instead of following it, until a time (s).
+
+    Raises:
+        InputError: if most of the path is along the normal while the tip presses.
+    """
+    times = np.linspace(0.0, end, _INSTANTS)
+    steps = np.diff(motion.tip(times), axis=0)
+    middles = (0.5 * (times[1:] + times[:-1])).tolist()
+    moves = [(t, step) for t, step in zip(middles, steps, strict=True) if step.any()]
+    across = sum(abs(float(normal(t) @ step)) for t, step in moves if force(t) > 0.0)
+    way = float(np.hypot(*steps.T).sum())
+    if across > _MOST_ACROSS * way:
+        rule = f"is the direction of {across / way:.0%} of the path while the tip presses"
+        hint = "A tip that presses moves along the surface, at right angles to its normal."
+        raise InputError(Problem("normal", rule, hint=hint))
 
 
 def _over_time(name: str, given: Any, check: Callable[[str, object], T]) -> Callable[[float], T]:
@@ -229,7 +257,7 @@ class _Search:
     def __init__(self, arm: Arm, motion: Motion, friction: float) -> None:
         self._arm, self._motion, self._friction = arm, motion, friction
         self._rigid = arm.rigid()
-        times = np.linspace(motion.start_time, motion.end_time, 201)
+        times = np.linspace(motion.start_time, motion.end_time, _INSTANTS)
         fastest = float(np.hypot(*np.gradient(motion.tip(times), times, axis=0).T).max())
         self._slow = max(_SLOW * fastest, 1e-9)
         self._q: FloatArray | None = None

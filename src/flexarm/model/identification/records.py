@@ -72,14 +72,14 @@ class RecordSettings(Record):
         default=None,
         description=(
             "Channel that drives the joints; by default torque, current or voltage, the first that "
-            "the record contains."
+            "the record contains. If nothing drives them, give none."
         ),
     )
     interpolation: Literal["cubic", "linear", "hold"] | None = Field(
         default=None,
         description=(
-            "Interpolation of the input between its samples; by default hold for a result of a "
-            "closed loop, whose controller applies a zero-order hold, and cubic otherwise."
+            "Interpolation of the input between its samples; by default that of the run for a "
+            "result of simulate (hold in a closed loop), and cubic otherwise."
         ),
     )
     prescribed: Listed[Count] = Field(
