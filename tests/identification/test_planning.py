@@ -104,6 +104,14 @@ def test_what_sensors_determine():
     assert "rotor_inertia" in str(known)
 
 
+@pytest.mark.parametrize("call", [fa.identify, fa.identifiability])
+def test_a_forgotten_input_is_reported(call):
+    forgotten = fa.simulate(arm_of(ONE), 0.1, rate=200.0)[["joint_angle", "strain"]]
+    message = "record 1: input is required, because the record contains no torque, current or volt"
+    with pytest.raises(fa.InputError, match=message):
+        call(arm_of(ONE), planned(forgotten), [RIGIDITY])
+
+
 def test_a_record_without_motion_determines_nothing():
     arm = arm_of(ONE)
     still = fa.simulate(arm, 0.2, rate=200.0)[["joint_angle", "strain"]]

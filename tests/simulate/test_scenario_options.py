@@ -279,6 +279,12 @@ def test_unknown_integrator_has_its_line(write):
         fa.run_scenario(path)
 
 
+def test_sampled_torques_state_their_interpolation(run):
+    samples = [[0.1, 0.0]] * 300
+    found = run(f"drive: {{kind: torque, rate: 100, interpolation: hold, values: {samples}}}\n")
+    assert found.attrs["torque_interpolation"] == "hold"
+
+
 def test_without_a_file_errors_have_the_key_only(write):
     scenario = load_scenario(write("drive: {kind: torque, rate: 9, values: [[0, 0], [1, 1]]}\n"))
     with pytest.raises(fa.InputError, match=r"^scenario: drive\.values must"):
