@@ -378,8 +378,7 @@ def test_a_record_in_wrong_units_is_reported():
 
 def test_a_record_without_torque_determines_nothing():
     given = short(end=0.5)
-    settings = given.settings.replace(input="none")
-    still = fa.MeasuredRecord(given.data.drop_vars("torque"), settings)
+    still = fa.MeasuredRecord(given.data.drop_vars("torque"), given.settings.replace(input="none"))
     with pytest.warns() as caught:
         found = fa.identify(arm_of(ONE), still, [RIGIDITY, "payload.mass"], progress=False)
     (sentence,) = found.undetermined
