@@ -198,7 +198,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
     "modes": {"arm": arm},
     "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
-    "pressed_motion": {**_MOVE, "force": 0.1, "normal": [0.0, 1.0], "interval": 0.5},
+    "pressed_motion": {**_MOVE, "force": 0.1, "normal": [1.0, 0.3], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     **IDENTIFICATION,
     "read_record": {"path": lambda: folder() / "result.csv"},

@@ -356,7 +356,8 @@ def test_records_must_agree(shaken):
     _, _, result = shaken
     own = measured(result)
     with pytest.raises(fa.InputError) as error:
-        fa.frequency_response({"a": own, "b": measured(result, ["strain"]), "c": result})
+        other = fa.MeasuredRecord(result, interpolation="cubic")
+        fa.frequency_response({"a": own, "b": measured(result, ["strain"]), "c": other})
     assert [problem.name for problem in error.value.problems] == ["b", "c", "c"]
     gaps = result[["torque", "strain"]].copy(deep=True)
     gaps["strain"][5] = np.nan

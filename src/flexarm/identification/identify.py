@@ -41,6 +41,7 @@ from flexarm.identification.prediction.problem import PredictionProblem
 from flexarm.identification.record import (
     MeasuredRecord,
     Records,
+    check_inputs,
     check_records,
     check_some_records,
 )
@@ -145,6 +146,7 @@ def identify(
     fitted = check_some_records(records)
     held_out = check_records("validation", validation)
     _check_names(fitted, held_out)
+    check_inputs(fitted | held_out)
     _check_currents({**fitted, **held_out}, motors)
     for name, record in (fitted | held_out).items():
         if record.coarse:

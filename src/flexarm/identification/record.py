@@ -202,8 +202,7 @@ def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
     """Return records by name, from a record, a dataset over time, a list or a dictionary of them.
 
     Raises:
-        InputError: if the value is not a record, or a list or dictionary of them, or a record has
-            neither an input nor ``input="none"``.
+        InputError: if the value is not a record, or a list or dictionary of them.
     """
     if isinstance(given, MeasuredRecord | xr.Dataset):
         given = [given]
@@ -217,13 +216,6 @@ def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
             item = MeasuredRecord(item)
         what = "a MeasuredRecord, or a dataset over time"
         records[str(key)] = check_kind(f"{name}[{key!r}]", item, MeasuredRecord, what)
-    problems = [
-        Problem("input", _MISSING, hint='Give "none" if nothing drives the joints.', where=key)
-        for key, record in records.items()
-        if not record.driven and record.settings.input is None
-    ]
-    if problems:
-        raise InputError(*problems)
     return records
 
 
@@ -237,6 +229,21 @@ def check_some_records(given: Any) -> dict[str, MeasuredRecord]:
     if not records:
         raise InputError(Problem("records", "must not be empty"))
     return records
+
+
+def check_inputs(records: Mapping[str, MeasuredRecord]) -> None:
+    """Raise if nothing drives the joints of a record that does not state this.
+
+    Raises:
+        InputError: if there are such records; it lists all of them.
+    """
+    problems = [
+        Problem("input", _MISSING, hint='Give "none" if nothing drives the joints.', where=name)
+        for name, record in records.items()
+        if not record.driven and record.settings.input is None
+    ]
+    if problems:
+        raise InputError(*problems)
 
 
 def _time_problems(times: FloatArray) -> list[Problem]:

@@ -14,7 +14,7 @@ from flexarm.arm import Arm
 from flexarm.errors import InputError, Problem, SimulationError, public_call
 from flexarm.identification.assessment import columns_of_fit, parameters_of
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
-from flexarm.identification.record import MeasuredRecord, Records, check_some_records
+from flexarm.identification.record import MeasuredRecord, Records, check_inputs, check_some_records
 from flexarm.identification.result import aligned, number_of
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space, check_free
@@ -127,6 +127,7 @@ def identifiability(
     if motors is not None:
         check_kind("motors", motors, Motors)
     given = check_some_records(records)
+    check_inputs(given)
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}
     return predicted(arm, given, check_free(free), motors, options)
