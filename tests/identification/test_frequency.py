@@ -355,8 +355,8 @@ def test_wrong_arguments_of_a_response(shaken, arguments, text):
 def test_records_must_agree(shaken):
     _, _, result = shaken
     own = measured(result)
+    other = fa.MeasuredRecord(result, interpolation="cubic")
     with pytest.raises(fa.InputError) as error:
-        other = fa.MeasuredRecord(result, interpolation="cubic")
         fa.frequency_response({"a": own, "b": measured(result, ["strain"]), "c": other})
     assert [problem.name for problem in error.value.problems] == ["b", "c", "c"]
     gaps = result[["torque", "strain"]].copy(deep=True)
