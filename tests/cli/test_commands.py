@@ -47,6 +47,20 @@ def test_check_prints_a_summary(good):
     assert words.endswith("ok")
 
 
+def test_check_names_the_integrator_of_a_fixed_step(good):
+    """`auto` with a step is another method than without one, as in the result."""
+
+    def row(*sets):
+        words = " ".join(invoke("check", good, *sets).stdout.split())
+        return words.rpartition(" integrator ")[2]
+
+    assert row().startswith("dormand_prince_8 is recommended: ")
+    used = "rk4 (fixed step requested); dormand_prince_8 is recommended: "
+    assert row("--set", "run.step=1e-5").startswith(used)
+    used = "generalized_alpha (order 2 with bending implicit: a step covers "
+    assert row("--set", "run.step=0.01").startswith(used)
+
+
 def test_check_prints_frequencies_sample_time_integrator_and_stability(good):
     """The numbers equal those of the Python interface, and the closed form of a single joint."""
     good.write_text(

@@ -158,6 +158,52 @@ def test_auto_with_a_step_too_long_for_rk4_warns_and_damps_fast_vibrations():
     assert apart(result, run(arm)) < 1e-3 * 2.4142
 
 
+def sticking(modes=2):
+    joint = fa.Joint(friction=fa.Friction(coulomb=0.5, static=0.8, smoothing_rate=1e-3))
+    return table_one(2, modes=modes, joints=[joint] * 2)
+
+
+TOO_LONG = r"too long for friction, .*: above 1\.6e-06 s, rk4 shakes a joint"
+
+
+@pytest.mark.parametrize("how", [{}, {"integrator": "rk4"}], ids=["auto", "rk4"])
+def test_fixed_step_too_long_for_friction_warns(how):
+    """The loop of the step is bounded, unlike that of a vibration, but the motion is wrong."""
+    arm = sticking()
+    with pytest.warns(fa.AccuracyWarning, match=TOO_LONG):
+        result = run(arm, step=1e-4, **how)
+    assert "too long for friction" in result.warning
+    assert apart(result, run(arm)) > 1e-4
+
+
+def test_fixed_step_that_follows_friction_does_not_warn():
+    arm = sticking().rigid()
+    assert run(arm, step=1e-4).warning == ""
+    assert run(arm, step=1e-3, integrator="kennedy_carpenter_5").warning == ""  # the first one
+
+
+def test_friction_of_controlled_arms_and_plants_warns_of_a_fixed_step():
+    arm = sticking()
+    loop = {"controller": fa.JointPD([0.5, 0.5], [0.01, 0.01]), "progress": False}
+    with pytest.warns(fa.AccuracyWarning, match=TOO_LONG):
+        fa.simulate(arm, 0.01, step=1e-4, **loop)
+    with pytest.warns(fa.FlexarmWarning, match="2 of 2 runs have warnings"):
+        batch = fa.simulate_batch(arm, 0.01, initial=np.zeros((2, arm.dof)), step=1e-4, **loop)
+    assert all("too long for friction" in text for text in batch.warning.values)
+    with pytest.warns(fa.AccuracyWarning, match=TOO_LONG):
+        fa.Plant(arm, step=1e-4)
+    # Steps end at sample times, so a longer one is not taken.
+    loop["controller"] = fa.JointPD([0.5, 0.5], [0.01, 0.01], sample_time=1e-4)
+    assert fa.simulate(sticking().rigid(), 0.01, step=0.01, **loop).warning == ""
+
+
+def test_friction_that_appears_during_a_run_warns_of_a_fixed_step():
+    arm = table_one(2, modes=2, joints=[fa.Joint(friction=fa.Friction(coulomb=0.01))] * 2)
+    change = fa.Change("joints[0].friction.coulomb", at=0.005, to=50.0)
+    with pytest.warns(fa.AccuracyWarning, match="too long for friction"):
+        run(arm, 0.01, step=1e-4, changes=[change])
+
+
 def test_torque_that_truncates_the_steps_keeps_rk4():
     """Constant for 0.2 ms, whatever the step: the lengths of truncated steps decide."""
     arm = table_one(2, modes=2)

@@ -15,9 +15,10 @@ from flexarm.batch.lane_loop import LaneLoop, LoopOfRun, can_read
 from flexarm.batch.lanes import Advance, Lanes, Ready, fits_lanes, is_absent
 from flexarm.batch.variations import Variations
 from flexarm.control.base import Reference, report_of
+from flexarm.engine.integrator_choice import Choice, friction_doubt
 from flexarm.errors import FlexarmError, InputError
 from flexarm.hardware.instruments import stride_and_delay
-from flexarm.integrate.base import FloatArray, Status
+from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.loop.actuators import Acting
 from flexarm.loop.requirements import misfits
@@ -94,6 +95,11 @@ class ClosedLanes(Lanes):
             unstable = self._instability(k, arm, state)
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
+
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        choice = super()._choice(run, tolerance)
+        longest = float(run.drive.controller.sample_time)
+        return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.impacts import ATOL, RTOL
-from flexarm.engine.integrator_choice import choose_integrator
+from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
 from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
@@ -70,8 +70,15 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     prescribed = tuple(given.get("prescribed") or ())
     choice = choose_integrator("auto", None, arm, tolerance, touch, prescribed)
     text = f"{choice.integrator.name} is recommended: {choice.reason}"
-    requested = given.get("integrator", "auto")
-    return [("integrator", text if requested == "auto" else f"{requested}; {text}")]
+    requested, step = given.get("integrator", "auto"), given.get("step")
+    if requested == "auto" and step is None:
+        return [("integrator", text)]
+    used = choose_integrator(requested, step, arm, tolerance, touch)
+    if "controller" not in given:
+        stops = getattr(given.get("torque"), "stops", np.zeros(0))
+        used = choose_by_drive(used, arm, tolerance, stops, given["duration"])
+    reason = f" ({used.reason})" if requested == "auto" else ""
+    return [("integrator", f"{used.integrator.name}{reason}; {text}")]
 
 
 def _stability(poles: Sequence[LoopPole]) -> str:

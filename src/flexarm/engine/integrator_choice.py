@@ -31,7 +31,8 @@ _STIFF, _AT = 1300.0, 1e-5
 #: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
 #: thousand evaluations a second.
 _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
-#: Largest phase (rad) of the fastest vibration per step at which rk4 is stable.
+#: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at which
+#: rk4 is stable.
 _STABLE = 2.8
 
 
@@ -109,14 +110,43 @@ def choose_by_drive(
     """Return the integrator of an open-loop run from the times at which its drive is not smooth.
 
     Args:
-        choice: choice without the drive; returned unchanged unless "auto" got a fixed step.
+        choice: choice without the drive; returned unchanged without a fixed step.
         stops: (k,) times (s) at which torques and loads jump or have a kink: steps end there.
         duration: s.
     """
-    if not choice.by_drive:
+    if choice.integrator.adaptive or choice.integrator.step is None:
         return choice
     inside = stops[(stops > 0.0) & (stops < duration)]
     longest = float(np.diff(np.unique([0.0, *inside, duration])).max())
+    choice = _choose_by_longest(choice, arm, tolerance, longest) if choice.by_drive else choice
+    doubt = friction_doubt(choice.integrator, arm, longest)
+    return choice._replace(doubt=f"{choice.doubt} {doubt}".strip()) if doubt else choice
+
+
+def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
+    """Return a warning if a fixed step is too long to follow friction; otherwise empty text.
+
+    Unlike a vibration, friction cannot grow beyond bounds: the joint shakes instead of sticking,
+    and the result looks plausible.
+
+    Args:
+        longest: upper limit (s) of steps, whatever the integrator's own: the sample time of a loop.
+    """
+    if integrator.adaptive or integrator.step is None:
+        return ""
+    step, rate = min(integrator.step, longest), friction_rate(arm)
+    if step * rate <= _STABLE:
+        return ""
+    return (
+        f"a step of {step:.3g} s is too long for friction, which stops a joint at a rate of "
+        f"{rate:.3g} 1/s: above {_STABLE / rate:.2g} s, {integrator.name} shakes a joint that "
+        "should stick, and the motion is wrong. Use integrator='auto' without a step, or raise "
+        "smoothing_rate."
+    )
+
+
+def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: float) -> Choice:
+    """Return the integrator of "auto" with a fixed step, of which the longest takes ``longest``."""
     step = float(choice.integrator.step or 0.0)
     # Strong damping limits an explicit step in the same way as a vibration.
     fastest = max(tolerance.fastest, float(arm.assembly.constants.damping.max(initial=0.0)))

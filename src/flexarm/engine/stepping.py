@@ -19,7 +19,7 @@ from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
 from flexarm.engine.events import Found
 from flexarm.engine.failures import failure_of
-from flexarm.engine.integrator_choice import Choice, choose_by_drive
+from flexarm.engine.integrator_choice import Choice, choose_by_drive, friction_doubt
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.engine.tolerance import tolerance_of
@@ -213,6 +213,7 @@ class Run:
         self.tolerance = tolerance._replace(fastest=fastest)
         if self.default_step is not None:
             self.default_step = default_step(self.integrator, self.tolerance)
+        self.doubt = self.doubt or friction_doubt(self.integrator, self.arm, np.inf)
         if self.watch is not None:
             self._handle_jump(self.watch, old)
         constants, drive = constants_with(self.arm, self.prescribed), system.drive

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.assembly.scratch import as_slice
+from flexarm.engine.integrator_choice import friction_doubt
 from flexarm.engine.stepping import Run
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -32,6 +33,7 @@ class SampleSchedule:
     ) -> None:
         self.run, self._hardware = run, hardware
         self.sample_time = sample_time
+        run.doubt = friction_doubt(run.integrator, run.arm, sample_time)
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm, keep)

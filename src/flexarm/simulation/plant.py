@@ -18,6 +18,7 @@ from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import (
+    AccuracyWarning,
     InputError,
     LargeDeflectionWarning,
     Problem,
@@ -58,7 +59,8 @@ class Plant:
             acceleration are functions of time, which are evaluated in advance.
         specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
             size and machine, then a third faster.
-        warn: whether ``step`` warns of large deflections; ``warning`` has the text in any case.
+        warn: whether to warn of a fixed step that is too long for friction, and in ``step`` of
+            large deflections; ``warning`` has the text of these in any case.
 
     Attributes:
         arm, sample_time: as given.
@@ -68,6 +70,9 @@ class Plant:
 
     Raises:
         InputError: if an argument has the wrong shape, is not finite, or contradicts another.
+
+    Warns:
+        AccuracyWarning: if a fixed step is too long for friction.
     """
 
     @public_call
@@ -119,6 +124,8 @@ class Plant:
             changes=changes,
         )
         self._reset(None, None, None)
+        if self._schedule.run.doubt and warn:
+            warn_caller(self._schedule.run.doubt, AccuracyWarning)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles; helpers of the arm are created again."""

@@ -155,9 +155,9 @@ def simulate(
 
     Warns:
         LargeDeflectionWarning: if a link exceeds the linear beam theory.
-        AccuracyWarning: if impacts on joint stops amplify errors to 1 % of the reach. Runs with a
-            controller, or with other tolerances, are not checked; see the attribute
-            ``impact_steps``.
+        AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
+            stops amplify errors to 1 % of the reach. For impacts, runs with a controller, or with
+            other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
     """
