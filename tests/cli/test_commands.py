@@ -274,3 +274,37 @@ def test_run_prints_the_events_that_occurred(tmp_path):
     assert re.search(r"events +none", invoke("run", path).stdout)
     assert "ended by" not in invoke("run", path).stdout
     assert re.search(r"event +joint angle", invoke("check", path).stdout)
+
+
+RELIES_ON_DAMPING = """\
+flexarm: 1
+arm:
+  links:
+    - {length: 0.8, material: aluminium, section: {kind: rectangle, width: 0.05, height: 0.006},
+       elements: 2, damping: {kind: modal, ratio: 0.0}}
+    - {length: 0.6, material: aluminium, section: {kind: rectangle, width: 0.04, height: 0.004},
+       elements: 2, damping: {kind: modal, ratio: 0.0}}
+  joints: [{hub_inertia: 0.05}, {mass: 0.8, hub_inertia: 0.01}]
+  payload: {mass: 0.3}
+motion: {kind: joint, start: [0.5, 0.7], end: [0.51, 0.7], duration: 0.01}
+drive: {kind: loop_shaping, posture: [0.5, 0.7], bandwidth: 10.0, rigidity_uncertainty: 1.0}
+run: {duration: 0.01}
+"""
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_warnings_of_the_design_of_a_drive_are_one_line(tmp_path, command):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(RELIES_ON_DAMPING)
+    outcome = invoke(command, path)
+    assert outcome.exit_code == 0
+    lines = outcome.stderr.splitlines()
+    assert len([one for one in lines if "The loop with the arm itself is unstable" in one]) == 1
+    assert all(one.startswith("warning: ") for one in lines)
+
+
+def test_warnings_of_the_design_of_a_drive_are_in_the_summary(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(RELIES_ON_DAMPING)
+    texts = json.loads(invoke("run", path, "--json").stdout)["warnings"]
+    assert sum("The loop with the arm itself is unstable" in text for text in texts) == 1

@@ -332,3 +332,14 @@ def test_inconsistent_estimator_is_reported_by_run_and_compare(tmp_path):
         result = call(command, path)
         assert result.exit_code == 0, result.stderr
         assert result.stderr.count("the estimator is inconsistent") == 1
+
+
+def test_instrument_that_the_hardware_of_a_plant_lacks_is_an_error_before_the_runs(path):
+    own = "heavy: {hardware: {instruments: [{signal: joint_angle}]}, "
+    path.write_text(STUDY.replace("heavy: {", own))
+    outcome = call("compare", path)
+    assert outcome.exit_code == 2
+    assert outcome.stdout == ""
+    words = "study.yaml:20: plants.heavy.hardware.instruments has no instrument for joint_rate, "
+    assert words + "which joint_pd reads" in outcome.stderr
+    assert outcome.stderr.count("joint_rate, which") == 1

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import wraps
 from typing import ParamSpec
 
 import typer
 
-from flexarm.errors import FlexarmError, InputError, printable
+from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
 
 P = ParamSpec("P")
 
@@ -85,6 +86,16 @@ def warn(message: str) -> None:
 
     screen = Console(stderr=True, highlight=False, markup=False, emoji=False)
     screen.print(f"warning: {printable(message)}", style="yellow", soft_wrap=True)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of warnings in place of showing them; print them later with ``warn``."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always", FlexarmWarning)
+        yield texts
+    texts += [str(one.message) for one in found]
 
 
 def print_error(message: str) -> None:

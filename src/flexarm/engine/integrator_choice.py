@@ -31,8 +31,8 @@ _STIFF, _AT = 1300.0, 1e-5
 #: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
 #: thousand evaluations a second.
 _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
-#: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at which
-#: rk4 is stable.
+#: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
+#: which rk4 is stable.
 _STABLE = 2.8
 
 

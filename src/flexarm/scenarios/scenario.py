@@ -215,7 +215,7 @@ def prepare(
         options["prescribed"] = start.prescribed
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, followed, start, options)
-    _check_fit(arm, scenario, place, options)
+    check_fit(arm, scenario, place, options)
     with problems_at(place, "run"):
         check_integrator(run.integrator, run.step, bool(scenario.contacts))
     if scenario.contacts:
@@ -242,8 +242,11 @@ def _check_touch(
         refuse_pressing_outward(arm, contacts, placed, motion, options["duration"])
 
 
-def _check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
+def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
     """Raise if the requirements of a drive are not met.
+
+    Args:
+        options: arguments of ``simulate``.
 
     Raises:
         InputError: if a measurement is missing or the controller is for another number of joints,

@@ -22,7 +22,7 @@ from flexarm.processes import in_processes
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.motions import TaskReference
 from flexarm.scenarios.references import Followed
-from flexarm.scenarios.scenario import Prepared, prepare
+from flexarm.scenarios.scenario import Prepared, check_fit, prepare
 from flexarm.simulation.compare import (
     Evaluation,
     check_settling,
@@ -70,10 +70,22 @@ class PreparedStudy:
                 made[motion] = prepared.motion
                 if kind != _OWN:
                     followed[motion, kind] = prepared.followed
+        self._check_hardware_of_plants(place)
         with problems_at(place, "run"):
             for (_, name), one in self._prepared.items():
                 references = {name: one.followed.motion}
                 check_settling(study.run.settling, study.run.duration, references)
+
+    def _check_hardware_of_plants(self, place: Where) -> None:
+        """Raise if a drive reads what the hardware of a plant does not measure."""
+        for (drive, motion), prepared in self._prepared.items():
+            for plant, spec in self.study.plants.items():
+                if spec.hardware is None or not self.controlled(drive):
+                    continue
+                own = partial(_place, place, drive, motion, plant=plant)
+                options = prepared.options | {"hardware": spec.hardware}
+                with _problems_in_study(drive, motion, plant):
+                    check_fit(self.plants[plant], self.study.scenario(drive, motion), own, options)
 
     @property
     def names(self) -> dict[str, list[str]]:
@@ -196,16 +208,27 @@ def run_study(
 
 
 @contextmanager
-def _problems_in_study(drive: str, motion: str) -> Iterator[None]:
-    """Report problems of one scenario with their key paths in the study."""
+def _problems_in_study(drive: str, motion: str, plant: str | None = None) -> Iterator[None]:
+    """Report problems of one scenario with their key paths in the study.
+
+    Args:
+        plant: owner of the hardware; None for that of the study.
+    """
     try:
         yield
     except InputError as error:
-        names = [path_text(placed(path_of(p.name), drive, motion)) for p in error.problems]
-        reported = [replace(p, name=n) for p, n in zip(error.problems, names, strict=True)]
-        raise InputError(*reported) from None
+        paths = [_in_study(path_of(p.name), drive, motion, plant) for p in error.problems]
+        pairs = zip(error.problems, paths, strict=True)
+        raise InputError(*(replace(p, name=path_text(path)) for p, path in pairs)) from None
 
 
-def _place(place: Where, drive: str, motion: str, path: Path) -> str:
+def _place(place: Where, drive: str, motion: str, path: Path, plant: str | None = None) -> str:
     """Convert a location in one scenario to a location in the study."""
-    return place(placed(path, drive, motion))
+    return place(_in_study(path, drive, motion, plant))
+
+
+def _in_study(path: Path, drive: str, motion: str, plant: str | None) -> Path:
+    """Return the key path in the study for a key path in one of its scenarios."""
+    if plant is not None and path[:1] == ("hardware",):
+        return ("plants", plant, *path)
+    return placed(path, drive, motion)

@@ -15,11 +15,9 @@ from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
 from flexarm.errors import (
-    AccuracyWarning,
     FlexarmError,
-    InconsistentEstimateWarning,
+    FlexarmWarning,
     InputError,
-    LargeDeflectionWarning,
     Problem,
     SimulationError,
     UnstableLoopWarning,
@@ -31,6 +29,7 @@ from flexarm.errors import (
 from flexarm.model import Change, Hardware, Load
 from flexarm.model.scenarios.events import DURATION
 from flexarm.simulation.metrics import METRICS, metrics_of
+from flexarm.simulation.result import exceeded_bound
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:
@@ -249,13 +248,7 @@ def evaluated(
     """
     try:
         with warnings.catch_warnings():  # kept with the numbers
-            for kind in (
-                AccuracyWarning,
-                InconsistentEstimateWarning,
-                LargeDeflectionWarning,
-                UnstableLoopWarning,
-            ):
-                warnings.simplefilter("ignore", kind)
+            warnings.simplefilter("ignore", FlexarmWarning)
             result, reference = run()
     except SimulationError as error:
         return Evaluation(failure=str(error), unstable=_unstable(error.result))
@@ -279,6 +272,7 @@ def inconsistent(result: xr.Dataset) -> bool:
 def warnings_of(result: xr.Dataset) -> list[str]:
     """Return the warnings of a run, from the attributes of its result."""
     found = [str(result.attrs.get(name, "")) for name in ("unstable_loop", "warning")]
+    found.append(exceeded_bound(result.attrs))
     return [text for text in found if text] + [INCONSISTENT] * inconsistent(result)
 
 

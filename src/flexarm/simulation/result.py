@@ -131,6 +131,26 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     return add_readings(dataset, np.asarray(loop.times), loop.readings())
 
 
+def exceeded_bound(report: Mapping[str, Any]) -> str:
+    """Return the warning of a loop that left its prescribed bound, or empty text.
+
+    Args:
+        report: of a controller, or the attributes of a result.
+    """
+    if not report.get("bound_exceeded", 0):
+        return ""
+    first = report["bound_first_ratio"]
+    if first > 1.0:
+        return (
+            f"the first angle error is {first:.3g} times its bound, and the bounds hold only if it "
+            "is within: raise start_bound, or start nearer to the reference."
+        )
+    return (
+        f"the angle error was outside its bound at {report['bound_exceeded']} samples: raise the "
+        "bound, rate_bound or gain_limit, or shorten sample_time."
+    )
+
+
 def add_readings(
     dataset: xr.Dataset, times: FloatArray, readings: Mapping[str, FloatArray]
 ) -> xr.Dataset:

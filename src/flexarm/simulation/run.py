@@ -23,6 +23,7 @@ from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
+    FlexarmWarning,
     InputError,
     LargeDeflectionWarning,
     Problem,
@@ -48,7 +49,7 @@ from flexarm.simulation.preparation import (
     start_of,
     torque_history,
 )
-from flexarm.simulation.result import add_loop, make_result
+from flexarm.simulation.result import add_loop, exceeded_bound, make_result
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -160,6 +161,7 @@ def simulate(
             other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
+        FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
     check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
     options = run_options(
@@ -203,6 +205,8 @@ def simulate(
             result = _open_loop(run, history_of, between_samples(torque, options))
     if result.attrs["warning"]:
         warn_caller(result.attrs["warning"], LargeDeflectionWarning)
+    if left := exceeded_bound(result.attrs):
+        warn_caller(left, FlexarmWarning)
     if run.doubt:
         warn_caller(run.doubt, AccuracyWarning)
         result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
@@ -233,8 +237,9 @@ def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
     try:
         loop.execute()
     except SimulationError as error:
-        if unstable:  # the instability is the cause of every later failure
-            error.hint = f"{unstable[0].upper()}{unstable[1:]}"
+        # A bound that does not hold, or an instability, is the cause of every later failure.
+        causes = filter(None, [exceeded_bound(loop.report()), unstable])
+        error.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or error.hint
         if loop.times:
             result = _result(run, loop, started, "hold", str(error), unstable)
             error.result = add_loop(result, loop)

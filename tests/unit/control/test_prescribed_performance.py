@@ -92,6 +92,45 @@ def test_angle_stays_within_its_bound_for_an_unknown_payload_and_friction():
     assert used[1] > 1.3
 
 
+def held(bound, **options):
+    """A stiff arm held against gravity from 0.1 rad beside the reference."""
+    plant = arm(gravity=(0.0, -3.0)).rigid()
+    law = fa.PrescribedPerformance(6.0, [3.0, 1.5], bound, 1.5, sample_time=0.002, **options)
+    motion = fa.joint_motion(plant, [0.3, 0.2], [0.3, 0.2], 1.0)
+    start = plant.rest([0.4, 0.2])
+    return fa.simulate(plant, 0.2, controller=law, reference=motion, initial=start, rate=100.0)
+
+
+def test_samples_outside_the_bound_are_counted_and_warned_of():
+    assert held(0.2).bound_exceeded == 0
+    with pytest.warns(fa.FlexarmWarning, match=r"outside its bound at \d+ samples: raise"):
+        run = held(0.001, start_bound=0.11, decay=50.0)
+    assert 0 < run.bound_exceeded < run.controller_calls
+    words = r"first angle error is 2 times its bound.*raise start_bound"
+    with pytest.warns(fa.FlexarmWarning, match=words):
+        run = held(0.05)
+    assert run.bound_first_ratio == pytest.approx(2.0)
+
+
+def test_run_that_fails_names_a_first_error_outside_the_start_bound():
+    plant = arm()
+    law = fa.PrescribedPerformance(2.0, [0.05, 0.02], 1e-3, 0.1, gain_limit=1e4)
+    motion = fa.joint_motion(plant, [0.0, 0.0], [0.5, 0.5], 1.0)
+    start = plant.rest([1.0, 0.0])
+    words = r"The first angle error is 1e\+03 times its bound.*The sampled loop is unstable"
+    with pytest.warns(fa.UnstableLoopWarning), pytest.raises(fa.SimulationError, match=words):
+        fa.simulate(plant, 1.0, controller=law, reference=motion, initial=start)
+
+
+def test_analysis_of_the_loop_with_a_bound_of_its_increment():
+    """An angle and the excess of the bound are varied by 1e-5."""
+    law = fa.PrescribedPerformance(6.0, 3.0, 1e-5, 1.5)
+    law.reset()
+    law._excess = law._excess - 1e-5
+    reading = Measurement(joint_angle=np.array([0.3, -0.2]), joint_rate=np.array([1.0, 2.0]))
+    np.testing.assert_array_equal(law.update(0.0, reading, Steady()), np.zeros(2))
+
+
 def test_steady_error_under_a_constant_torque():
     """The error at which the law returns the gravity torque, in closed form."""
     plant = arm(gravity=(0.0, -3.0)).rigid()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flexarm.arm import Arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
-from flexarm.cli.failures import warn
+from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import InputError, Problem
 from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
@@ -36,21 +36,27 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
         raise InputError(Problem(path.name, rule, hint=hint))
     is_study = "drives" in document.value
     unstable: list[str] = []
-    if is_study:
-        located = locate_study(document)
-        study = PreparedStudy(*located)
-        unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-        found = [*about_arm(study.arm), *_about_study(*located), *about_vibration(study.arm)]
-    elif describes_arm_only(document):
-        arm = Arm(load_arm_spec(document))
-        found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
-    else:
-        scenario, where = locate_scenario(document)
-        prepared = prepare(scenario, where)
-        poles = prepared.loop_poles()
-        texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
-        unstable = list(filter(None, texts))
-        found = [*about_arm(prepared.arm), *about_run(scenario), *about_prepared(prepared, poles)]
+    with collected_warnings() as built:
+        if is_study:
+            located = locate_study(document)
+            study = PreparedStudy(*located)
+            unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
+            found = [*about_arm(study.arm), *_about_study(*located), *about_vibration(study.arm)]
+        elif describes_arm_only(document):
+            arm = Arm(load_arm_spec(document))
+            found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
+        else:
+            scenario, where = locate_scenario(document)
+            prepared = prepare(scenario, where)
+            poles = prepared.loop_poles()
+            texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
+            unstable = list(filter(None, texts))
+            found = [
+                *about_arm(prepared.arm),
+                *about_run(scenario),
+                *about_prepared(prepared, poles),
+            ]
+    unstable = [*dict.fromkeys(built), *unstable]
     screen = console()
     screen.print(facts(found))
     for text in unstable:

@@ -15,7 +15,7 @@ from flexarm.cli.commands.sweep import (
     print_statistics,
     read_study_file,
 )
-from flexarm.cli.failures import warn
+from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import FlexarmWarning, InputError, Problem
 from flexarm.model import locate_study
@@ -73,7 +73,10 @@ def compare_file(
         return
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))
-    prepared = PreparedStudy(*located)
+    with collected_warnings() as built:
+        prepared = PreparedStudy(*located)
+    for text in dict.fromkeys(built):
+        warn(text)
     with warnings.catch_warnings():  # printed below with the names of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         table = prepared.run(workers=check_workers("--workers", workers))

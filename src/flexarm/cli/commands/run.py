@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.cli.failures import print_error, warn
+from flexarm.cli.failures import collected_warnings, print_error, warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
@@ -80,7 +80,10 @@ def run_file(path: Path, options: RunOptions) -> None:
         InputError: if the file or a change is not valid or an output path cannot be written.
         SimulationError: if the run stops early; the samples up to then are saved next to ``out``.
     """
-    prepared = prepare(*locate_scenario(changed(load_document(path), options.changes)))
+    with collected_warnings() as built:
+        prepared = prepare(*locate_scenario(changed(load_document(path), options.changes)))
+    for text in built:
+        warn(text)
     out, plot, animation = options.out, options.plot, options.animation
     if out is not None:
         check_place("--out", out, FORMATS)
@@ -103,6 +106,7 @@ def run_file(path: Path, options: RunOptions) -> None:
     found = warnings_of(result)
     for text in found:
         warn(text)
+    found = [*built, *found]
     for name, place in _written(result, options):
         if not silent:
             screen.print(f"{name} in {place}", soft_wrap=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arguments import check_choice
-from flexarm.cli.failures import warn
+from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import FlexarmWarning, InputError, Problem, SimulationError, shown
+from flexarm.errors import InputError, Problem, SimulationError, shown
 from flexarm.output import FIGURE_SUFFIXES, write_figure
 from flexarm.studies.execution import RECORDED
 from flexarm.studies.statistics import study_statistics
@@ -103,11 +102,10 @@ def read_study_file(path: Path) -> Study:
     Raises:
         InputError: if the file is not valid.
     """
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always", FlexarmWarning)
+    with collected_warnings() as found:
         study = Study(path)
-    for one in found:
-        warn(str(one.message))
+    for text in found:
+        warn(text)
     return study
 
 

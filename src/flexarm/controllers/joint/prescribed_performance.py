@@ -28,6 +28,10 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
 
     Without a reference the controller keeps the angles of its first measurement.
 
+    Attributes:
+        outside: number of samples of the last run with a measured angle error outside its bound;
+            the attribute ``bound_exceeded`` of results. ``simulate`` warns if there are any.
+
     Raises:
         InputError: if a number is out of range, or ``start_bound`` is less than ``bound``.
     """
@@ -56,6 +60,8 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         """Return to the bounds of the start."""
         super().reset()
         self._excess = 1.0 * (self.start_bound - self.bound)
+        self.outside = 0
+        self._first: float | None = None
 
     @public_call
     def angle_bound(self, t: ArrayLike) -> FloatArray:
@@ -73,9 +79,12 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         angle, rate = self._desired(t, measurement, reference)
-        bound = self.bound + self._excess
+        # An analysis of the loop varies the excess, also below zero.
+        bound = self.bound + np.maximum(self._excess, 0.0)
         self._excess = np.exp(-self.decay * self.sample_time) * self._excess
-        near, beyond = _split((angle - measurement.joint_angle) / bound, self._angle_end)
+        ratio = (angle - measurement.joint_angle) / bound
+        self._count(ratio)
+        near, beyond = _split(ratio, self._angle_end)
         grown = np.arctanh(near) + self.gain_limit * beyond
         requested = rate + self.bandwidth * bound * grown
         ratio = (requested - measurement.joint_rate) / self.rate_bound
@@ -85,6 +94,17 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         if self.feedforward is not None:
             torque = torque + self._fed_forward(t)
         return torque
+
+    def report(self) -> dict[str, float]:
+        """Return the number of samples outside the bound, and the first error over its bound."""
+        return {"bound_exceeded": self.outside, "bound_first_ratio": self._first or 0.0}
+
+    def _count(self, ratio: FloatArray) -> None:
+        """Count a sample of one run with an angle error outside its bound."""
+        if ratio.dtype.kind == "f" and ratio.ndim == 1:  # neither symbols nor many runs
+            largest = float(np.abs(ratio).max())
+            self.outside += largest > 1.0
+            self._first = largest if self._first is None else self._first
 
 
 def _split(ratio: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
