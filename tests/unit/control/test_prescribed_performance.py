@@ -123,12 +123,9 @@ def test_run_that_fails_names_a_first_error_outside_the_start_bound():
 
 
 def test_analysis_of_the_loop_with_a_bound_of_its_increment():
-    """An angle and the excess of the bound are varied by 1e-5."""
-    law = fa.PrescribedPerformance(6.0, 3.0, 1e-5, 1.5)
-    law.reset()
-    law._excess = law._excess - 1e-5
-    reading = Measurement(joint_angle=np.array([0.3, -0.2]), joint_rate=np.array([1.0, 2.0]))
-    np.testing.assert_array_equal(law.update(0.0, reading, Steady()), np.zeros(2))
+    """Memory and readings are varied by 1e-5, which must not make the bound zero."""
+    law = fa.PrescribedPerformance(6.0, [0.3, 0.1], 1e-5, 1.5)
+    assert np.isfinite(fa.loop_margins(law, arm(), [[0.3, -0.2]]).growth.values).all()
 
 
 def test_steady_error_under_a_constant_torque():

@@ -36,7 +36,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         InputError: if a number is out of range, or ``start_bound`` is less than ``bound``.
     """
 
-    memory = ("_excess",)
+    memory = ("_fading",)
     vectorized = True
     references: ClassVar[str] = "BechlioulisRovithakis2008 BechlioulisRovithakis2014"
 
@@ -59,7 +59,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
     def reset(self) -> None:
         """Return to the bounds of the start."""
         super().reset()
-        self._excess = 1.0 * (self.start_bound - self.bound)
+        self._fading = 1.0
         self.outside = 0
         self._first: float | None = None
 
@@ -79,9 +79,9 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
         angle, rate = self._desired(t, measurement, reference)
-        # An analysis of the loop varies the excess, also below zero.
-        bound = self.bound + np.maximum(self._excess, 0.0)
-        self._excess = np.exp(-self.decay * self.sample_time) * self._excess
+        # Not the excess itself, because an analysis of the loop varies its memory below zero, too.
+        bound = self.bound + self._fading * (self.start_bound - self.bound)
+        self._fading = np.exp(-self.decay * self.sample_time) * self._fading
         ratio = (angle - measurement.joint_angle) / bound
         self._count(ratio)
         near, beyond = _split(ratio, self._angle_end)
