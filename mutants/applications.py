@@ -94,7 +94,11 @@ APPLICATIONS: dict[str, Area] = {
         mutants=15,
         groups=(
             Group(
-                sources=("run_derivatives/adjoint.py", "run_derivatives/gradient.py"),
+                sources=(
+                    "run_derivatives/adjoint.py",
+                    "run_derivatives/gradient.py",
+                    "run_derivatives/repeated_parts.py",
+                ),
                 tests=("simulate/test_goal_gradient.py",),
             ),
             Group(

@@ -130,24 +130,30 @@ def loop_table(repeats: int = REPEATS, duration: float = 2.0) -> str:
     return "\n".join(lines)
 
 
-#: Integrator and number of torque samples of each joint, at 500 Hz, of each row of the gradient.
-GRADIENTS = ("dormand_prince_8", 100), ("dormand_prince_8", 1000), ("kennedy_carpenter_5", 1000)
+#: Integrator, torque interpolation and number of torque samples of each joint, at 500 Hz, of each
+#: row of the gradient.
+GRADIENTS = (
+    ("dormand_prince_8", "hold", 100),
+    ("dormand_prince_8", "hold", 1000),
+    ("dormand_prince_8", "cubic", 1000),
+    ("kennedy_carpenter_5", "hold", 1000),
+)
 
 
 def gradient_table(repeats: int = REPEATS) -> str:
-    """Return the table of `fa.goal_gradient`, by zero-order-hold samples."""
+    """Return the table of `fa.goal_gradient`."""
     lines = [
-        "| integrator | torque samples | `simulate` | `goal_gradient` | ratio |",
-        "| --- | --- | --- | --- | --- |",
+        "| integrator | interpolation | torque samples | `simulate` | `goal_gradient` | ratio |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     own = arm()
-    for integrator, count in GRADIENTS:
+    for integrator, interpolation, count in GRADIENTS:
         times = np.arange(count) / 500.0
         torque = np.stack([np.sin(3.0 * times), 0.5 * np.cos(3.0 * times)], axis=1)
         given = {
             "torque": torque,
             "rate": 500.0,
-            "torque_interpolation": "hold",
+            "torque_interpolation": interpolation,
             "integrator": integrator,
             "progress": False,
         }
@@ -163,7 +169,13 @@ def gradient_table(repeats: int = REPEATS) -> str:
             repeats,
         )
         run, gradient = found["run"], found["gradient"]
-        cells = integrator, 2 * count, f"{1e3 * run:.1f} ms", f"{1e3 * gradient:.1f} ms"
+        cells = (
+            integrator,
+            interpolation,
+            2 * count,
+            f"{1e3 * run:.1f} ms",
+            f"{1e3 * gradient:.1f} ms",
+        )
         lines.append(f"| {' | '.join(map(str, cells))} | {gradient / run:.1f} |")
     return "\n".join(lines)
 

@@ -115,7 +115,7 @@ def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
     """
     angles = check_array(name, value, (joints,))
     largest = float(abs(angles).max(initial=0.0))
-    if largest > _TURNS and not (2.0 * angles % 1.0).any():
+    if _TURNS < largest <= _DEGREES and not (2.0 * angles % 1.0).any():
         text = (
             f"{name} contains {largest:.4g} rad, more than two turns, and looks like degrees; "
             "angles are in radians."

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.histories.samples import added_coefficients, collected_samples, sampled_torque
+from flexarm.run_derivatives.repeated_parts import Repetition
 
 pytestmark = pytest.mark.compiled
 #: Both add the same derivatives in another order.
@@ -49,6 +51,62 @@ def test_gradient_is_the_weighted_sum_of_derivatives(integrator, interpolation):
     own = [*(found["torque"].values[place] for place in [(0, 0), (17, 1), (29, 0)])]
     own += [found["initial"].values[0], found["initial_rate"].values[3]]
     np.testing.assert_allclose(own, wanted, rtol=SAME, atol=SAME * np.abs(wanted).max())
+
+
+def moved_slowly(arm, samples, rate, **more):
+    times = np.arange(samples + 1) / rate
+    torque = np.stack([np.sin(3.0 * times), 0.5 * np.cos(3.0 * times)], axis=1)
+    return {"torque": torque, "rate": rate, "initial": arm.rest([0.3, -0.4]), **more}
+
+
+@pytest.mark.parametrize("rate", [20.0, 4096.0])
+@pytest.mark.parametrize("integrator", ["dormand_prince_8", "kennedy_carpenter_5", "rk4"])
+def test_repeated_parts_continue_the_steps_of_the_run(integrator, rate):
+    """Many steps in an interval depend on those before it; single ones have one length."""
+    arm = an_arm()
+    floor = fa.Contact(fa.Wall((0.0, -0.5), (0.0, 1.0)), stiffness=2e3, damping=0.1)
+    given = moved_slowly(arm, 20, rate, integrator=integrator, contacts=[floor])
+    weights = {"tip": np.random.default_rng(4).normal(size=(21, 2))}
+    found = fa.goal_gradient(arm, 20 / rate, weights, **given)
+    paths = ["torque[2][0]", "torque[11][1]", "torque[18][0]", "initial[1]"]
+    by = fa.sensitivities(arm, 20 / rate, paths, channels=["tip"], **given)
+    wanted = (weights["tip"] * by["tip"].values).sum(axis=(1, 2))
+    own = [*(found["torque"].values[place] for place in [(2, 0), (11, 1), (18, 0)])]
+    own.append(found["initial"].values[1])
+    np.testing.assert_allclose(own, wanted, rtol=SAME, atol=SAME * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("held", [0.0, 0.5])
+@pytest.mark.parametrize("kinks", [(), (5, 6), (5, 8, 26)])
+def test_samples_are_collected_by_the_transpose_of_the_spline(kinks, held):
+    rate, rng = 50.0, np.random.default_rng(2)
+    samples = np.sin(np.arange(30) / 4.0)[:, None]
+    history = sampled_torque(samples, rate, 29 / rate, 1, "cubic", np.array(kinks) / rate)
+    history = history.held_to(29 / rate + held)
+    assert history.stops.size == len(kinks) + (held > 0.0)
+    added = added_coefficients(history, np.eye(30), rate, "cubic")
+    pieces = rng.normal(size=(len(history.coefficients), 4, 2)) / rate ** np.arange(4)[:, None]
+    found = collected_samples(history, pieces, rate, "cubic", 30)
+    wanted = np.tensordot(added, pieces, axes=([0, 1], [0, 1]))
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-13 * np.abs(wanted).max())
+
+
+def test_derivatives_in_memory_grow_with_the_square_root(monkeypatch):
+    arm = an_arm()
+    calls = []
+
+    def repeated(self, part):
+        calls.append(len(part.ends))
+        return transfers(self, part)
+
+    transfers = Repetition.transfers
+    monkeypatch.setattr(Repetition, "transfers", repeated)
+    for samples in (100, 400):
+        calls.clear()
+        given = moved_slowly(arm, samples, 1e4, torque_interpolation="hold")
+        fa.goal_gradient(arm, samples / 1e4, {"tip": np.ones((samples + 1, 2))}, **given)
+        assert sum(calls) == samples
+        assert max(calls) <= np.sqrt(samples) < len(calls) + 1
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Repeated simulation, with tighter tolerances, of runs in which joints meet their stops.
+"""Runs under a given torque: checkpoints, and tighter tolerances if joints meet their stops.
 
 Each impact multiplies the errors made before it, by 5 to 20 with flexible links: an error of 1e-9
 of the reach at the first impact is 1e-4 at the sixth, even if the impacts are located exactly.
@@ -6,15 +6,18 @@ of the reach at the first impact is 1e-4 at the sixth, even if the impacts are l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm.engine.stepping import Run, run_open_loop
+from flexarm.engine.integrator_choice import choose_by_drive
+from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import TIGHT
 from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.integrate.base import FloatArray, Progress
+from flexarm.integrate.base import FloatArray, Progress, System
 
 #: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
 RTOL, ATOL = 1e-7, 1e-9
@@ -24,11 +27,63 @@ RTOL, ATOL = 1e-7, 1e-9
 _PARTED = 1e-2
 
 
-def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
+@dataclass
+class Checkpoints:
+    """Step control of a run at some of its samples; the states are those of the samples.
+
+    Attributes:
+        places: (k,) of the samples, ascending, without the first and the last one.
+        clocks: ``Memory.clock`` at each of them; empty if the step is searched for the whole run.
+    """
+
+    places: NDArray[np.intp]
+    clocks: list[FloatArray] = field(default_factory=list)
+
+    @classmethod
+    def among(cls, samples: int) -> Checkpoints:
+        """Return checkpoints whose number and distances are the square root of that of samples."""
+        apart = max(1, math.isqrt(samples))
+        return cls(np.arange(apart, samples - 1, apart))
+
+    def carry(self, run: Run, system: System) -> System:
+        """Advance a run to the last checkpoint; return the system for the next call."""
+        self.clocks.clear()
+        if run.default_step is None:
+            for time in run.sample_times[self.places]:
+                system = run.carry_to(system, float(time))
+                assert run.progress.memory is not None
+                self.clocks.append(run.progress.memory.clock.copy())
+        return system
+
+
+def run_open_loop(
+    run: Run, history: PiecewiseCubic, checkpoints: Checkpoints | None = None
+) -> None:
+    """Simulate a run under a given torque history, and fill ``checkpoints``."""
+    run.history = history
+    changed = run.changes.times if run.changes is not None else np.zeros(0)
+    stops = np.concatenate([run.loads.stops_with(history), changed])
+    choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
+    if choice is not run.choice:
+        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
+        if run.watch is not None:
+            run.watch = replace(run.watch, integrator=choice.integrator)
+    system = run.system(history)
+    if checkpoints is not None:
+        system = checkpoints.carry(run, system)
+    run.carry_to(system, run.duration)
+
+
+def run_through_impacts(
+    run: Run,
+    history_of: Callable[[float], PiecewiseCubic],
+    checkpoints: Checkpoints | None = None,
+) -> None:
     """Simulate under a torque; at default tolerances, repeat the run if joints meet their stops.
 
     Args:
         history_of: function that returns the torque history for a relative tolerance of the run.
+        checkpoints: filled by the simulation that counts.
 
     Raises:
         SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
@@ -38,7 +93,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic])
     mark = run.watch.mark() if run.watch is not None else None
     history = history_of(tolerance.relative)  # also sets the start of prescribed joints
     start = first.state.copy()
-    run_open_loop(run, history)
+    run_open_loop(run, history, checkpoints)
     if first.impacts == 0 or (tolerance.relative, tolerance.absolute) != (RTOL, ATOL):
         return
     before, before_times = run.samples, run.sample_times
@@ -52,7 +107,7 @@ def run_through_impacts(run: Run, history_of: Callable[[float], PiecewiseCubic])
         run.watch.restore(mark)
     if run.loads_of is not None:  # make the loads of the second run as accurate as its torque
         run.loads = run.loads_of(run.tolerance.relative)
-    run_open_loop(run, history_of(run.tolerance.relative))
+    run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
     run.discarded = first.evaluations
     apart = _apart(run, before, before_times, first.sample)
     reach = 1.0 / float(tolerance.unit[0, :, 0].min())

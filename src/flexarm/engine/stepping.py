@@ -19,7 +19,7 @@ from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
 from flexarm.engine.events import Found
 from flexarm.engine.failures import failure_of
-from flexarm.engine.integrator_choice import Choice, choose_by_drive, friction_doubt
+from flexarm.engine.integrator_choice import Choice, friction_doubt
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.engine.tolerance import tolerance_of
@@ -372,16 +372,3 @@ class Run:
         """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]
-
-
-def run_open_loop(run: Run, history: PiecewiseCubic) -> None:
-    """Simulate a run under a given torque history."""
-    run.history = history
-    changed = run.changes.times if run.changes is not None else np.zeros(0)
-    stops = np.concatenate([run.loads.stops_with(history), changed])
-    choice = choose_by_drive(run.choice, run.arm, run.tolerance, stops, run.duration)
-    if choice is not run.choice:
-        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
-        if run.watch is not None:
-            run.watch = replace(run.watch, integrator=choice.integrator)
-    run.carry_to(run.system(history), run.duration)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,8 +16,6 @@ INTERPOLATIONS = ("cubic", "linear", "hold")
 #: Ratio of a second difference to both neighbours above which a sample is a kink: if the samples
 #: are close enough for a cubic, curvature changes by far less.
 _KINK = 10.0
-#: Number of samples whose splines are computed together, which bounds the memory.
-_TOGETHER = 256
 #: Distance, in sample intervals, within which a break coincides with a sample.
 _ON_SAMPLE = 1e-6
 
@@ -76,8 +75,7 @@ def added_coefficients(
         return PiecewiseCubic.table(*at_jumps).coefficients
     if interpolation == "linear" or len(times) == 1:
         return PiecewiseCubic.table(times, units).coefficients
-    kinks = np.rint(history.stops * rate).astype(np.intp)
-    coefficients = _cubics(times, units, kinks[kinks < len(times) - 1])
+    coefficients = _cubics(times, units, _edges(len(times), history, rate))
     if len(history.coefficients) > len(coefficients):  # constant after the last sample
         end = np.zeros((1, 4, units.shape[1]))
         end[0, 0] = units[-1]
@@ -99,12 +97,10 @@ def collected_samples(
     """
     found = np.zeros((count, pieces.shape[2]))
     if interpolation == "cubic" and count > 1:
-        for first in range(0, count, _TOGETHER):
-            own = np.arange(first, min(first + _TOGETHER, count))
-            units = np.zeros((count, own.size))
-            units[own, own - first] = 1.0
-            added = added_coefficients(history, units, rate, interpolation)
-            found[own] = np.tensordot(added, pieces, axes=([0, 1], [0, 1]))
+        edges = _edges(count, history, rate)
+        for first, last in pairwise(edges):
+            found[first : last + 1] += _collected_spline(pieces[first:last], rate)
+        found[-1] += pieces[count - 1 :, 0].sum(axis=0)  # constant after the last sample
         return found
     starts = np.clip(np.rint(history.breaks[:-1] * rate).astype(np.intp), 0, count - 1)
     np.add.at(found, starts, pieces[:, 0])
@@ -119,14 +115,20 @@ def collected_samples(
 def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:
     kinks = np.union1d(find_kinks(samples), parted)
     kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
-    return PiecewiseCubic(times, _cubics(times, samples, kinks), times[kinks])
+    edges = [0, *kinks.tolist(), len(times) - 1]
+    return PiecewiseCubic(times, _cubics(times, samples, edges), times[kinks])
 
 
-def _cubics(times: FloatArray, samples: FloatArray, kinks: NDArray[np.intp]) -> FloatArray:
-    """Return the coefficients of splines between kinks, which are samples inside the range."""
+def _edges(count: int, history: PiecewiseCubic, rate: float) -> list[int]:
+    """Return the first sample, the kinks of a history, and the last sample."""
+    kinks = np.rint(history.stops * rate).astype(np.intp)
+    return [0, *kinks[kinks < count - 1].tolist(), count - 1]
+
+
+def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:
+    """Return the coefficients of splines between ``edges``, which are samples."""
     from scipy.interpolate import CubicSpline
 
-    edges = [0, *kinks.tolist(), len(times) - 1]
     coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))
     for first, last in pairwise(edges):
         piece = slice(first, last + 1)
@@ -136,6 +138,44 @@ def _cubics(times: FloatArray, samples: FloatArray, kinks: NDArray[np.intp]) -> 
         c[4 - len(spline.c) :] = spline.c
         coefficients[first:last] = c[::-1].transpose(1, 0, 2)
     return coefficients
+
+
+def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
+    """Return the gradient (k + 1, joints) by the samples of a spline; the transpose of ``_cubics``.
+
+    The coefficients follow from the slopes at the samples and those of the chords. The former
+    satisfy the tridiagonal system of SciPy's ``CubicSpline``, here for equal distances.
+
+    Args:
+        pieces: (k, 4, joints) gradient by the coefficients.
+        rate: of the samples, Hz.
+    """
+    from scipy.linalg import solve_banded
+
+    count = len(pieces)
+    if count < 3:  # a parabola or a line
+        units = _cubics(np.arange(count + 1) / rate, np.eye(count + 1), [0, count])
+        found: FloatArray = np.tensordot(units, pieces, axes=([0, 1], [0, 1]))
+        return found
+    by_value, by_slope, square, cube = np.moveaxis(pieces, 1, 0)
+    square, cube = square * rate, cube * rate**2
+    slope = np.zeros((count + 1, pieces.shape[2]))
+    slope[:-1] += by_slope - 2.0 * square + cube
+    slope[1:] += cube - square
+    chord = 3.0 * square - 2.0 * cube
+    bands = np.array([[1.0], [4.0], [1.0]]) * np.ones(count + 1)
+    bands[1, [0, -1]] = 1.0
+    bands[0, -1] = bands[2, 0] = 2.0
+    right = solve_banded((1, 1), bands, slope)
+    chord[:-1] += 3.0 * right[1:-1]
+    chord[1:] += 3.0 * right[1:-1]
+    chord[[0, -1]] += 2.5 * right[[0, -1]]
+    chord[1] += 0.5 * right[0]
+    chord[-2] += 0.5 * right[-1]
+    found = np.zeros_like(slope)
+    found[:-1] += by_value - chord * rate
+    found[1:] += chord * rate
+    return found
 
 
 def find_kinks(samples: FloatArray) -> NDArray[np.intp]:

@@ -3,34 +3,37 @@
 The run is divided at the torque samples. Dual numbers give the derivatives of the state at each end
 by the state and the torque of the interval, whose number does not depend on that of the samples. A
 recursion backwards in time then collects the gradient; theory page "separation", (D.17).
+
+The recursion repeats the run from checkpoint to checkpoint, the last part first, so that the
+derivatives of a few parts are in memory at a time. Both the number of parts and the length of each
+grow with the square root of the number of samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.errors import InputError, Problem, shown
-from flexarm.integrate.base import FloatArray, Status
+from flexarm.integrate.base import FloatArray
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.implicit.additive_tableau import Additive
-from flexarm.integrate.memory import new_memory
-from flexarm.integrate.transfers import additive_transfers, explicit_transfers
-from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.compilation.dual_arrays import Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
-from flexarm.run_derivatives.dual_run import DualRun, dual_inputs, dual_system
-from flexarm.run_derivatives.inputs import Inputs, no_change
+from flexarm.run_derivatives.dual_run import DualRun
 from flexarm.run_derivatives.parameters import Parameters, Samples
+from flexarm.run_derivatives.repeated_parts import Block, Part, Repetition, blocks_of, parts_of
 
 #: Powers of time in the torque between two samples.
 _POWERS = {"hold": 1, "linear": 2, "cubic": 4}
-#: Steps in one call of a stepper.
-_STEPS = 4096
+#: Samples whose channels are differentiated together, which bounds the memory of long runs.
+_CHUNK = 1024
 
 
 class Gradient(NamedTuple):
@@ -38,13 +41,6 @@ class Gradient(NamedTuple):
 
     torque: FloatArray  # (samples, joints)
     state: FloatArray  # (2, dof) by q and qd at the start
-
-
-class _Block(NamedTuple):
-    """Derivatives in some directions."""
-
-    transfers: FloatArray  # (directions, intervals, 2 dof) of the states at the ends
-    goal: FloatArray  # (directions, samples) of the goal by the states at the samples
 
 
 def goal_gradient_of(
@@ -64,83 +60,96 @@ def goal_gradient_of(
     breaks = run.history.breaks
     ends = np.unique(np.concatenate([breaks, run.sample_times[1:], [run.duration]]))
     ends = ends[(ends > 0.0) & (ends <= run.duration)]
-    by = _directions(known, _POWERS[samples.interpolation])
-    blocks = [by[k : k + DIRECTIONS] for k in range(0, len(by), DIRECTIONS)]
-    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
-        found = list(pool.map(lambda block: _block(known, ends, block, weights), blocks))
-    transfers = np.concatenate([block.transfers for block in found])
-    goal = np.concatenate([block.goal for block in found])[: 2 * arm.dof]
-    at_ends = np.zeros((len(ends), 2 * arm.dof))
-    at_ends[np.searchsorted(ends, run.sample_times[1:])] = goal[:, 1:].T
-    state, torque = _backwards(transfers, at_ends)
-    state += goal[:, 0]
-    pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     middle = 0.5 * (np.append(0.0, ends[:-1]) + ends)
-    piece = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(pieces) - 1)
+    piece = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(breaks) - 2)
+    parts = parts_of(known, ends, piece)
+    powers = _POWERS[samples.interpolation]
+    blocks = blocks_of(arm, powers)
+    threads = min(usable_cores(), len(parts))
+    repetitions = [Repetition(known, parts, blocks) for _ in range(threads)]
+    torque = np.zeros((len(ends), powers * arm.joints))
+    with ThreadPoolExecutor(threads) as pool:
+        goal = _by_samples(known, weights, blocks, repetitions[0], pool)
+        at_ends = np.zeros((len(ends), goal.shape[1]))
+        at_ends[np.searchsorted(ends, run.sample_times[1:])] = goal[1:]
+        state = goal[0] + _backwards(parts, at_ends, torque, repetitions, pool)
+    pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     np.add.at(pieces, piece, torque)
     by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
     return Gradient(by_samples, state.reshape(2, -1))
 
 
-def _directions(known: Parameters, powers: int) -> list[Inputs]:
-    """Return unit changes of the state, then of the torque coefficients of every piece."""
-    arm, nothing = known.run.arm, no_change(known.inputs)
-    states = np.eye(2 * arm.dof).reshape(-1, 2, arm.dof)
-    found = [nothing._replace(state=arm.padded(unit)) for unit in states]
-    for power in range(powers):
-        for joint in arm.assembly.joint_body:
-            torque = np.zeros(known.inputs.torque.shape)
-            torque[:, power, joint] = 1.0
-            found.append(nothing._replace(torque=torque))
-    return found
+def _by_samples(
+    known: Parameters,
+    weights: Mapping[str, FloatArray],
+    blocks: Sequence[Block],
+    repetition: Repetition,
+    pool: Executor,
+) -> FloatArray:
+    """Return the gradient (samples, 2 dof) of the goal by the states at the samples."""
+    states, count = known.run.samples, 2 * known.run.arm.dof
+    sizes = [min(DIRECTIONS, count - first) for first in range(0, count, DIRECTIONS)]
+    found = []
+    for first in range(0, len(states), _CHUNK):
+        own = slice(first, first + _CHUNK)
+        part = {name: array[own] for name, array in weights.items()}
+        of_block = partial(_of_block, known, part, states[own], repetition)
+        found.append(np.concatenate(list(pool.map(of_block, blocks, sizes))).T)
+    return np.concatenate(found)
 
 
-def _block(
-    known: Parameters, ends: FloatArray, by: list[Inputs], weights: Mapping[str, FloatArray]
-) -> _Block:
-    run, arm = known.run, known.run.arm
-    assert run.history is not None
-    numbers = dual_inputs(known.inputs, by)
-    system = dual_system(run.system(run.history), numbers)
-    seeds: DualArray = numbers.state.copy()
-    seeds.array[..., 0] = 0.0
-    step = run.integrator.step or (run.progress.step if run.default_step is not None else 0.0)
-    memory = new_memory(numbers.state, step or run.integrator.first_step(run.tolerance.fastest))
-    record = run.integrator.record(system.constants, numbers.state)
-    transfers: DualArray = Duals.zeros(len(ends), *numbers.state.shape)
-    additive = isinstance(run.integrator, Additive)
-    kernel: Any = additive_transfers if additive else explicit_transfers
-    status = kernel(system, run.tolerance, record, memory, ends, seeds, transfers, _STEPS)
-    if status != Status.DONE.value:
-        raise run.failure(Status(status))
-    states = Duals.zeros(len(run.sample_times), *numbers.state.shape)
-    states.array[0, ..., 0] = known.inputs.state
-    states.array[1:, ..., 0] = transfers.value[np.searchsorted(ends, run.sample_times[1:])]
-    states.array[..., 1:] = seeds.array[..., 1:]
-    observed = DualRun(states, system.constants, numbers.arm.gauges, 0)
-    channels = channel_derivatives(arm, observed, len(by), list(weights))
-    slopes = arm.unpadded(transfers.slopes[: len(by)])
-    return _Block(
-        slopes.reshape(*slopes.shape[:2], -1),
-        np.array(
-            [
-                sum((w * one[name]).reshape(len(w), -1).sum(axis=1) for name, w in weights.items())
-                for one in channels
-            ]
-        ),
+def _of_block(
+    known: Parameters,
+    weights: Mapping[str, FloatArray],
+    states: FloatArray,
+    repetition: Repetition,
+    block: Block,
+    count: int,
+) -> FloatArray:
+    """Return the derivatives (count, samples) of the goal by ``states`` in some directions."""
+    duals = Duals.of(states)
+    duals.array[..., 1:] = block.state.array[..., 1:]
+    run = DualRun(duals, repetition.system.constants, repetition.gauges, 0)
+    return np.array(
+        [
+            sum((w * one[name]).reshape(len(w), -1).sum(axis=1) for name, w in weights.items())
+            for one in channel_derivatives(known.run.arm, run, count, list(weights))
+        ]
     )
 
 
-def _backwards(transfers: FloatArray, at_ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the gradient by the state at the start, and by the coefficients of each interval.
+def _backwards(
+    parts: Sequence[Part],
+    at_ends: FloatArray,
+    torque: FloatArray,
+    repetitions: Sequence[Repetition],
+    pool: Executor,
+) -> FloatArray:
+    """Return the gradient by the state at the start, and fill that by the torque.
 
     Args:
-        transfers: (states + coefficients, intervals, states). at_ends: (intervals, states).
+        at_ends: (intervals, states) gradient by the states at the ends of the intervals.
+        torque: (intervals, k) gradient by the coefficients of the torque in each interval.
     """
-    count = at_ends.shape[1]
+    count, width = at_ends.shape[1], torque.shape[1]
     adjoint = np.zeros(count)
-    torque = np.zeros((len(at_ends), len(transfers) - count))
-    for k in reversed(range(len(at_ends))):
-        both = transfers[:, k] @ (adjoint + at_ends[k])
-        adjoint, torque[k] = both[:count], both[count:]
-    return adjoint, torque
+    for part, transfers in _from_the_last(parts, repetitions, pool):
+        goal, own = at_ends[part.intervals], torque[part.intervals]
+        for k in reversed(range(len(transfers))):
+            both = (adjoint + goal[k]) @ transfers[k]
+            adjoint, own[k] = both[:count], both[count : count + width]
+    return adjoint
+
+
+def _from_the_last(
+    parts: Sequence[Part], repetitions: Sequence[Repetition], pool: Executor
+) -> Iterator[tuple[Part, FloatArray]]:
+    """Yield each part and its transfers, while those of the parts before it are computed."""
+    together = len(repetitions)
+    found: list[tuple[Part, FloatArray]] = []
+    for last in range(len(parts), 0, -together):
+        group = parts[max(0, last - together) : last][::-1]
+        ahead = pool.map(Repetition.transfers, repetitions, group)
+        yield from found
+        found = list(zip(group, ahead, strict=True))
+    yield from found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,10 @@ from flexarm.stations import place_gauges
 
 #: Samples whose poses are computed together, which bounds the scratch memory of long runs.
 _CHUNK = 1024
+#: Channels that are not linear in the states and the observed quantities.
+_NONLINEAR = {
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+}
 
 
 def channel_derivatives(
@@ -27,8 +31,7 @@ def channel_derivatives(
 ) -> list[dict[str, FloatArray]]:
     """Return the derivatives of channels (samples, ...) in each of ``count`` directions.
 
-    The kernels compute poses and strains in dual numbers. What NumPy computes from them is
-    evaluated at complex numbers.
+    The kernels compute poses and strains in dual numbers.
     """
     samples = run.samples.array
     parts: list[list[dict[str, FloatArray]]] = [[] for _ in range(count)]
@@ -36,13 +39,30 @@ def channel_derivatives(
         states = Duals(samples[first : first + _CHUNK])
         observed = _observed(arm, run, states, with_energies(names))
         for place, found in enumerate(parts):
-            complex_states = _complex(states, place)
-            values: Any = (None if part is None else _complex(part, place) for part in observed)
-            channels = named_channels(arm, complex_states, Observed(*values), names)
-            found.append({name: array.imag / STEP for name, array in channels.items()})
+            found.append(_in_direction(arm, [states, *observed], place, names))
     return [
         {name: np.concatenate([part[name] for part in found]) for name in names} for found in parts
     ]
+
+
+def _in_direction(
+    arm: Arm, quantities: Sequence[DualArray | None], place: int, names: Collection[str]
+) -> dict[str, FloatArray]:
+    """Return the derivatives of channels in one direction.
+
+    Args:
+        quantities: states, and the fields of ``Observed`` that follow from them.
+    """
+
+    def channels(form: Callable[[Duals, int], FloatArray], own: set[str]) -> dict[str, FloatArray]:
+        if not own:
+            return {}
+        found: list[Any] = [None if part is None else form(part, place) for part in quantities]
+        return named_channels(arm, found[0], Observed(*found[1:]), own)
+
+    linear = channels(_slopes, set(names) - _NONLINEAR)
+    other = channels(_complex, _NONLINEAR.intersection(names))
+    return linear | {name: array.imag / STEP for name, array in other.items()}
 
 
 def _observed(
@@ -66,6 +86,12 @@ def _observed(
         bodies = place_gauges(arm, arm.gauges)[1]
         gauge_strains(sizes, states, bodies, run.gauges, strains)
     return poses, tips, energy, strains
+
+
+def _slopes(duals: Duals, place: int) -> FloatArray:
+    """Return the derivatives in one direction."""
+    slopes: FloatArray = duals.array[..., 1 + place]
+    return slopes
 
 
 def _complex(duals: Duals, place: int) -> FloatArray:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration
 from flexarm.arguments import check_kind, check_mapping
 from flexarm.arm import Arm
+from flexarm.engine.impacts import Checkpoints
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.errors import (
@@ -113,7 +114,8 @@ def goal_gradient(
         "contacts": contacts,
     }
     with Meter("differentiating", progress) as meter:
-        known = simulated(arm, options, given, True, meter)
+        checkpoints = Checkpoints.among(len(options.times))
+        known = simulated(arm, options, given, True, meter, checkpoints)
         run = known.run
         channels = channels_of(arm, run.samples, names)
         arrays = {

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.actions.environment import Environment
+from flexarm.engine.impacts import Checkpoints
 from flexarm.engine.stepping import Run
 from flexarm.errors import InputError, Problem, shown
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -67,6 +68,7 @@ class Parameters:
         samples: the torque samples; None if the torque does not consist of samples.
         tip_forces: number of loads at the beginning that are the force on the tip.
         loop: the closed loop; None without a controller.
+        checkpoints: from which parts of the run can be repeated; None if not requested.
     """
 
     run: Run
@@ -75,6 +77,7 @@ class Parameters:
     samples: Samples | None
     tip_forces: int
     loop: RecordedLoop | None = None
+    checkpoints: Checkpoints | None = None
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:
         """Return the derivatives of the numbers of the run by each parameter.

@@ -15,7 +15,7 @@ from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import event_log
-from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.impacts import Checkpoints, run_through_impacts
 from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, nearest, suggestion
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -36,7 +36,12 @@ _OF_STATES = (
 
 
 def simulated(
-    arm: Arm, options: RunOptions, given: Mapping[str, Any], by_samples: bool, meter: Meter
+    arm: Arm,
+    options: RunOptions,
+    given: Mapping[str, Any],
+    by_samples: bool,
+    meter: Meter,
+    checkpoints: Checkpoints | None = None,
 ) -> Parameters:
     """Simulate a run; return what its derivatives require.
 
@@ -44,6 +49,7 @@ def simulated(
         given: arguments of ``simulate`` that are not options.
         by_samples: whether steps end at every torque sample. A step that spans several samples
             computes their derivatives inaccurately.
+        checkpoints: filled by a run without a controller.
 
     Raises:
         InputError: if an argument does not fit the arm.
@@ -70,13 +76,15 @@ def simulated(
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
-    run_through_impacts(run, partial(_with_stops, history_of) if by_samples else history_of)
+    torque_of = partial(_with_stops, history_of) if by_samples else history_of
+    run_through_impacts(run, torque_of, checkpoints)
     return Parameters(
         run,
         environment,
         inputs_of_run(run, environment),
         _samples(torque, history_of, options),
         tips,
+        checkpoints=checkpoints,
     )
 
 
