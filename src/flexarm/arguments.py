@@ -35,6 +35,8 @@ T = TypeVar("T")
 _SMALLEST = 1e-150
 #: Largest plausible joint angle of a posture, rad: two turns.
 _TURNS = 4.0 * math.pi
+#: Larger angles (rad) than ten turns in degrees are no degrees.
+_DEGREES = 3600.0
 
 
 def check_kind(name: str, value: object, kind: type[T], what: str = "", hint: str = "") -> T:
