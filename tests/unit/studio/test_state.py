@@ -243,6 +243,19 @@ def test_names_of_files_have_plain_characters(file, name):
     assert open_bytes(STUDY.encode(), file).name == name
 
 
+def test_the_kind_of_a_fault_changes_with_the_numbers_that_it_needs():
+    path = ("hardware", "instruments", 0, "faults", 0, "kind")
+    project = paper_project().edited(("hardware", "<new>"), None)
+    project = project.edited((*path[:2], "<new>"), None).edited((*path[:4], "<new>"), None)
+    sizes = []
+    for kind in ("frozen", "gain"):
+        project = project.edited(path, kind)
+        fault = project.record.hardware.instruments[0].faults[0]
+        assert fault.kind == kind
+        sizes.append(fault.size is None)
+    assert sizes == [True, False]
+
+
 def test_undo_and_redo():
     first = paper_project()
     history = History(first)

@@ -74,6 +74,8 @@ def plain_edit(
     if word == PRESET:
         return place, [value if value in MATERIALS else explicit(old)]
     forms = forms_at(record, place)
+    if word == KIND and isinstance(old, Record) and not forms.kinds:
+        return place, _of_other_kind(scenario, old, value)
     if word == KIND:
         omitted = forms.optional and value not in [form.kind for form in forms.kinds]
         if omitted and value == "none":
@@ -120,6 +122,13 @@ def _removed(record: Scenario | StudySpec, place: Path) -> tuple[Path, list[Any]
     kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
     optional = forms_at(record, place[:-1]).optional
     return place[:-1], [None if optional and not kept else kept]
+
+
+def _of_other_kind(scenario: Scenario, old: Record, kind: Any) -> list[Any]:
+    """Return a record with another required kind, with a number more or less if that needs it."""
+    kept = {**content_of(old), KIND: kind}
+    fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
+    return [kept, {**new_record(scenario, type(old)), **kept}, *fewer]
 
 
 def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]:

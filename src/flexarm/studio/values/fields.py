@@ -174,7 +174,9 @@ class FieldMaker:
     def record(self, record: Record, path: Path) -> Iterator[Entry]:
         """Yield the fields of a record: first those that files usually have."""
         usual, more = _USUAL.get(type(record)), []
-        hidden = {KIND}
+        fields = type(record).model_fields
+        # A kind that is required is a choice like others, not what distinguishes the record.
+        hidden = {KIND} if KIND in fields and not fields[KIND].is_required() else set()
         if isinstance(record, Link):
             now = way_of(record)
             hidden |= {name for way, names in WAYS.items() if way != now for name in names}
@@ -183,7 +185,7 @@ class FieldMaker:
         if record._columns:
             yield _table(record, path)
             hidden |= set(() if _has_points(record) else record._columns)
-        for name, field in type(record).model_fields.items():
+        for name, field in fields.items():
             if name in hidden:
                 continue
             of = _value_of(record, name, path)
