@@ -245,7 +245,8 @@ def test_names_of_files_have_plain_characters(file, name):
 
 def test_the_kind_of_a_fault_changes_with_the_numbers_that_it_needs():
     path = ("hardware", "instruments", 0, "faults", 0, "kind")
-    project = paper_project().edited(("hardware", "<new>"), None)
+    project = paper_project().edited(("drive", "kind"), "joint_pd")
+    project = project.edited(("hardware", "<new>"), None)
     project = project.edited((*path[:2], "<new>"), None).edited((*path[:4], "<new>"), None)
     sizes = []
     for kind in ("frozen", "gain"):
