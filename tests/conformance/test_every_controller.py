@@ -226,7 +226,7 @@ def test_list_for_another_number_of_joints_is_rejected_before_the_run(name, key,
 
 #: Controllers without a stability analysis of the sampled loop, because their gains change, or
 #: their memory is a whole period.
-UNDECLARED = ("estimator", "rbf_adaptive", "repetitive")
+UNDECLARED = ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive")
 
 
 @every

@@ -44,7 +44,8 @@ def test_random_arms(seed, how):
 
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_joint_laws_and_jumps_of_the_torque(how, executed):
-    rubbing = fa.Friction(coulomb=0.2, static=0.3, viscous=0.01)
+    # Smooth enough for the fixed step of rk4.
+    rubbing = fa.Friction(coulomb=0.2, static=0.3, viscous=0.01, smoothing_rate=1.0)
     joints = [fa.Joint(friction=rubbing, damping=0.1), fa.Joint(stiffness=50.0)]
     links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
     arm = fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.3), theory="second_order")
@@ -86,7 +87,8 @@ def test_runs_of_different_length_in_steps(executed):
 
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_each_lane_has_the_constants_of_its_arm(how, executed):
-    rubbing = fa.Friction(coulomb=0.2, static=0.3, viscous=0.01)
+    # Smooth enough for the fixed step of rk4.
+    rubbing = fa.Friction(coulomb=0.2, static=0.3, viscous=0.01, smoothing_rate=1.0)
     joints = [fa.Joint(friction=rubbing, damping=0.1, stiffness=20.0)] * 2
     links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
     gravity = (0.0, -9.81)

@@ -105,7 +105,7 @@ def loop_models(
 
     Args:
         controller: a controller that declares its ``memory``; all built-in ones do except
-            `EstimatorController`, `RBFAdaptive` and `RepetitiveControl`.
+            `EstimatorController`, `NonlinearMPC`, `RBFAdaptive` and `RepetitiveControl`.
         plant: the arm; None for the model of the controller.
         posture: (joints,) rad; None for the first posture of the design, or zeros if the
             controller has none. With a ``reference``, its time (s) instead; None for its start.

@@ -46,7 +46,7 @@ def for_margin(
     best, found = -1.0, (0.0, 0.0)
     for unsure, recovery in _TRIED:
         made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
-        margin = _least(made, arms, postures, best)
+        margin = _least(made.at_rest(), arms, postures, best)  # type: ignore[attr-defined]
         if margin >= required:
             return made
         if margin > best:

@@ -117,7 +117,7 @@ def loop_margins(
 
     Args:
         controller: a controller that declares its ``memory``; all built-in ones do except
-            `EstimatorController`, `RBFAdaptive` and `RepetitiveControl`.
+            `EstimatorController`, `NonlinearMPC`, `RBFAdaptive` and `RepetitiveControl`.
         plants: arms to combine with the controller, as a list or by name; None for the model of
             the controller.
         postures: (joints,) or (k, joints) rad; None for the postures of the design, or zeros if the

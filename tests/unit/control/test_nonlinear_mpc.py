@@ -63,6 +63,8 @@ def test_small_deviations_are_controlled_as_by_the_regulator(few, monkeypatch):
         law = fa.NonlinearMPC(few, POSTURE, torque_limit=100.0, **how)
         found = torques_of(few, law, start, hold)
         assert np.abs(found - wanted).max() < error * moved
+    margins = [fa.loop_margins(one).disk_margin.values for one in (law.at_rest(), regulator)]
+    np.testing.assert_array_equal(*margins)
 
 
 def test_small_motions_are_followed_as_by_the_regulator(few):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,14 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         if self.modes is not None:
             self.arm = with_modes(self.arm, self.modes)
         super().__post_init__()
+
+    def at_rest(self) -> LQG:
+        """Return the regulator that computes nearly its torques for small motions within limits.
+
+        It has the same model, weights and sample time. Its `loop_margins` are those to look at.
+        """
+        names = signature(LQG).parameters.keys() - {"arm", "nominal"}
+        return LQG(self.arm, **{name: getattr(self, name) for name in names})
 
     def _prepare(self) -> None:
         self._model_steps = SampledSteps(self.arm, self._sample_time, self.horizon + 1)
