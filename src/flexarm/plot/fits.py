@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm.plot.animation.scene import thin
 from flexarm.plot.selection import Signals, readable_unit
-from flexarm.plot.style import BLUE, GREY, VERMILLION, Sheet, margins, styled
+from flexarm.plot.style import BLUE, GREY, VERMILLION, Sheet, legend_above, margins, styled
 
 FloatArray = NDArray[np.float64]
 #: Width, height of a row, and edges (inches).
@@ -63,7 +63,7 @@ def fit_picture(channels: Sequence[FittedChannel], simulated: str) -> str:
             scale, unit = readable_unit(channel.unit, missed)
             right.plot(*_thinned(channel.times, scale * missed), color=VERMILLION)
             right.set_ylabel(unit)
-        axes[0, 0].legend(loc="upper right", ncols=2)
+        legend_above(axes[0, 0])
         axes[0, 1].set_title("measured minus " + simulated)
         for each in axes[-1]:
             each.set_xlabel("time [s]")
@@ -96,7 +96,11 @@ def matrix_picture(names: Sequence[str], correlation: FloatArray) -> str:
     with styled("screen"):
         axis = sheet.subplots()
         margins(sheet, 3.3, 0.1, 0.2, 0.2)
-        axis.imshow(np.where(np.isfinite(correlation), correlation, 0.0), "RdBu", vmin=-1, vmax=1)
+        # Cells, because a report shows no pixel images.
+        shown = np.where(np.isfinite(correlation), correlation, 0.0)
+        places = np.arange(count)
+        axis.pcolormesh(places, places, shown, cmap="RdBu", vmin=-1, vmax=1, shading="nearest")
+        axis.invert_yaxis()
         axis.set_yticks(range(count), [f"{k}  {name}" for k, name in enumerate(names, 1)])
         axis.set_xticks([])
         axis.grid(False)

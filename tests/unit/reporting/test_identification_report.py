@@ -51,6 +51,7 @@ def test_the_page_has_estimates_fits_and_statements():
     assert "The data do not determine the mass of joint 1" in page
     assert "Correlations of the estimates" in page
     assert page.count("<svg") == 5
+    assert "<image" not in page  # the page allows no pixel images
     assert "http://" not in re.sub(r'(xmlns[:a-z]*|rdf:\w+)="[^"]*"', "", page.split("<svg")[0])
     assert "<script" not in page
     assert len(page.encode()) < 1_000_000
