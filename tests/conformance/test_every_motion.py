@@ -109,6 +109,7 @@ MOTIONS = {
     "smoothed": lambda: fa.smoothed(long_line(), 0.2),
     "shaped": lambda: fa.shaped(line(), two_links()),
     "quasi-static": lambda: fa.quasi_static_reference(two_links(), line()),
+    "quasi-static, order 2": lambda: fa.quasi_static_reference(two_links(), line(), order=2),
     "optimal": optimal,
     "inversion": lambda: inversion().reference,
     "sampled": lambda: joints("trapezoidal").sampled(300.0),

@@ -92,11 +92,23 @@ def test_tip_inversion_as_reference(inverse):
     assert found.attrs["reference_kind"] == "tip_inversion"
 
 
+def test_integral_manifold_as_reference():
+    found = fa.run_scenario(scenario({**PD, "reference": "integral_manifold"}))
+    arm = fa.Arm(spec())
+    second = fa.quasi_static_reference(arm, line(arm), order=2)
+    options = {"reference": second, "initial": second.initial, "rate": 100.0}
+    wanted = fa.simulate(arm, 0.4, controller=controller(second.torque), **options)
+    np.testing.assert_array_equal(found.q.values, wanted.q.values)
+    assert found.attrs["reference_kind"] == "integral_manifold"
+
+
 def test_torques_alone(inverse):
     arm = inverse.arm
     static = fa.quasi_static_reference(arm, inverse.motion)
+    second = fa.quasi_static_reference(arm, inverse.motion, order=2)
     torques = {
         "quasi_static": (static.torque, static.initial),
+        "integral_manifold": (second.torque, second.initial),
         "flexible_torque": (fa.flexible_torque(arm, inverse.motion), None),
         "tip_inversion": (inverse.torque, inverse.initial),
     }
@@ -190,7 +202,7 @@ def test_a_study_computes_each_reference_once(monkeypatch):
     calls = []
     own = references.quasi_static_reference
     monkeypatch.setattr(
-        references, "quasi_static_reference", lambda *a: (calls.append(a), own(*a))[1]
+        references, "quasi_static_reference", lambda *a, **k: (calls.append(a), own(*a, **k))[1]
     )
     study = StudySpec(
         arm=spec(),

@@ -77,21 +77,25 @@ def test_model_based_control_is_better_than_joint_pd_on_the_papers_line(inverse)
 
 
 def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
-    """(T_1 / T)^4 for a smooth motion, where rigid torques have the square."""
+    """(T_1 / T)^4 for a smooth motion, where rigid torques have the square; order 2 the sixth."""
     flexible = laboratory_arm()
-    errors = {"rigid": [], "quasi-static": []}
+    errors = {"rigid": [], "quasi-static": [], "order 2": []}
     for duration in (4.0, 8.0):
         # The quintic's jerk jumps, and its excitation has the third power, so the motion is
         # smoothed.
         motion = fa.smoothed(line(flexible, 0.6 * duration), 0.4 * duration)
         static = fa.quasi_static_reference(flexible, motion)
-        for name, reference in (("rigid", motion), ("quasi-static", static)):
+        second = fa.quasi_static_reference(flexible, motion, order=2)
+        for name, reference in zip(errors, (motion, static, second), strict=True):
             moved = dict.fromkeys((1, 2), reference)
             run = fa.simulate(flexible, 1.3 * duration, prescribed=moved, rate=100.0)
             errors[name].append(away(run, motion).max())
     order = {name: np.log2(before / after) for name, (before, after) in errors.items()}
     assert order["rigid"] == pytest.approx(2.0, abs=0.3)
     assert order["quasi-static"] == pytest.approx(4.0, abs=0.5)
+    assert order["order 2"] > 5.5  # what is left are the jumps of high derivatives of the motion
+    assert errors["order 2"][0] < errors["quasi-static"][0] / 20.0
+    assert errors["order 2"][1] < errors["quasi-static"][1] / 80.0
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])

@@ -17,6 +17,7 @@ from flexarm.linear.reference_motions.quasi_static import quasi_static_reference
 from flexarm.model.drives import (
     ControllerDrive,
     FlexibleTorqueDrive,
+    IntegralManifoldDrive,
     QuasiStaticDrive,
     RigidInverseDynamicsDrive,
     TipInversionDrive,
@@ -27,6 +28,8 @@ from flexarm.scenarios.motions import TaskReference
 
 #: Function of time (s) that returns torques (joints,), N m.
 TorqueFunction = Callable[[Any], Any]
+#: Orders of `quasi_static_reference` by the kind of a reference or drive.
+_ORDERS = {"quasi_static": 1, "integral_manifold": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +38,8 @@ class Followed:
 
     Attributes:
         motion: the reference, or None without a motion.
-        kind: "quasi_static", "tip_inversion", "rigid", "pressed" or "none"; after "rigid" the
-            reason, if the flexible reference does not exist.
+        kind: "quasi_static", "integral_manifold", "tip_inversion", "rigid", "pressed" or "none";
+            after "rigid" the reason, if the flexible reference does not exist.
         torque: torque of the reference, or None.
         initial: coordinates (dof,) of the arm at rest at the start of a flexible reference.
     """
@@ -62,8 +65,8 @@ def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None)
     if kind is None:
         return _bent_or_rigid(arm, motion)
     with problems_under("reference"):
-        if kind == "quasi_static":
-            return _quasi_static(arm, motion)
+        if kind in _ORDERS:
+            return _quasi_static(arm, motion, kind)
         if kind == "tip_inversion":
             inverse = tip_inversion(arm, motion)
             return Followed(inverse.reference, kind, inverse.torque, inverse.initial)
@@ -79,8 +82,8 @@ def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
     match drive:
         case RigidInverseDynamicsDrive():
             return _rigid(arm, motion)
-        case QuasiStaticDrive():
-            return _quasi_static(arm, motion)
+        case QuasiStaticDrive() | IntegralManifoldDrive():
+            return _quasi_static(arm, motion, drive.kind)
         case FlexibleTorqueDrive():
             torque = flexible_torque(arm, motion)
             return Followed(motion, drive.kind, torque, torque.initial)
@@ -104,8 +107,8 @@ def _rigid(arm: Arm, motion: Motion, reason: str = "") -> Followed:
     return Followed(motion, f"rigid{reason}", rigid_torque(arm, motion))
 
 
-def _quasi_static(arm: Arm, motion: Motion) -> Followed:
+def _quasi_static(arm: Arm, motion: Motion, kind: str = "quasi_static") -> Followed:
     with warnings.catch_warnings():  # the run warns of its states
         warnings.simplefilter("ignore", LargeDeflectionWarning)
-        bent = quasi_static_reference(arm, motion)
-    return Followed(bent, "quasi_static", bent.torque, bent.initial)
+        bent = quasi_static_reference(arm, motion, order=_ORDERS[kind])
+    return Followed(bent, kind, bent.torque, bent.initial)

@@ -187,6 +187,7 @@ def test_rigid_torque_along_a_shaped_motion():
         (lambda: fa.smoothed(None, 0.1), "motion must be a motion"),
         (lambda: fa.quasi_static_reference(arm().rigid(), line()), "arm is rigid"),
         (lambda: fa.quasi_static_reference(arm(), line(), smoothing=0.0), "smoothing"),
+        (lambda: fa.quasi_static_reference(arm(), line(), order=3), "order"),
         (lambda: fa.quasi_static_reference(arm(), None), "motion"),
     ],
 )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_kind, check_positive, check_times
+from flexarm.arguments import check_count, check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
@@ -32,6 +32,12 @@ _INSTANTS = 161
 _NEWTON_STEPS = 12
 #: Gauss points between two breaks of the bending, and number of times averaged in one batch.
 _POINTS, _CHUNK = 32, 512
+#: Amplitudes of the cosines in the window (C.15) for each order. The second one has no second
+#: moment: the average of a parabola is its value in the middle.
+_FLAT = (2.0 * np.pi**2 / 3.0 - 1.0) / 3.0
+_WINDOWS = {1: (1.0,), 2: (_FLAT, _FLAT - 1.0)}
+#: Breaks that rounding separates are one: relative to the duration.
+_APART = 1e-9
 #: Default averaging window as a fraction of the slowest period.
 _SHARE = 0.25
 
@@ -46,23 +52,30 @@ class QuasiStaticReference(DerivedMotion):
         motion: motion of the rigid arm, which the tip follows.
         arm: the flexible arm.
         smoothing: s, window over which the bending is averaged, centred at each instant.
+        order: 1, or 2 if the accelerations of the bending bend the links, too.
     """
 
     arm: Arm = field(repr=False)
     smoothing: float
+    order: int
+    _moving: Motion = field(repr=False)  # its rates and accelerations bend the links
+    _window: tuple[float, ...] = field(repr=False)
     _bends: tuple[BSpline, ...] = field(repr=False)  # before, between two breaks each, after
 
     def _times(self) -> tuple[float, float]:
-        start = self.motion.start_time - 0.5 * self.smoothing
-        return start, self.motion.duration + self.smoothing
+        start = self._moving.start_time - 0.5 * self.smoothing
+        return start, self._moving.duration + self.smoothing
 
     @property
     def breaks(self) -> tuple[float, ...]:
         """Breaks of the motion, and the times at which they enter and leave the window, s."""
-        own, half = self.motion.breaks, 0.5 * self.smoothing
+        own, half = self._moving.breaks, 0.5 * self.smoothing
         inner = {t + d for t in own for d in (-half, 0.0, half)}
-        inside = (t for t in inner if self.start_time < t < self.end_time)
-        return (self.start_time, *sorted(inside), self.end_time)
+        every = [self.start_time]
+        for t in sorted(t for t in inner if self.start_time < t < self.end_time):
+            if min(t - every[-1], self.end_time - t) > _APART * self.duration:
+                every.append(t)
+        return (*every, self.end_time)
 
     @cached_property
     def initial(self) -> FloatArray:
@@ -101,20 +114,23 @@ class QuasiStaticReference(DerivedMotion):
     def _averages(self, times: FloatArray) -> list[FloatArray]:
         """Return the averaged bending and its two derivatives, those of the window; (C.15)."""
         half = 0.5 * self.smoothing
-        ages, shares = window_points(times, self.motion.breaks, (-half, half), _POINTS)
+        ages, shares = window_points(times, self._moving.breaks, (-half, half), _POINTS)
         bent = self._bent(times[:, None] - ages)
         turn = 2.0 * np.pi / self.smoothing
         moving = (times >= self.start_time) & (times < self.end_time)
-        windows = (
-            1.0 + np.cos(turn * ages),
-            -turn * np.sin(turn * ages) * moving[:, None],
-            -(turn**2) * np.cos(turn * ages) * moving[:, None],
-        )
+        windows = np.zeros((3, *ages.shape))
+        windows[0] = 1.0
+        for k, part in enumerate(self._window, start=1):
+            w = k * turn
+            windows[0] += part * np.cos(w * ages)
+            windows[1] -= part * w * np.sin(w * ages)
+            windows[2] -= part * w**2 * np.cos(w * ages)
+        windows[1:] *= moving[:, None]
         return [np.einsum("tk,tkd->td", shares * window, bent) for window in windows]
 
     def _bent(self, times: FloatArray) -> FloatArray:
         """Return the unaveraged corrections of the rigid q, (T, k, dof), at times (T, k)."""
-        breaks = np.array(self.motion.breaks)
+        breaks = np.array(self._moving.breaks)
         inside = np.clip(times, breaks[0], breaks[-1])
         piece = np.searchsorted(breaks, times, side="right")
         bent = np.empty((*times.shape, self.arm.dof))
@@ -153,11 +169,13 @@ class QuasiStaticTorque:
 
 @public_call
 def quasi_static_reference(
-    arm: Arm, motion: Motion, *, smoothing: float | None = None
+    arm: Arm, motion: Motion, *, smoothing: float | None = None, order: int = 1
 ) -> QuasiStaticReference:
     """Compute joint angles and torques that keep the tip of a flexible arm on a motion.
 
-    The links bend statically under inertia and gravity: their vibration is neglected.
+    The links bend statically under inertia and gravity: their vibration is neglected. Order 1
+    neglects that the bending is itself accelerated. Order 2 includes this acceleration, with the
+    bending of order 1: the integral manifold of second order, to which smooth motions are closer.
 
     Args:
         arm: the arm, with links that bend.
@@ -167,17 +185,25 @@ def quasi_static_reference(
         smoothing: s, window over which the bending is averaged, by default a quarter of the slowest
             period with locked joints. Averaging is necessary because bending follows the
             accelerations, which may have jumps or corners. The reference starts half a window
-            before the motion and ends half a window after it.
+            before the motion and ends half a window after it, for order 2 a whole window.
+        order: 1 or 2.
 
     Raises:
         InputError: if ``motion`` is not a motion of this arm, the arm is rigid, the joints cannot
-            move the tip in every direction somewhere along the motion, or the window is not
-            positive.
+            move the tip in every direction somewhere along the motion, the window is not positive,
+            or the order is neither 1 nor 2.
         SimulationError: if Newton's method does not converge.
 
-    (C.13) to (C.15). This is the first term of the solution that `tip_inversion` computes in full,
-    at a small fraction of the cost.
+    (C.13) to (C.15). These are the first terms of the solution that `tip_inversion` computes in
+    full, at a small fraction of the cost.
+
+    References:
+        M. W. Spong, K. Khorasani and P. V. Kokotovic, IEEE J. Robotics and Automation 3 (1987)
+        291-300: integral manifolds of elastic joints.
+        M. Moallem, K. Khorasani and R. V. Patel, IEEE Trans. Robotics and Automation 13 (1997)
+        823-837: of elastic links, and the position of the tip.
     """
+    order = check_count("order", order, most=2)
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     if arm.dof == arm.joints:
@@ -189,40 +215,56 @@ def quasi_static_reference(
         window = _SHARE / float(slowest[slowest > 0.0].min())
     else:
         window = check_positive("smoothing", smoothing, "s")
-    pieces = [_piece(constraint, a, b) for a, b in pairwise(motion.breaks)]
-    rests = [_rest(constraint, t) for t in (motion.start_time - 1.0, motion.end_time + 1.0)]
-    reference = QuasiStaticReference(motion, arm, window, (rests[0], *pieces, rests[1]))
+    reference = _bent_by(motion, constraint, window, order)
+    if order == 2:
+        reference = _bent_by(reference, constraint, window, order)
     times = np.linspace(reference.start_time, reference.end_time, _INSTANTS)
     warn_of_bending(arm, reference.coordinates(times)[0])
     return reference
 
 
-def _piece(constraint: TipConstraint, a: float, b: float) -> BSpline:
+def _bent_by(
+    moving: Motion, constraint: TipConstraint, window: float, order: int
+) -> QuasiStaticReference:
+    """Return the reference whose links bend under the rates and accelerations of a motion."""
+    pieces = [_piece(constraint, moving, a, b) for a, b in pairwise(moving.breaks)]
+    ends = (moving.start_time - 1.0, moving.end_time + 1.0)
+    before, after = (_rest(constraint, moving, t) for t in ends)
+    bends = (before, *pieces, after)
+    fields = (window, order, moving, _WINDOWS[order], bends)
+    return QuasiStaticReference(constraint.motion, constraint.arm, *fields)
+
+
+def _piece(constraint: TipConstraint, moving: Motion, a: float, b: float) -> BSpline:
     from scipy.interpolate import make_interp_spline
 
     # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
     times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
     times[0], times[-1] = a, np.nextafter(b, -np.inf)
-    return make_interp_spline(times, _bending(constraint, times), k=5)
+    return make_interp_spline(times, _bending(constraint, moving, times), k=5)
 
 
-def _rest(constraint: TipConstraint, t: float) -> BSpline:
+def _rest(constraint: TipConstraint, moving: Motion, t: float) -> BSpline:
     from scipy.interpolate import BSpline
 
-    value = _bending(constraint, np.array([t]))
+    value = _bending(constraint, moving, np.array([t]))
     return BSpline(np.array([t, t + 1.0]), value, 0, extrapolate=True)
 
 
-def _bending(constraint: TipConstraint, times: FloatArray) -> FloatArray:
-    """Solve (C.13) by Newton's method at each instant; return the corrections of q, (T, dof)."""
+def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> FloatArray:
+    """Solve (C.13) by Newton's method at each instant; return the corrections of q, (T, dof).
+
+    Rates and accelerations are those of ``moving``, which is rigid or already bent.
+    """
     arm, motion = constraint.arm, constraint.motion
     elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     rigid = np.zeros((3, times.size, arm.dof))
     rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
+    _, qd, qdd = moving.coordinates(times) if isinstance(moving, QuasiStaticReference) else rigid
     added = np.zeros((times.size, arm.dof))
     for _ in range(_NEWTON_STEPS):
         q = rigid[0] + added
-        along = dynamics_along(arm, q, rigid[1], rigid[2])
+        along = dynamics_along(arm, q, qd, qdd)
         value, by = constraint.misses(times, q, along)
         missing = np.concatenate([along.force[:, elastic], value], axis=1)
         matrix = np.concatenate([along.force_by[:, elastic, 0], by], axis=1)

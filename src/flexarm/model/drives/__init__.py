@@ -11,6 +11,7 @@ from flexarm.model.drives.registry import GROUPS, one_of
 from flexarm.model.drives.torques import (
     FEEDFORWARD_DRIVES,
     FlexibleTorqueDrive,
+    IntegralManifoldDrive,
     NoDrive,
     QuasiStaticDrive,
     RigidInverseDynamicsDrive,
@@ -25,6 +26,7 @@ DRIVES: dict[str, tuple[type[Record], ...]] = {
     "without feedback": (
         RigidInverseDynamicsDrive,
         QuasiStaticDrive,
+        IntegralManifoldDrive,
         FlexibleTorqueDrive,
         TipInversionDrive,
         TorqueDrive,
@@ -61,6 +63,7 @@ __all__ = [
     "Drive",
     "FilterSpec",
     "FlexibleTorqueDrive",
+    "IntegralManifoldDrive",
     "NoDrive",
     "QuasiStaticDrive",
     "RigidInverseDynamicsDrive",

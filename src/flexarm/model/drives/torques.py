@@ -25,6 +25,12 @@ class QuasiStaticDrive(Record):
     kind: Literal["quasi_static"] = "quasi_static"
 
 
+class IntegralManifoldDrive(Record):
+    """Torques as for `quasi_static`, with the bending due to the accelerations of the bending."""
+
+    kind: Literal["integral_manifold"] = "integral_manifold"
+
+
 class FlexibleTorqueDrive(Record):
     """Torques with which the joints of the flexible arm follow the motion, without feedback."""
 
@@ -101,6 +107,7 @@ def winding_faults(arm: ArmSpec) -> Iterator[Fault]:
 FEEDFORWARD_DRIVES: tuple[str, ...] = (
     "rigid_inverse_dynamics",
     "quasi_static",
+    "integral_manifold",
     "flexible_torque",
     "tip_inversion",
 )
