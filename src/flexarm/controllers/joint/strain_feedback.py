@@ -33,8 +33,11 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         InputError: if a joint's gain is negative or not finite, or a time or cutoff is not
             positive.
 
+    The difference of two gauges near the root of a link is proportional to the shear force there.
+
     References:
-        Z.-H. Luo, IEEE Trans. Automatic Control 38 (1993) 1610-1622.
+        Z.-H. Luo, IEEE Trans. Automatic Control 38 (1993) 1610-1622: curvature at the root.
+        Z.-H. Luo and B.-Z. Guo, IEEE Trans. Automatic Control 42 (1997) 53-65: shear force.
         S. S. Ge, T. H. Lee and G. Zhu, IEEE Trans. Robotics and Automation 14 (1998) 179-185.
     """
 
