@@ -49,6 +49,29 @@ class OwnController(fa.Controller):
         return 8.0 * error - np.tanh(measurement["joint_rate"])
 
 
+class WithConditions(OwnController):
+    """A controller of a user that switches, counts and remembers a truth value."""
+
+    memory = ("angle", "fast", "samples", "level")
+
+    def reset(self):
+        self.angle, self.fast, self.samples = None, False, 0
+        self.level = np.zeros(2)
+
+    def update(self, t, measurement, reference):
+        error = reference.joint_angle(t) - measurement["joint_angle"]
+        rate = measurement["joint_rate"]
+        self.angle = error if self.angle is None else 0.9 * self.angle + 0.1 * error
+        self.fast = self.fast or abs(rate[0]) > 0.1
+        self.samples += 1
+        self.level[0] += max(0.0, min(error[0], 0.1))
+        if self.samples < 4 or rate[1] == 0.0:
+            return np.zeros(2)
+        if not self.fast and error[0] < 0.0:
+            return np.array([-1.0, 2.0]) * np.sqrt(-error[0])
+        return 8.0 * self.angle + np.where(error > 0.0, 1.0, -0.5) * self.level - rate
+
+
 #: Controllers whose law can be exported, by a name for the test.
 LAWS = {
     "joint_pd": lambda: joint_pd(),
@@ -85,6 +108,7 @@ LAWS = {
         heavy(), [0.4, 0.1], integral=0.8, feedforward=feedforward, sample_time=SAMPLE_TIME
     ),
     "own": OwnController,
+    "own_with_conditions": WithConditions,
 }
 REFUSED = {
     "adaptive",
@@ -106,7 +130,7 @@ REFUSED = {
 
 
 def test_every_controller_is_exported_or_refused():
-    names = {type(make_one()).name for key, make_one in LAWS.items() if key != "own"}
+    names = {type(make_one()).name for key, make_one in LAWS.items() if key[:3] != "own"}
     assert names | REFUSED == set(CONTROLLERS)
     assert not names & REFUSED
 
@@ -183,6 +207,28 @@ def test_closed_loop(name, readings, references, tmp_path):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=limit, err_msg=channel)
 
 
+def test_both_sides_of_all_conditions(tmp_path):
+    """Random readings, so that each of the conditions of `WithConditions` has both values."""
+    controller, random = WithConditions(), np.random.default_rng(5)
+    fa.export_c(heavy(), tmp_path, controller=controller)
+    references = ["joint_angle"]
+    in_c = InC(tmp_path, ["joint_angle", "joint_rate"], references)
+    still, kinds = fa.joint_motion(heavy(), [0.0, 0.0], [0.0, 0.0], 1.0), set()
+    for run in range(20):
+        controller.reset()
+        in_c.reset()
+        for k in range(12):
+            rate = random.normal(size=2) * [0.06, 1.0]
+            rate[1] *= random.integers(2)
+            angle = random.normal(size=2)
+            measured = fa.Measurement(joint_angle=angle, joint_rate=rate)
+            wanted = controller.update(0.01 * k, measured, still)
+            found = in_c.update(0.01 * k, measured, still)
+            np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14, err_msg=f"{run} {k}")
+            kinds.add((controller.fast, k < 3, rate[1] == 0.0, *(angle > 0.0)))
+    assert all(len(set(values)) == 2 for values in zip(*kinds, strict=True))
+
+
 def test_the_controller_is_not_modified(tmp_path):
     controller = LAWS["joint_pid"]()
     before = deepcopy(vars(controller)["proportional"])
@@ -194,13 +240,26 @@ def test_the_controller_is_not_modified(tmp_path):
 def test_laws_that_symbols_cannot_follow(tmp_path):
     arm = heavy()
 
-    class Branches(OwnController):
+    class Switches(OwnController):
+        memory = ()
+        on = False
+
+        def update(self, t, measurement, reference):
+            self.on = bool(self.on or measurement["joint_angle"][0] > 0.0)
+            return np.ones(2) if self.on else np.zeros(2)
+
+    class Counts(OwnController):
         memory = ()
 
         def update(self, t, measurement, reference):
-            if measurement["joint_angle"][0] > 0.0:
-                return np.zeros(2)
-            return np.ones(2)
+            angle = measurement["joint_angle"][0]
+            return np.full(2, sum(angle > 0.1 * k and 1.0 for k in range(9)))
+
+    class Rounds(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            return np.full(2, float(measurement["joint_angle"][0]))
 
     class Forgets(OwnController):
         memory = ()
@@ -211,7 +270,14 @@ def test_laws_that_symbols_cannot_follow(tmp_path):
         def update(self, t, measurement, reference):
             return np.linalg.solve(np.eye(2), measurement["joint_angle"])
 
-    for kind, reason in ((Branches, "condition"), (Forgets, "memory"), (Searches, "symbols")):
+    reasons = {
+        Switches: "changes 'on' in a condition",
+        Counts: "more than 256 paths",
+        Rounds: "the number of a symbol",
+        Forgets: "memory",
+        Searches: "symbols",
+    }
+    for kind, reason in reasons.items():
         with pytest.raises(fa.InputError, match=f"got {kind.__name__}.*{reason}"):
             fa.export_c(arm, tmp_path / "new", controller=kind())
     with pytest.raises(fa.InputError, match="sag"):

@@ -28,6 +28,8 @@ FUNCTIONS = {
     "greater": lambda a, b: (a > b) * 1.0,
     "greater_equal": lambda a, b: (a >= b) * 1.0,
     "equal": lambda a, b: (a == b) * 1.0,
+    "not_equal": lambda a, b: (a != b) * 1.0,
+    "where": lambda a, b: np.where(a > 0.0, a, b) + np.where(MATRIX[0] > 2.0, a, 0.5),
     "or": lambda a, b: ((a == b) | (a > 1.0)) * 1.0,
     "and": lambda a, b: ((a == b) & (a > 0.0)) * 1.0,
     "absolute": lambda a, b: np.abs(a) - abs(b),

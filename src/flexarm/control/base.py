@@ -45,10 +45,10 @@ class Controller(ABC):
     4. ``update`` receives the measurement and the reference only, never the simulated state.
     5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
        ``simulate`` raises if one is not met.
-    6. ``memory`` lists the attributes (numbers or arrays) that carry information from one sample to
-       the next; None if they are not declared. The stability analysis of the sampled loop uses it.
-       ``start_memory`` lists those that the first update stores and later ones do not change. With
-       both, ``sensitivities`` differentiates runs with this controller.
+    6. ``memory`` lists the attributes (numbers, truth values or arrays) that carry information from
+       one sample to the next; None if they are not declared. The stability analysis of the sampled
+       loop uses it. ``start_memory`` lists those that the first update stores and later ones do not
+       change. With both, ``sensitivities`` differentiates runs with this controller.
     7. Everything that a controller stores is in its attributes. ``simulate_batch`` executes runs
        side by side, with a copy of the controller (``copy.deepcopy``) for each.
     8. If ``vectorized`` is true, ``update`` also accepts the readings of many runs at the same

@@ -158,7 +158,8 @@ class Memory:
 
     Args:
         controller: controller that declares its ``memory``, after an update.
-        kinds: allowed kinds of NumPy's number types.
+        kinds: allowed kinds of NumPy's number types. Truth values that they do not include are
+            left out, because they cannot be differentiated.
         more: attributes beside the declared ones.
 
     Raises:
@@ -176,9 +177,11 @@ class Memory:
                 hint = f"There is no attribute {path!r} after the first update."
                 rule = "name attributes of the controller"
                 raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
-            if value is None:  # an unused attribute has no state
+            kind = np.asarray(value).dtype.kind
+            # An unused attribute has no state.
+            if value is None or (kind == "b" and kind not in kinds):
                 continue
-            if np.asarray(value).dtype.kind not in kinds:
+            if kind not in kinds:
                 rule = f"name numbers and arrays; {path!r} is neither"
                 raise MemoryNameError(_problem(controller, rule, shown(value)))
             self._places.append((owner, name, np.shape(value)))

@@ -292,3 +292,23 @@ def test_torque_rate_limits_are_not_part_of_the_linear_loop():
         for rate in (None, 20.0)
     ]
     np.testing.assert_array_equal(found[0].growth, found[1].growth)
+
+
+def test_truth_values_of_a_memory_are_constant():
+    class Switched(fa.Controller):
+        sample_time = SAMPLE_TIME
+        memory = ("on", "sum")
+
+        def reset(self):
+            self.on, self.sum = False, 0.0
+
+        def update(self, t, measurement, reference):
+            self.on = self.on or bool(measurement["joint_rate"][0] > 1.0)
+            self.sum += 0.25 * measurement["joint_angle"][0]
+            return np.array([3.0 * self.sum if self.on else self.sum])
+
+    for rate, gain in ((0.0, 1.0), (2.0, 3.0)):
+        measured = {"joint_angle": np.zeros(1), "joint_rate": np.array([rate])}
+        found = linear_controller(Switched(), measured)
+        np.testing.assert_allclose(found.A, [[1.0]], atol=1e-9)  # rounding of differences
+        np.testing.assert_allclose(found.C, [[gain]], atol=1e-9)

@@ -17,7 +17,8 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.named_function import NamedFunction, named
-from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.branches import branched
+from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
 from flexarm.control.base import requirements_of
 from flexarm.control_design.nominal import Nominal
@@ -55,6 +56,8 @@ _REFUSED: dict[type[Any], str] = {
     StrainDamping: _STATIC,
     MPC: "It solves an optimisation problem at every sample.",
 }
+#: Kinds of NumPy's number types that symbols and numbers in a memory have.
+_KINDS = "biufO"
 _REFERENCE = ("reference_angle", "reference_rate", "reference_acceleration")
 
 
@@ -87,9 +90,9 @@ class _Inputs:
     symbols: dict[str, Any] = field(default_factory=dict)
 
     def array(self, name: str, *shape: int) -> SymbolArray:
-        """Return the array of an input."""
-        symbol = casadi.SX.sym(name, int(np.prod(shape)))
-        self.symbols[name] = symbol
+        """Return the array of an input, with the same symbols in each call."""
+        new = casadi.SX.sym(name, int(np.prod(shape)))
+        symbol = self.symbols.setdefault(name, new)
         entries = casadi.vertsplit(symbol) if symbol.numel() else []
         return symbol_array(objects(entries, casadi).reshape(shape))
 
@@ -144,21 +147,17 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
         InputError: if the controller does not belong to the arm, or its law cannot be exported.
     """
     names = _readings(arm, controller)
-    mine: Any = deepcopy(controller)
-    make_symbolic(mine, _PACKAGES)
+    new: Any = deepcopy(controller)
+    make_symbolic(new, _PACKAGES)
     try:
-        mine.reset()
-        inputs, torque = _updated(mine, controller, arm, names, 0.0)
-        kept = Memory(mine, "iufO")
-        first, memory = _law("controller_start", inputs, kept.read(), torque), _Inputs()
-        size = kept.read().size
-        kept.write(memory.array("memory", size))
-        inputs, torque = _updated(mine, controller, arm, names, controller.sample_time)
-        inputs = _Inputs(inputs.symbols | memory.symbols)
-        later = _law("controller_update", inputs, kept.read(), torque)
+        new.reset()
+        make_symbolic(new, _PACKAGES)
+        started, first = _law("controller_start", new, controller, arm, names)
+        _, later = _law("controller_update", started, controller, arm, names)
     except (SymbolError, TypeError) as error:
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
         raise _refusal(controller, f"Its update {cause}{error}.") from None
+    size = Memory(started, _KINDS).read().size
     functions = _functions(controller, [first, later] if size else [later])
     used = {name for function in functions for name in function.inputs}
     at_rest = nominal_values(*rest_motion(controller)) if isinstance(controller, LQG) else {}
@@ -166,17 +165,69 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     return TracedController(controller, functions, size, defaults)
 
 
+def _law(
+    name: str, before: Any, controller: Controller, arm: Arm, names: list[str]
+) -> tuple[Any, tuple[str, Any, Any]]:
+    """Update copies of a symbolic controller, along all paths through its conditions.
+
+    Returns:
+        The controller after the update, along one of the paths; name, symbols and results of the
+        update.
+    """
+    first, inputs, after = name == "controller_start", _Inputs(), []
+
+    def update() -> dict[str, Any]:
+        mine = deepcopy(before)
+        if not first:
+            kept = Memory(mine, _KINDS)
+            kept.write(inputs.array("memory", kept.read().size))
+        torque = _updated(mine, controller, arm, names, inputs, first)
+        after.append(mine)
+        memory = Memory(mine, _KINDS).read()
+        outputs = {"memory_out": memory, "torque": torque} if memory.size else {"torque": torque}
+        return {
+            key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
+            for key, values in outputs.items()
+        }
+
+    outputs = branched(update)
+    _check_undeclared(controller, after)
+    return after[0], (name, inputs.symbols, outputs)
+
+
+def _check_undeclared(controller: Any, after: list[Any]) -> None:
+    """Raise if paths leave different numbers in an attribute that the memory does not declare."""
+    declared = {*(memory_of(controller) or ()), *getattr(controller, "start_memory", ())}
+    for found in zip(*(sorted(_kept(one).items()) for one in after), strict=False):
+        path = found[0][0]
+        if path not in declared and any(other != found[0] for other in found):
+            raise SymbolError(
+                f"changes {path!r} in a condition, but its memory does not declare it"
+            )
+
+
+def _kept(owner: Any, prefix: str = "") -> dict[str, Any]:
+    """Return the numbers that an object keeps, by their paths; None for symbols."""
+    found: dict[str, Any] = {}
+    for name, value in vars(owner).items():
+        if value is None or isinstance(value, bool | int | float | Scalar):
+            found[prefix + name] = "symbol" if isinstance(value, Scalar) else repr(value)
+        elif type(value).__module__.startswith(_PACKAGES) and hasattr(value, "__dict__"):
+            found |= _kept(value, f"{prefix}{name}.")
+    return found
+
+
 def _updated(
-    mine: Any, controller: Controller, arm: Arm, names: list[str], t: float
-) -> tuple[_Inputs, Any]:
-    """Update a symbolic copy of a controller; return new symbols of its inputs and the torque."""
-    inputs, sizes = _Inputs(), reading_sizes(arm)
+    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: _Inputs, first: bool
+) -> Any:
+    """Update a symbolic copy of a controller; return the torque."""
+    sizes = reading_sizes(arm)
     measurement = Measurement(**{name: inputs.array(name, sizes[name]) for name in names})
     reference = _Reference(inputs, arm.joints)
     if isinstance(controller, LQG):
         mine._motion = _Nominal(inputs, controller)
     _feed_forward(mine, inputs.array("feedforward", arm.joints))
-    return inputs, mine.update(t, measurement, reference)
+    return mine.update(0.0 if first else controller.sample_time, measurement, reference)
 
 
 def _readings(arm: Arm, controller: Any) -> list[str]:
@@ -236,15 +287,6 @@ def nominal_values(controller: LQG, nominal: Nominal) -> dict[str, FloatArray]:
         "nominal_reading": np.array(nominal.shown),
         "nominal_force": np.array(force).ravel(),
     }
-
-
-def _law(name: str, inputs: _Inputs, memory: Any, torque: Any) -> tuple[str, Any, Any]:
-    outputs = {"memory_out": memory, "torque": torque} if memory.size else {"torque": torque}
-    columns = {
-        key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
-        for key, values in outputs.items()
-    }
-    return name, inputs.symbols, columns
 
 
 def _functions(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,10 @@ class SymbolError(TypeError):
     """Error of code that cannot be evaluated over symbols."""
 
 
+#: Function that chooses the truth value of a symbol, while code with conditions is evaluated.
+choose: ContextVar[Callable[[Any], bool] | None] = ContextVar("choose", default=None)
+
+
 class Scalar:
     """Scalar of CasADi or JAX as an entry of an array of objects.
 
@@ -41,6 +46,9 @@ class Scalar:
     def __init__(self, value: Any, library: Any) -> None:
         self.value = value
         self.library = library
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Scalar:
+        return self  # it does not change, and modules cannot be copied
 
     def _new(self, value: Any) -> Scalar:
         return Scalar(value, self.library)
@@ -102,18 +110,33 @@ class Scalar:
     def __ge__(self, other: Any) -> Scalar:
         return self._new(self.value >= plain(other))
 
-    def __float__(self) -> float:
-        """Return the number of a constant expression; a symbol has none.
+    @_of_numbers
+    def __eq__(self, other: Any) -> Any:
+        return self._new(self.value == plain(other))
 
-        Without this method, ``if`` would silently take every symbol as true.
-        """
-        is_constant = getattr(self.value, "is_constant", None)
-        if is_constant is None or not is_constant():
+    @_of_numbers
+    def __ne__(self, other: Any) -> Any:
+        return self._new(self.value != plain(other))
+
+    __hash__ = object.__hash__
+
+    def __float__(self) -> float:
+        """Return the number of a constant expression; a symbol has none."""
+        if not self._is_constant:
             raise SymbolError("uses the number of a symbol, for example in a condition")
         return float(self.value)
 
     def __bool__(self) -> bool:
-        return bool(float(self))
+        """Return the truth value; without this method, every symbol would silently be true."""
+        decide = choose.get()
+        if decide is None or self._is_constant:
+            return bool(float(self))
+        return decide(self.value)
+
+    @property
+    def _is_constant(self) -> bool:
+        is_constant = getattr(self.value, "is_constant", None)
+        return is_constant is not None and bool(is_constant())
 
     # NumPy calls these methods when its functions are applied to an object.
     def sin(self) -> Scalar:

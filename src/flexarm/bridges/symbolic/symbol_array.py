@@ -38,6 +38,12 @@ class SymbolArray(np.ndarray):
             return out[0]
         return symbol_array(found) if isinstance(found, np.ndarray) else found
 
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        # ``where`` would use the truth values of the condition.
+        if function is np.where and len(args) == 3:
+            return symbol_array(np.frompyfunc(_choice, 3, 1)(*map(np.asarray, args)))
+        return super().__array_function__(function, types, args, kwargs)
+
 
 def symbol_array(values: Any) -> SymbolArray:
     """Return values as a `SymbolArray`; a copy, unless they are an array of objects."""
@@ -84,20 +90,27 @@ def _of_library(name: str) -> Callable[[Any, Any], Any]:
     return function
 
 
+def _choice(condition: Any, yes: Any, no: Any) -> Any:
+    if not isinstance(condition, Scalar):
+        return yes if condition else no
+    library = condition.library
+    return Scalar(library.if_else(condition.value, plain(yes), plain(no)), library)
+
+
 _NUMBERS: dict[str, Callable[[Any, Any], Any]] = {
     "fmin": min,
     "fmax": max,
-    "eq": operator.eq,
     "logic_or": lambda a, b: bool(a) or bool(b),
     "logic_and": lambda a, b: bool(a) and bool(b),
 }
-_least, _most = _of_library("fmin"), _of_library("fmax")
+least, most = _of_library("fmin"), _of_library("fmax")
 #: Functions of entries, for functions of NumPy that would need truth values or methods of numbers.
 _ELEMENTWISE: dict[str, Callable[..., Any]] = {
-    "minimum": _least,
-    "maximum": _most,
-    "clip": lambda value, lower, upper: _least(_most(value, lower), upper),
-    "equal": _of_library("eq"),
+    "minimum": least,
+    "maximum": most,
+    "clip": lambda value, lower, upper: least(most(value, lower), upper),
+    "equal": operator.eq,
+    "not_equal": operator.ne,
     "less": operator.lt,
     "less_equal": operator.le,
     "greater": operator.gt,
