@@ -107,21 +107,31 @@ LAWS = {
     "loop_shaping": lambda: fa.LoopShaping(
         heavy(), [0.4, 0.1], integral=0.8, feedforward=feedforward, sample_time=SAMPLE_TIME
     ),
+    "hybrid_force": lambda: fa.HybridForce(
+        heavy(), frequency=1.5, force_proportional=0.2, sample_time=SAMPLE_TIME
+    ),
+    "impedance": lambda: fa.Impedance(
+        heavy(), posture_frequency=1.5, force_integral=2.0, sample_time=SAMPLE_TIME
+    ),
+    "admittance": lambda: fa.Admittance(
+        heavy(), frequency=1.5, stiffness=3.0, sample_time=SAMPLE_TIME
+    ),
+    "adaptive_force": lambda: fa.AdaptiveForce(
+        heavy(), frequency=1.5, friction_adaptation=0.5, sample_time=SAMPLE_TIME
+    ),
+    "neural_force": lambda: fa.NeuralForce(
+        heavy(), frequency=1.5, features=6, sample_time=SAMPLE_TIME
+    ),
     "own": OwnController,
     "own_with_conditions": WithConditions,
 }
 REFUSED = {
     "adaptive",
-    "adaptive_force",
-    "admittance",
     "estimator",
-    "hybrid_force",
-    "impedance",
     "integral_resonant_control",
     "mpc",
     "output_redefinition",
     "nonlinear_mpc",
-    "neural_force",
     "positive_position_feedback",
     "rbf_adaptive",
     "repetitive",

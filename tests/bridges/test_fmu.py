@@ -284,7 +284,9 @@ def test_closed_loop(version, kind, tmp_path):
     assert np.abs(torque - wanted).max() < 1e-4 * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("name", ["joint_pd_feedforward", "strain_feedback", "joint_pid"])
+@pytest.mark.parametrize(
+    "name", ["joint_pd_feedforward", "strain_feedback", "joint_pid", "hybrid_force"]
+)
 def test_other_controllers(name, tmp_path):
     run, found = closed_loop(name, "2.0", "CoSimulation", tmp_path)
     for channel in ("joint_angle[1]", "tip[y]"):

@@ -17,6 +17,8 @@ _SIZES = {
     **dict.fromkeys(("torque", "joint_angle", "joint_rate", "feedforward"), "{JOINTS}"),
     **dict.fromkeys(("reference_angle", "reference_rate", "reference_acceleration"), "{JOINTS}"),
     **dict.fromkeys(("nominal_angle", "nominal_torque"), "{JOINTS}"),
+    **dict.fromkeys(("rougher_angle", "rougher_rate", "rougher_acceleration"), "{JOINTS}"),
+    **dict.fromkeys(("reference_pressing", "rougher_pressing"), "{JOINTS}"),
     "strain": "{GAUGES}",
     "parameters": "{PARAMETERS}",
     "memory": "{MEMORY}",

@@ -12,6 +12,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.exported import Exported
+from flexarm.bridges.c_code.pressed_run import contact_readings
 from flexarm.bridges.c_code.replay import replay
 from flexarm.errors import FlexarmWarning
 from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
@@ -76,6 +77,7 @@ def record(export: Exported) -> Recording:
             "joint_rate": run.joint_rate.values[at],
             "strain": run.strain.values[at] if arm.gauges else np.zeros((SAMPLES, 0)),
             "tip": np.array([arm.tip(one)[:2] for one in q[at]]),
+            "contact_force": contact_readings(export.controller.controller, SAMPLES),
         }
         _record_controller(found, export, readings)
     return found

@@ -9,8 +9,10 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.pressed_run import PressedRun, pressed_values
 from flexarm.bridges.c_code.traced_controller import TracedController, nominal_values
 from flexarm.controllers import LQG
+from flexarm.controllers.force.task_controller import TaskController
 from flexarm.hardware.measurement import Measurement
 from flexarm.motion import joint_motion
 
@@ -32,7 +34,10 @@ def replay(
     planner = deepcopy(mine)  # of the nominal motion; a second call would advance that of ``mine``
     h, count = traced.sample_time, len(readings["joint_angle"])
     start = readings["joint_angle"][0]
-    reference = joint_motion(arm, start, start + _TURN, count * h)
+    reference: Any = joint_motion(arm, start, start + _TURN, count * h)
+    presses = isinstance(mine, TaskController)
+    if presses:
+        reference = PressedRun(reference, mine, count)
     rows, torques = [], []
     for k, t in enumerate(np.arange(count) * h):
         row = {name: values[k] for name, values in readings.items()}
@@ -41,6 +46,8 @@ def replay(
         row["reference_angle"] = reference.joint_angle(float(t))
         row["reference_rate"] = reference.joint_rate(float(t))
         row["reference_acceleration"] = reference.joint_acceleration(float(t))
+        if presses:
+            row |= pressed_values(planner, float(t), reference)
         if isinstance(planner, LQG):
             nominal = planner._motion.at(float(t), row["joint_angle"], reference)
             row |= nominal_values(planner, nominal)
@@ -48,7 +55,8 @@ def replay(
         if function is not None:
             row["feedforward"] = np.asarray(function(float(t) + 0.5 * h))
         rows.append(row)
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, np.array(torques)
+    inputs = {name: np.array([np.ravel(row[name]) for row in rows]) for name in rows[0]}
+    return inputs, np.array(torques)
 
 
 def _feedforward(controller: Any) -> Any:

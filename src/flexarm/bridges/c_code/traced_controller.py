@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -17,23 +17,33 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.c_code.traced_inputs import (
+    Inputs,
+    NominalInputs,
+    ReferenceInputs,
+    preview_nodes,
+)
+from flexarm.bridges.c_code.traced_task import (
+    FRICTION,
+    PressedInputs,
+    SymbolicTask,
+    follow_symbols,
+)
 from flexarm.bridges.symbolic.branches import branched
-from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, objects, plain
-from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
+from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, plain
+from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic
 from flexarm.control.base import requirements_of
 from flexarm.control_design.nominal import Nominal
 from flexarm.controllers import (
     LQG,
     MPC,
     Adaptive,
-    Admittance,
     Controller,
     EstimatorController,
-    HybridForce,
-    Impedance,
     JointPID,
     RBFAdaptive,
 )
+from flexarm.controllers.force.task_controller import TaskController
 from flexarm.controllers.joint.follower import JointFollower
 from flexarm.controllers.vibration.strain_damping import StrainDamping
 from flexarm.errors import InputError, Problem
@@ -42,23 +52,18 @@ from flexarm.loop_analysis.linear_controller import Memory, memory_of
 
 #: Packages whose objects belong to a controller.
 _PACKAGES = ("flexarm.controllers", "flexarm.control_design")
-_TIP = "It differentiates the tip by complex numbers and branches on the contact."
 _LEARNS = "Its estimates are updated by compiled code that branches on values."
 _STATIC = "It computes the static bending along the reference in advance."
 #: Reasons why the law of a controller cannot be exported.
 _REFUSED: dict[type[Any], str] = {
     Adaptive: _LEARNS,
     RBFAdaptive: _LEARNS,
-    Admittance: _TIP,
-    HybridForce: _TIP,
-    Impedance: _TIP,
     EstimatorController: "Its filter adds and merges hypotheses.",
     StrainDamping: _STATIC,
     MPC: "It solves an optimisation problem at every sample.",
 }
 #: Kinds of NumPy's number types that symbols and numbers in a memory have.
 _KINDS = "biufO"
-_REFERENCE = ("reference_angle", "reference_rate", "reference_acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,63 +88,6 @@ class TracedController:
         return float(self.controller.sample_time)
 
 
-@dataclass(eq=False)
-class _Inputs:
-    """Symbols of the inputs, by name."""
-
-    symbols: dict[str, Any] = field(default_factory=dict)
-
-    def array(self, name: str, *shape: int) -> SymbolArray:
-        """Return the array of an input, with the same symbols in each call."""
-        new = casadi.SX.sym(name, int(np.prod(shape)))
-        symbol = self.symbols.setdefault(name, new)
-        entries = casadi.vertsplit(symbol) if symbol.numel() else []
-        return symbol_array(objects(entries, casadi).reshape(shape))
-
-
-class _Reference:
-    """Reference whose values are symbols, at every time."""
-
-    def __init__(self, inputs: _Inputs, joints: int) -> None:
-        self._angle, self._rate, self._acceleration = (
-            inputs.array(name, joints) for name in _REFERENCE
-        )
-
-    def joint_angle(self, t: float) -> Any:
-        return self._angle
-
-    def joint_rate(self, t: float) -> Any:
-        return self._rate
-
-    def joint_acceleration(self, t: float) -> Any:
-        return self._acceleration
-
-
-class _Nominal:
-    """Nominal motion of `LQG` whose values are symbols."""
-
-    def __init__(self, inputs: _Inputs, controller: Any) -> None:
-        joints, nodes = controller.arm.joints, preview_nodes(controller)
-        self._angle = inputs.array("nominal_angle", joints)
-        self._torque = inputs.array("nominal_torque", joints)
-        self._shown = inputs.array("nominal_reading", controller._outputs)
-        force = inputs.array("nominal_force", len(nodes), controller._model.elastic.size)
-        self.missing = symbol_array(np.zeros((controller._steps, force.shape[1])))
-        self.missing[nodes] = force
-
-    def reset(self) -> None:
-        """Do nothing."""
-
-    def at(self, *_: Any) -> Nominal:
-        still: Any = None  # the coordinates: only for an integral of the tip, which is refused
-        return Nominal(self._angle, still, still, self._torque, self.missing[0], self._shown)
-
-
-def preview_nodes(controller: Any) -> Any:
-    """Return the samples of the preview of `LQG` at which it uses the elastic forces."""
-    return np.arange(0, controller._steps, controller._stride)
-
-
 def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     """Return the functions of a controller of an arm.
 
@@ -149,6 +97,8 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     names = _readings(arm, controller)
     new: Any = deepcopy(controller)
     make_symbolic(new, _PACKAGES)
+    if isinstance(controller, TaskController):
+        new._task = SymbolicTask(controller.arm)
     try:
         new.reset()
         make_symbolic(new, _PACKAGES)
@@ -161,7 +111,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     functions = _functions(controller, [first, later] if size else [later])
     used = {name for function in functions for name in function.inputs}
     at_rest = nominal_values(*rest_motion(controller)) if isinstance(controller, LQG) else {}
-    defaults = {name: value for name, value in at_rest.items() if name in used}
+    defaults = {name: value for name, value in (at_rest | FRICTION).items() if name in used}
     return TracedController(controller, functions, size, defaults)
 
 
@@ -174,7 +124,7 @@ def _law(
         The controller after the update, along one of the paths; name, symbols and results of the
         update.
     """
-    first, inputs, after = name == "controller_start", _Inputs(), []
+    first, inputs, after = name == "controller_start", Inputs(), []
 
     def update() -> dict[str, Any]:
         mine = deepcopy(before)
@@ -218,14 +168,17 @@ def _kept(owner: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _updated(
-    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: _Inputs, first: bool
+    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: Inputs, first: bool
 ) -> Any:
     """Update a symbolic copy of a controller; return the torque."""
     sizes = reading_sizes(arm)
-    measurement = Measurement(**{name: inputs.array(name, sizes[name]) for name in names})
-    reference = _Reference(inputs, arm.joints)
+    measurement = Measurement(**{name: inputs.array(name, *sizes[name]) for name in names})
+    reference: Any = ReferenceInputs(inputs, arm.joints)
+    if isinstance(controller, TaskController):
+        reference = PressedInputs(inputs, arm.joints)
+        follow_symbols(mine, inputs)
     if isinstance(controller, LQG):
-        mine._motion = _Nominal(inputs, controller)
+        mine._motion = NominalInputs(inputs, controller)
     _feed_forward(mine, inputs.array("feedforward", arm.joints))
     return mine.update(0.0 if first else controller.sample_time, measurement, reference)
 
@@ -243,7 +196,9 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, "It interpolates gains over the posture. Use one posture.")
     if memory_of(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
-    needed = requirements_of(controller, arm, None)
+    presses = isinstance(controller, TaskController)
+    pressed: Any = PressedInputs(Inputs(), arm.joints) if presses else None
+    needed = requirements_of(controller, arm, pressed)
     if needed.joints not in (None, arm.joints):
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("controller", rule, f"one for {needed.joints}"))
@@ -256,10 +211,11 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     return list(dict.fromkeys([*(needed.measured or ("joint_angle", "joint_rate")), *more]))
 
 
-def reading_sizes(arm: Arm) -> dict[str, int]:
-    """Return the sizes of the readings that exported controllers may use."""
-    gauges = {"strain": len(arm.gauges)} if arm.gauges else {}
-    return {"joint_angle": arm.joints, "joint_rate": arm.joints, "tip": 2, **gauges}
+def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the readings that exported controllers may use."""
+    gauges = {"strain": (len(arm.gauges),)} if arm.gauges else {}
+    joints = {"joint_angle": (arm.joints,), "joint_rate": (arm.joints,)}
+    return {**joints, "tip": (2,), "contact_force": (1, 2), **gauges}
 
 
 def _feed_forward(owner: Any, torque: SymbolArray) -> None:

@@ -25,12 +25,25 @@ _JOINT_INPUTS = {
     "reference_rate": ("rad/s", "rate of the joint angle to follow"),
     "reference_acceleration": ("rad/s^2", "acceleration of the joint angle to follow"),
     "feedforward": ("N m", "torque that is added, in the middle of the sample"),
+    "reference_pressing": ("N m", "torque to press, in addition to that of the rigid model"),
+    "rougher_angle": ("rad", "joint angle of the reference for more friction"),
+    "rougher_rate": ("rad/s", "joint rate of the reference for more friction"),
+    "rougher_acceleration": ("rad/s^2", "joint acceleration of the reference for more friction"),
+    "rougher_pressing": ("N m", "torque to press of the reference for more friction"),
     "nominal_angle": ("rad", "joint angle of the nominal motion"),
     "nominal_torque": ("N m", "torque of the nominal motion"),
 }
 _OTHER_INPUTS = {
-    "nominal_reading": "reading of the nominal motion",
-    "nominal_force": "elastic force of the nominal motion at a node of the preview",
+    "nominal_reading": ("", "reading of the nominal motion"),
+    "nominal_force": ("", "elastic force of the nominal motion at a node of the preview"),
+    "contact_force": ("N", "measured force of the contact on the arm, x and y, world axes"),
+    "reference_force": ("N", "contact force on the surface; 0 for motion without contact"),
+    "reference_normal": ("", "outward unit normal of the surface; zero without a surface"),
+    "reference_force_rate": ("N/s", "rate of the contact force"),
+    "reference_friction": ("", "coefficient of friction of the reference"),
+    "rougher_friction": ("", "coefficient of friction of the reference for more friction"),
+    "path_position": ("m", "x and y of the path of the tip on the surface"),
+    "path_speed": ("m/s", "speed along the surface, in the direction (-normal y, normal x)"),
 }
 
 
@@ -152,7 +165,7 @@ class Variables:
             if start is None and name == "reference_angle":
                 start = q[arm.joint_index]
             values = [0.0] * size if start is None else [float(one) for one in start]
-            unit, meaning = _JOINT_INPUTS.get(name, ("", _OTHER_INPUTS.get(name, name)))
+            unit, meaning = (_JOINT_INPUTS | _OTHER_INPUTS)[name]
             numbers = arm.joint_numbers if name in _JOINT_INPUTS else range(1, size + 1)
             rows = [
                 Variable(f"{name}[{number}]", unit, meaning, "input", start=value)

@@ -49,6 +49,7 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         "_estimate",
         "_friction",
         "_friction_rate",
+        "_unfelt",
     )
 
     def __post_init__(self) -> None:
@@ -62,12 +63,17 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         self._friction: float | None = None
         self._friction_rate = 0.0
         self._now = _AT_REST
-        self._unfelt = np.inf  # time since a force was measured, s
+        self._unfelt = self._released  # time since a force was measured, s
 
     @property
     def _terms(self) -> int:
         """Number of estimated coefficients of the force normal to the surface."""
         return 2
+
+    @property
+    def _released(self) -> float:
+        """Time without a force (s) from which on a longer one makes no difference."""
+        return self.release_time + self.sample_time
 
     @property
     def _slides(self) -> bool:
@@ -92,7 +98,7 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
 
     def _request(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
         if self._friction is None:
-            self._friction = float(getattr(reference, "friction", 0.0))
+            self._friction = getattr(reference, "friction", 0.0)
         if reference is not None and hasattr(reference, "contact_force"):
             self._now = self._surface.along(t, reference)
         return self._surface.at(t, angle, reference, self._friction, self._friction_rate)
@@ -101,12 +107,13 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         self, request: TaskReference, state: TaskState, measurement: Measurement
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         if request.force <= 0.0:
-            self._unfelt, self._friction_rate = np.inf, 0.0
+            self._unfelt, self._friction_rate = self._released, 0.0
         return super()._law(request, state, measurement)
 
     def _touching(self, felt: float) -> bool:
         """Return whether the tip is in contact: until ``release_time`` without a force."""
-        self._unfelt = 0.0 if felt >= self.touch_force else self._unfelt + self.sample_time
+        unfelt = min(self._unfelt + self.sample_time, self._released)
+        self._unfelt = 0.0 if felt >= self.touch_force else unfelt
         return self._unfelt <= self.release_time
 
     def _push(self, request: TaskReference, measurement: Measurement, slip: float) -> float:
@@ -116,7 +123,8 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         if self._unfelt > self.release_time:
             return push
         signals = self._signals()
-        push += float(signals @ self._estimate)
+        learned: float = self._estimate.dot(signals)
+        push += learned
         if self._unfelt > 0.0:
             return push
         felt = felt_force(request, measurement)
@@ -128,7 +136,7 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         """Return the signals that the estimates multiply, relative to nominal values: (F.13)."""
         now = self._now
         signals = (now.force_rate / self.nominal_force, now.speed / self.nominal_speed)
-        return np.clip(signals, -_MOST_SIGNAL, _MOST_SIGNAL)
+        return np.array([min(max(one, -_MOST_SIGNAL), _MOST_SIGNAL) for one in signals])
 
     def _adapt(self, signals: FloatArray, error: float) -> None:
         """Update the estimates with the force error (N): (F.14)."""

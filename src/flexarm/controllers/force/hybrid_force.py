@@ -34,7 +34,7 @@ class HybridForce(HybridForceParameters, TaskController):
             positive.
     """
 
-    memory = ("_sum", "_x_sum", "_y_sum")
+    memory = ("_sum", "_touched", "_x_sum", "_y_sum")
 
     def __post_init__(self) -> None:
         super().__post_init__()
