@@ -18,6 +18,7 @@ from bridges.test_c_on_cortex import FLAGS, run_on_cortex_m7  # noqa: E402
 
 #: Rows of the table of functions.
 SHOWN = ("tip", "forward_dynamics", "step", "step_jacobian", "controller")
+INSTRUMENTS = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("strain", noise=1e-6)]
 
 
 def arm(links: int, modes: int, theory: str) -> fa.Arm:
@@ -79,6 +80,17 @@ def main() -> None:
             for function in SHOWN:
                 count = operations.get(function.replace("controller", "controller_update"), "")
                 print(function, count, *here[function], *there[function], sep=" | ")
+            observer = fa.ExtendedKalmanFilter(one, INSTRUMENTS, payload_deviation=0.02)
+            fa.export_c(one, folder, observer=observer)
+            more, stack = code_size(folder)
+            fa.export_c(one, folder)
+            more -= code_size(folder)[0]
+            fa.export_c(one, folder, observer=observer)
+            steps = observer._step.steps
+            print(f"observer: {more} bytes more, stack {stack} bytes, {steps} steps in a sample")
+            here = times(output("make", "-C", folder, "times"))
+            there = times(run_on_cortex_m7(folder, "arm"))
+            print("observer", *here["observer"], *there["observer"], sep=" | ")
 
 
 if __name__ == "__main__":

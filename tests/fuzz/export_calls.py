@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from conformance.controller_examples import kalman_filter
 from fuzz.base_calls import arm, controller, folder, result
 
 #: Public functions.
 EXPORTS: dict[str, dict[str, Any]] = {
-    "export_c": {"arm": arm, "folder": lambda: folder() / "c", "controller": controller},
+    "export_c": {
+        "arm": arm,
+        "folder": lambda: folder() / "c",
+        "controller": controller,
+        "observer": kalman_filter,
+    },
     "export_fmu": {"arm": arm, "path": lambda: folder() / "arm.fmu", "controller": controller},
     "export_mat": {"arm": arm, "path": lambda: folder() / "arm.mat", "result": result},
     "export_mjcf": {"arm": arm, "path": lambda: folder() / "arm.xml"},

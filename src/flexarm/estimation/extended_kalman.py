@@ -9,7 +9,7 @@ from flexarm.estimation.payload_hypotheses import Hypothesis
 from flexarm.hardware.measurement import FloatArray
 
 #: Number of linearisations in an update by readings that are not linear in the state.
-_ITERATIONS = 3
+ITERATIONS = 3
 
 
 class ExtendedKalmanFilter(KalmanFilter):
@@ -48,7 +48,7 @@ class ExtendedKalmanFilter(KalmanFilter):
 
         assert self._step is not None
         before, x = part.x, part.x
-        for iteration in range(1 if self._readings.linear else _ITERATIONS):
+        for iteration in range(1 if self._readings.linear else ITERATIONS):
             constants = self._step.constants(self._change(x))
             seen = self._readings.predict(x[:-1], self._torque, constants)
             H = np.hstack([seen.state, (seen.parameter * self._moving(x))[:, None]])

@@ -18,11 +18,10 @@ from flexarm.arguments import (
     check_nonnegative,
     check_numbers,
 )
-from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.parametrised import OfArm
-from flexarm.control_design.rigid_model import RigidModel
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.estimation.first_estimate import first_variance, sag, tip_mass
 from flexarm.estimation.innovation_test import InnovationTest, band
 from flexarm.estimation.payload_hypotheses import (
     Hypothesis,
@@ -33,14 +32,9 @@ from flexarm.estimation.payload_hypotheses import (
 )
 from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
 from flexarm.hardware.measurement import FloatArray, Measurement
-from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
-from flexarm.model.arm.variation import varied_spec
 from flexarm.model.drives.around import FilterParameters
-
-#: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
-_BEFORE_READING = 100.0
 
 
 class Estimates(NamedTuple):
@@ -129,7 +123,7 @@ class KalmanFilter(FilterParameters, OfArm, ABC):
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._nominal = arm.spec.payload.mass
-        self._own = _tip_mass(arm)
+        self._own = tip_mass(arm)
         self.reset()
 
     def reset(self) -> None:
@@ -345,47 +339,13 @@ class KalmanFilter(FilterParameters, OfArm, ABC):
 
     def _begin(self, measurement: Measurement) -> None:
         arm, count = self.arm, self.arm.dof
-        angle_item = next(i for i in self.instruments if i.signal == "joint_angle")
-        angles = np.asarray(measurement[angle_item.label])
+        angle = next(i for i in self.instruments if i.signal == "joint_angle")
+        angles = np.asarray(measurement[angle.label])
         with one_warning() as bent:
-            q, by_mass = self._sag(angles)
+            q, by_mass = sag(arm, angles, self.payload_deviation)
         warn_of_first(bent)
-        stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles))).copy()
-        energy = 2.0 * self.energy_deviation
-        variance = np.full(2 * count + 1, energy)
-        variance[:count] = energy / np.maximum(stiffness, 1e-12)
-        joints = arm.joint_index
-        # The prior is wide, because the update that follows uses the reading itself.
-        variance[joints] = angle_item.noise**2 + angle_item.resolution**2 / 12.0
-        variance[joints] *= _BEFORE_READING**2
-        variance[count + joints] = self.rate_deviation**2
-        variance[-1] = 0.0
+        stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles)))
+        variance = first_variance(arm, self, angle, stiffness)
         slope = np.concatenate([by_mass, np.zeros(count), [1.0]])
         P = np.diag(variance) + self.payload_deviation**2 * np.outer(slope, slope)
         self._start(np.concatenate([q, np.zeros(count), [self._nominal]]), P)
-
-    def _sag(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the coordinates (dof,) at rest and their derivative by the payload mass, 1/kg."""
-        arm = self.arm
-        if not any(arm.spec.gravity):
-            q = arm.rest(angles)
-            return q, np.zeros_like(q)
-        q = equilibrium(arm, angles).q
-        if self.payload_deviation == 0.0:
-            return q, np.zeros_like(q)
-        # A difference is accurate enough, because sag is nearly linear in the mass.
-        more = 0.1 * self.payload_deviation
-        heavier = Arm(varied_spec(arm.spec, payload_mass=self._nominal + more))
-        return q, (equilibrium(heavier, angles).q - q) / more
-
-
-def _tip_mass(arm: Arm) -> float:
-    """Return the effective mass (kg) of the tip, without the payload.
-
-    It is the inertia of the last link about its joint over its length squared. Accelerations of
-    the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
-    exponential in the logarithm of the sum, even for a payload of zero.
-    """
-    inertia = RigidModel(arm).mass_matrix(np.zeros(arm.joints))[-1, -1]
-    own = float(inertia) / float(arm.lengths[-1]) ** 2 - arm.spec.payload.mass
-    return max(own, 1e-3 * float(inertia) / float(arm.lengths[-1]) ** 2)

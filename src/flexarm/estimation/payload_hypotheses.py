@@ -73,6 +73,11 @@ def split(x: FloatArray, P: FloatArray) -> tuple[float, list[Hypothesis]]:
     return scale, parts
 
 
+def widest_single(mean: float) -> float:
+    """Return the standard deviation (kg) of a mass up to which ``split`` returns one Gaussian."""
+    return mean * float(np.sqrt(np.expm1(_NARROW**2)))
+
+
 def reduced(parts: list[Hypothesis]) -> list[Hypothesis]:
     """Drop unlikely Gaussians, merge close ones, and normalise the weights to a sum of one."""
     logs = np.array([part.log_weight for part in parts])

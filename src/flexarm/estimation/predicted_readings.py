@@ -40,8 +40,11 @@ class PredictedReadings:
     """Readings of instruments as a function of the state, stacked in one column.
 
     Attributes:
-        size: number of readings. variance: (size,), of their errors, rounding included.
+        size: number of readings. counts: of each instrument.
+        variance: (size,), of their errors, rounding included.
         linear: whether all readings are linear in the state.
+        linear_rows: (size, 2 dof), derivative of the linear readings by the state.
+        sensors: the `Sensor` objects. places: of their readings. stations: on the arm.
 
     Raises:
         InputError: if a filter cannot use one of the instruments on this arm, or none reads
@@ -51,30 +54,31 @@ class PredictedReadings:
     def __init__(self, arm: Arm, instruments: Sequence[Instrument]) -> None:
         self._arm, self._labels = arm, [item.label for item in instruments]
         self._check(instruments)
-        self._sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
-        self.linear = not self._sensors
+        self.sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
+        self.linear = not self.sensors
         rows = [reading_rows(arm, item) for item in instruments]
         self.size = sum(len(row) for row in rows)
-        self._linear = np.concatenate(rows)
+        self.linear_rows = np.concatenate(rows)
         variances = [
             np.full(len(row), item.noise**2 + item.resolution**2 / 12.0)
             for row, item in zip(rows, instruments, strict=True)
         ]
         self.variance = np.concatenate(variances)
-        starts = np.cumsum([0] + [len(row) for row in rows])
-        self._places = [
+        self.counts = [len(row) for row in rows]
+        starts = np.cumsum([0, *self.counts])
+        self.places = [
             slice(starts[k], starts[k + 1])
             for k, item in enumerate(instruments)
             if isinstance(item.output, Sensor)
         ]
-        self._stations = place_loads(
-            arm, [marker(s.link, s.station) for s in self._sensors], what="Sensor"
+        self.stations = place_loads(
+            arm, [marker(s.link, s.station) for s in self.sensors], what="Sensor"
         )
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
         self._acceleration = kernels.zeros()
         self._poses, self._tip = kernels.pose_arrays()
-        shape = (len(self._sensors), MOTION_COLUMNS)
+        shape = (len(self.sensors), MOTION_COLUMNS)
         self._motions = np.zeros(shape, dtype=complex)
         self._state_places = state_places(arm)
         self._found = np.zeros((len(self._state_places) + 2, *shape))
@@ -130,12 +134,12 @@ class PredictedReadings:
 
         ``torque`` (joints,) is the acting torque; ``constants`` are those of ``SampledStep``.
         """
-        slopes, joints = self._linear.copy(), self._arm.joints
+        slopes, joints = self.linear_rows.copy(), self._arm.joints
         found = Predicted(slopes @ x, slopes, np.zeros(self.size), np.zeros((self.size, joints)))
-        if not self._sensors:
+        if not self.sensors:
             return found
         self._points(x, torque, constants, self._state_places, self._found)
-        for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
+        for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
             by = self._found[:, k, sensor.columns]
             found.state[place], found.parameter[place] = by[:-2].T, by[-2]
             found.values[place] = by[-1]
@@ -145,7 +149,7 @@ class PredictedReadings:
             more = torque.copy()
             more[joint] += 1.0
             self._points(x, more, constants, none, self._pushed)
-            for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 change = self._pushed[-1, k, sensor.columns] - found.values[place]
                 found.torque[place, joint] = change
         return found
@@ -157,10 +161,10 @@ class PredictedReadings:
         constants: tuple[ArmConstants, ArmConstants],
     ) -> FloatArray:
         """Return the readings (size,) of ``predict`` alone."""
-        found: FloatArray = self._linear @ x
-        if self._sensors:
+        found: FloatArray = self.linear_rows @ x
+        if self.sensors:
             self._points(x, torque, constants, self._state_places[:0], self._pushed)
-            for k, (place, sensor) in enumerate(zip(self._places, self._sensors, strict=True)):
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 found[place] = self._pushed[-1, k, sensor.columns]
         return found
 
@@ -180,7 +184,7 @@ class PredictedReadings:
             arm.padded(x.reshape(2, -1)).astype(complex),
             arm.padded_torque(torque).astype(complex),
             kernels.loads,
-            self._stations,
+            self.stations,
             kernels.work,
             self._acceleration,
             self._poses,

@@ -14,6 +14,7 @@ from flexarm.arm import Arm
 from flexarm.bridges.symbolic.casadi_model import CasadiModel, casadi_model
 from flexarm.control.base import Controller, check_controller
 from flexarm.errors import InputError, Problem, public_call, shown
+from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
 from flexarm.writing.places import check_folder, write_text
 
@@ -36,14 +37,15 @@ def export_c(
     name: str = "arm",
     parameters: Sequence[str] = (),
     controller: Controller | None = None,
+    observer: ExtendedKalmanFilter | None = None,
 ) -> list[Path]:
-    """Write the equations of an arm, and optionally a controller, as C99 without dependencies.
+    """Write the equations of an arm, a controller and a filter as C99 without dependencies.
 
     The functions are those of ``to_casadi``, a step of the classical Runge-Kutta method with its
-    derivatives, and the ``update`` of the controller. They allocate nothing and have no state. The
-    files are ``arm.h``, ``arm.c``, a test program that compares the functions with a run recorded
-    in Python, ``arm_udp.c``, the controller as a program for ``realtime``, if its inputs are
-    readings and the reference, and a ``Makefile``; those of an earlier export are replaced.
+    derivatives, the ``update`` of the controller, and the filter. They allocate nothing and have no
+    state. The files are ``arm.h``, ``arm.c``, a test program that compares the functions with a run
+    recorded in Python, ``arm_udp.c``, the controller as a program for ``realtime``, if its inputs
+    are readings and the reference, and a ``Makefile``; those of an earlier export are replaced.
 
     Args:
         arm: the arm.
@@ -54,20 +56,23 @@ def export_c(
             `ComputedTorque`, `SlidingMode`, `LQG`, `Composite` and `LoopShaping` for one posture,
             `DisturbanceObserver` around one of these; or your own, if ``update`` computes with
             NumPy, does not branch on values and ``memory`` is declared.
+        observer: filter whose ``predict`` and ``correct`` become one function, for a payload whose
+            standard deviation is at most a tenth of the mass that moves with the tip.
 
     Returns:
         The files.
 
     Raises:
-        InputError: if CasADi is not installed; the name, the folder, a parameter or the law of the
-            controller is not possible; or files of these names exist that were not exported.
+        InputError: if CasADi is not installed; the name, the folder, a parameter, the law of the
+            controller or the filter is not possible; or files of these names exist that were not
+            exported.
     """
     model = casadi_model(arm, parameters)
     place = check_path("folder", folder)
     check_prefix("name", name)
     if controller is not None:
         check_controller("controller", controller)
-    texts = _texts(exported(model, name, controller))
+    texts = _texts(exported(model, name, controller, observer))
     files = [place / file for file in texts]
     _refuse_to_replace(files)
     check_folder("folder", place)
@@ -103,18 +108,27 @@ def _refuse_to_replace(files: Sequence[Path]) -> None:
         raise InputError(*problems)
 
 
-def exported(model: CasadiModel, name: str, controller: Controller | None) -> Exported:
-    """Return the functions of the arm and of the controller."""
+def exported(
+    model: CasadiModel,
+    name: str,
+    controller: Controller | None,
+    observer: ExtendedKalmanFilter | None = None,
+) -> Exported:
+    """Return the functions of the arm, of the controller and of the filter."""
     from flexarm.bridges.c_code.exported import Exported
     from flexarm.bridges.c_code.model_functions import model_functions
+    from flexarm.bridges.c_code.observer import exported_observer
     from flexarm.bridges.c_code.traced_controller import traced_controller
 
     arm = model.arm
     traced = None if controller is None else traced_controller(arm, controller)
+    observed = None if observer is None else exported_observer(arm, observer)
     rate = fastest_rate(arm)
     largest = float(f"{_STABLE / rate:.3g}") if rate else 1.0
     functions = model_functions(model)
-    return Exported(name, arm, model.parameters, model.nominal, functions, traced, largest)
+    return Exported(
+        name, arm, model.parameters, model.nominal, functions, traced, observed, largest
+    )
 
 
 def _texts(export: Exported) -> dict[str, str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import chain
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.named_function import NamedFunction
+from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.traced_controller import TracedController
 
 #: Size of an argument in terms of macros; that of others is written as a number.
@@ -22,6 +24,10 @@ _SIZES = {
     "strain": "{GAUGES}",
     "parameters": "{PARAMETERS}",
     "memory": "{MEMORY}",
+    **dict.fromkeys(("estimated_q", "estimated_qd"), "{OBSERVER_DOF}"),
+    "last_torque": "{JOINTS}",
+    "readings": "{OBSERVER_READINGS}",
+    "observer_memory": "{OBSERVER_MEMORY}",
     "mass": "{DOF} * {DOF}",
     "jacobian": "3 * {DOF}",
     "by_state": "2 * {DOF} * 2 * {DOF}",
@@ -39,6 +45,7 @@ class Exported:
         parameters: paths of the parameters. nominal: their values in the arm.
         functions: of the arm.
         controller: the controller with its functions, or None.
+        observer: the observer with its functions, or None.
         largest_step: longest stable step about straight links, s.
     """
 
@@ -48,12 +55,14 @@ class Exported:
     nominal: FloatArray
     functions: Sequence[NamedFunction]
     controller: TracedController | None
+    observer: Observer | None
     largest_step: float
 
     @property
     def all_functions(self) -> list[NamedFunction]:
-        """Functions of the arm, then of the controller."""
-        return [*self.functions, *(self.controller.functions if self.controller else ())]
+        """Functions of the arm, then of the controller and the observer."""
+        others = [one.functions for one in (self.controller, self.observer) if one]
+        return [*self.functions, *chain.from_iterable(others)]
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -62,7 +71,7 @@ class Exported:
         found["PARAMETERS"] = len(self.parameters)
         if self.controller:
             found["MEMORY"] = self.controller.memory
-        return found
+        return found | (self.observer.sizes if self.observer else {})
 
     def macro(self, name: str) -> str:
         """Return a macro or constant with the prefix."""
@@ -73,8 +82,7 @@ class Exported:
         own = function.function
         given = [
             "double step" if name == "step" else f"const {self._array(name, own.numel_in(name))}"
-            for name in function.inputs
-            if name != "memory"
+            for name in function.given
         ]
         outputs = {name: own.numel_out(name) for name in own.name_out()}
         written = [self._array(name.removesuffix("_out"), size) for name, size in outputs.items()]

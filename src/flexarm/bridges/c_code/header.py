@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flexarm.bridges.c_code.exported import Exported, origin, prototype
 from flexarm.bridges.c_code.named_function import NamedFunction
+from flexarm.bridges.c_code.observer import Observer
 from flexarm.linear.models.signals import state_names
 
 #: Meaning of arguments.
@@ -47,6 +48,13 @@ _MEANINGS = {
     "path_position": "x, y (m) of the path of the tip on the surface",
     "path_speed": "speed along the surface, in the direction (-normal y, normal x), m/s",
     "feedforward": "torque in the middle of the sample that is added, N m; NULL for none",
+    "readings": "of the instruments, in the order above",
+    "last_torque": "torque of each joint since the last sample, N m",
+    "observer_memory": "[q, qd, logarithm of the moved mass], then their covariance by rows",
+    "estimated_q": "coordinates",
+    "estimated_qd": "rates of the coordinates",
+    "estimated_payload": "mass of the payload, kg",
+    "innovation": "normalised innovation squared per reading, one on average",
     "nominal_angle": "joint angles of the nominal motion, rad; NULL for rest",
     "nominal_torque": "torque of the nominal motion, N m; NULL for rest",
     "nominal_reading": "readings of the nominal motion; NULL for rest",
@@ -79,6 +87,11 @@ def header(export: Exported) -> str:
         lines += [f"#define {export.macro('SAMPLE_TIME')} {export.controller.sample_time!r}", ""]
         for function in export.controller.functions:
             lines += [_comment(export, function), _declared(export, function), ""]
+    if export.observer:
+        lines += [_of_observer(export, export.observer)]
+        lines += [f"#define {export.macro('OBSERVER_TIME')} {export.observer.sample_time!r}", ""]
+        for function in export.observer.functions:
+            lines += [_comment(export, function), _declared(export, function), ""]
     lines += ["#ifdef __cplusplus", "}", "#endif", "", "#endif", ""]
     return "\n".join(lines)
 
@@ -88,6 +101,13 @@ def _coordinates(export: Exported) -> str:
     rows = zip(names[: export.arm.dof], units, strict=False)
     listed = [f" *   q[{k}]  {name}, {unit}" for k, (name, unit) in enumerate(rows)]
     return "\n".join([" *", " * Coordinates, numbered from 1 by link and mode:", *listed, ""])
+
+
+def _of_observer(export: Exported, observer: Observer) -> str:
+    """Return the comment with the readings of the observer."""
+    rows = [f" *   readings[{k}]  {text}" for k, text in enumerate(observer.reading_names)]
+    listed = "\n".join(["/* Readings of the observer:", " *", *rows, " */"])
+    return f"{listed}\n\n/* Time from one call of the observer to the next, s. */"
 
 
 def _parameters(export: Exported) -> list[str]:
@@ -113,7 +133,7 @@ def parameter_places(export: Exported) -> list[str]:
 def _comment(export: Exported, function: NamedFunction) -> str:
     count = f" {function.operations} operations." if function.operations else ""
     outputs = [name.removesuffix("_out") for name in function.function.name_out()]
-    names = [*(name for name in function.inputs if name != "memory"), *outputs]
+    names = [*function.given, *outputs]
     width = max(map(len, names))
     rows = [f" *   {name:<{width}}  {_MEANINGS[name].format(name=export.name)}" for name in names]
     return "\n".join([f"/* {function.summary}{count}", " *", *rows, " */"])

@@ -7,6 +7,7 @@ its derivative is exact. The coefficients are those of the integrator ``rk4``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi
@@ -56,7 +57,7 @@ def _of_model(name: str, output: str, summary: str, function: Any) -> NamedFunct
 def _step(model: CasadiModel) -> NamedFunction:
     """Return one step under a constant torque."""
     inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
-    after = _runge_kutta(model.forward_dynamics, inputs)
+    after = runge_kutta(model.forward_dynamics, inputs)
     summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
     return named("step", summary, inputs, dict(zip(("q_next", "qd_next"), after, strict=True)))
 
@@ -67,22 +68,13 @@ def _step_jacobian(model: CasadiModel) -> NamedFunction:
     A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
     derivatives] is the step itself, over accelerations and their derivatives by CasADi.
     """
-    dynamics, n, m = model.forward_dynamics, model.arm.dof, model.arm.joints
-    values = [_symbol(name, dynamics) for name in dynamics.name_in()]
-    qdd = dynamics(*values)
-    slopes = [casadi.densify(casadi.jacobian(qdd, one)) for one in values[:3]]
-    of_values = casadi.Function("slopes", values, [qdd, *slopes])
-
-    def of_columns(q: Any, qd: Any, torque: Any, *others: Any) -> Any:
-        now, *by = of_values(q[:, 0], qd[:, 0], torque[:, 0], *others)
-        moved = zip(by, (q, qd, torque), strict=True)
-        return casadi.horzcat(now, sum(slope @ along[:, 1:] for slope, along in moved))
-
+    n, m = model.arm.dof, model.arm.joints
+    of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
     inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
     places = {"q": slice(0, n), "qd": slice(n, 2 * n), "torque": slice(2 * n, 2 * n + m)}
     unit = casadi.MX(casadi.DM.eye(2 * n + m))
     columns = {name: casadi.horzcat(inputs[name], unit[at, :]) for name, at in places.items()}
-    after = casadi.vertcat(*_runge_kutta(of_columns, inputs | columns))
+    after = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
     outputs = {"by_state": after[:, 1 : 2 * n + 1]}
     if m:
         outputs["by_torque"] = after[:, 2 * n + 1 :]
@@ -90,12 +82,29 @@ def _step_jacobian(model: CasadiModel) -> NamedFunction:
     return named("step_jacobian", summary, inputs, outputs)
 
 
+def dynamics_of_columns(model: CasadiModel, names: Sequence[str]) -> Callable[..., Any]:
+    """Return the forward dynamics over columns [value, derivatives] of the inputs in ``names``."""
+    dynamics = model.forward_dynamics
+    values = {name: _symbol(name, dynamics) for name in dynamics.name_in()}
+    qdd = dynamics(*values.values())
+    slopes = [casadi.densify(casadi.jacobian(qdd, values[name])) for name in names]
+    of_values = casadi.Function("slopes", list(values.values()), [qdd, *slopes])
+
+    def of_columns(*inputs: Any) -> Any:
+        given = dict(zip(values, inputs, strict=True))
+        now, *by = of_values(*(one[:, 0] for one in inputs))
+        moved = zip(by, names, strict=True)
+        return casadi.horzcat(now, sum(slope @ given[name][:, 1:] for slope, name in moved))
+
+    return of_columns
+
+
 def _step_input(model: CasadiModel, name: str) -> Any:
     size = 1 if name == "step" else model.forward_dynamics.size1_in(name)
     return casadi.MX.sym(name, size)
 
 
-def _runge_kutta(dynamics: Any, inputs: dict[str, Any]) -> tuple[Any, Any]:
+def runge_kutta(dynamics: Any, inputs: Mapping[str, Any]) -> tuple[Any, Any]:
     """Return q and qd after one step; they have columns that are stepped together."""
     q, qd, h = inputs["q"], inputs["qd"], inputs["step"]
     others = [inputs[name] for name in ("torque", "tip_force", "parameters")]

@@ -30,6 +30,17 @@ class NamedFunction:
         return [name for name, size in zip(self.function.name_in(), sizes, strict=True) if size]
 
     @property
+    def memory(self) -> str | None:
+        """Name of the array that the caller keeps between samples, or None."""
+        found = [name for name in self.function.name_out() if name.endswith("memory_out")]
+        return found[0].removesuffix("_out") if found else None
+
+    @property
+    def given(self) -> list[str]:
+        """Names of the inputs without the memory, which is among the results."""
+        return [name for name in self.inputs if name != self.memory]
+
+    @property
     def operations(self) -> int | None:
         """Number of elementary operations; None if it calls other functions."""
         function = self.function

@@ -13,6 +13,8 @@ from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.pressed_run import contact_readings
+from flexarm.bridges.c_code.observer import Observer
+from flexarm.bridges.c_code.observer_recording import estimates, record_observer
 from flexarm.bridges.c_code.replay import replay
 from flexarm.errors import FlexarmWarning
 from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
@@ -27,6 +29,8 @@ _FRACTION, _LONGEST = 0.2, 1e-3
 _ROUNDING, _CONDITION = 1e-12, 2.0
 #: Rounding errors within a controller, in multiples of those of its readings.
 _AMPLIFIED = 8.0
+#: Number of runs of a filter with rounded inputs; single ones differ by a factor of four.
+_ROUNDED_RUNS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,8 @@ def record(export: Exported) -> Recording:
             "contact_force": contact_readings(export.controller.controller, SAMPLES),
         }
         _record_controller(found, export, readings)
+    if export.observer:
+        _record_observer(found, export.observer)
     return found
 
 
@@ -164,11 +170,26 @@ def _record_controller(found: Recording, export: Exported, readings: dict[str, F
     found.inputs.update(inputs)
     found.expected["controller"] = torque
     # Large gains of a filter amplify the rounding of its readings. Measure how much.
-    signs = np.random.default_rng(0)
-    rounded = {
-        name: values * (1.0 + np.finfo(float).eps * signs.choice([-1.0, 1.0], values.shape))
-        for name, values in readings.items()
-    }
-    change = np.abs(replay(export.arm, export.controller, rounded)[1] - torque)
+    change = np.abs(replay(export.arm, export.controller, _rounded(readings, 0))[1] - torque)
     limit = max(_ROUNDING * np.abs(torque).max(), _AMPLIFIED * change.max())
     found.tolerance["controller"] = np.full(torque.shape[1], limit)
+
+
+def _record_observer(found: Recording, observer: Observer) -> None:
+    """Record the estimates of the filter for a run of its own, at its sample time."""
+    inputs, expected = record_observer(observer, SAMPLES)
+    found.inputs.update(inputs)
+    found.expected["observer"] = expected
+    rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
+    changes = [np.abs(estimates(observer.filter, one) - expected) for one in rounded]
+    change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
+    found.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
+
+
+def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:
+    """Return numbers with a random rounding error each."""
+    signs = np.random.default_rng(seed)
+    return {
+        name: one * (1.0 + np.finfo(float).eps * signs.choice([-1.0, 1.0], one.shape))
+        for name, one in values.items()
+    }

@@ -45,20 +45,20 @@ def _wrapper(export: Exported, function: NamedFunction, body: str) -> str:
     given = [
         "&step" if name == "step" else _given(export, function, name) for name in own.name_in()
     ]
-    keeps = "memory" in function.inputs
+    memory = function.memory if function.memory in function.inputs else None
     written = [
-        "memory_next" if keeps and name == "memory_out" else name.removesuffix("_out")
+        "memory_next" if name == f"{memory}_out" else name.removesuffix("_out")
         for name in own.name_out()
     ]
     lines = [head, "{"]
-    if keeps:
-        lines.append(f"    double memory_next[{export.macro('MEMORY')}];")
+    if memory:
+        lines.append(f"    double memory_next[{export.macro(memory)}];")
         lines.append("    int k;")
     lines += _scratch(function, given, written)
     lines.append(f"    (void){body}(arg, res, {_iw(function)}, {_w(function)}, 0);")
-    if keeps:
-        lines.append(f"    for (k = 0; k < {export.macro('MEMORY')}; ++k) {{")
-        lines += ["        memory[k] = memory_next[k];", "    }"]
+    if memory:
+        lines.append(f"    for (k = 0; k < {export.macro(memory)}; ++k) {{")
+        lines += [f"        {memory}[k] = memory_next[k];", "    }"]
     return "\n".join([*lines, "}", ""])
 
 

@@ -27,6 +27,7 @@ from flexarm.kernels.layout import (
     run_time_sizes,
 )
 from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, poses
+from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
 from flexarm.kernels.observation.shapes import gauge_strains
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.composite_body import mass_matrix
@@ -144,6 +145,17 @@ class KernelCalls:
         symbolic(gauge_strains)(self._sizes, states, self.gauge_bodies, self.gauge_rows, strains)
         values: Objects = strains[0]
         return values
+
+    def point_motions(self, q: Objects, qd: Objects, torque: Objects, stations: Loads) -> Objects:
+        """Return position, velocity and accelerations of points; columns as in the kernel."""
+        work, (body_poses, tip) = self._work(), self._poses()
+        acceleration = self.arm.padded(self.forward_dynamics(q, qd, torque))
+        motions = np.zeros((len(stations.body), MOTION_COLUMNS), dtype=object)
+        symbolic(point_motions)(
+            self._sizes, self.constants, self._state(q, qd), acceleration, self._loads(None),
+            stations, work, body_poses, tip, motions,
+        )  # fmt: skip
+        return motions
 
     def _tip(self, q: Objects, qd: Objects) -> Objects:
         body_poses, tip = self._poses()

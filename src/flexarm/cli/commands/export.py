@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from flexarm.bridges.rigid_chain.export import (
 )
 from flexarm.cli.tables import console
 from flexarm.control.base import Controller
+from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.model import load_arm_spec, locate_scenario
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.scenarios.scenario import prepare
@@ -27,19 +29,23 @@ _CHAINS = {"xml": export_mjcf, "urdf": export_urdf, "py": export_exudyn}
 
 
 def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]) -> None:
-    """Write C code for an arm file, or for the arm and the controller of a scenario file.
+    """Write C code for an arm file, or for arm, controller and filter of a scenario file.
 
     Raises:
         InputError: if the file is not valid, or under the conditions of ``export_c``.
     """
     arm, controller, _ = _arm_and_controller(path)
+    controller, observer = _separated(controller)
     folder = out if out is not None else path.with_name(f"{path.stem}_c")
-    files = export_c(arm, folder, name=name, parameters=parameters, controller=controller)
+    files = export_c(
+        arm, folder, name=name, parameters=parameters, controller=controller, observer=observer
+    )
     screen = console()
     for file in files:
         screen.print(str(file), soft_wrap=True)
-    if controller is not None:
-        screen.print(f"with the controller {type(controller).__name__}", soft_wrap=True)
+    for kind, one in (("controller", controller), ("observer", observer)):
+        if one is not None:
+            screen.print(f"with the {kind} {type(one).__name__}", soft_wrap=True)
     screen.print(f"next: make -C {folder} test", soft_wrap=True)
 
 
@@ -78,6 +84,14 @@ def export_chain_file(path: Path, out: Path | None, virtual_joints: int, suffix:
     place = out if out is not None else path.with_suffix(f".{suffix}")
     written = _CHAINS[suffix](load_arm(path), place, virtual_joints=virtual_joints)
     console().print(str(written), soft_wrap=True)
+
+
+def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
+    """Return a controller and its filter, which are two functions in C."""
+    if not isinstance(controller, EstimatorController):
+        return controller, None
+    controller.reset()  # which gives the filter the sample time of the controller
+    return controller.inner, controller.estimator
 
 
 def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]:

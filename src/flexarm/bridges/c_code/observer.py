@@ -1,0 +1,299 @@
+"""Extended Kalman filter as functions for C.
+
+The covariance is propagated by the derivatives of the exported step, and the readings are those of
+the kernels over symbols. Products of matrices are loops of CasADi's code generator, so that the
+size of the code does not grow with the cube of the number of states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi
+import numpy as np
+
+from flexarm.arm import Arm
+from flexarm.bridges.c_code.model_functions import dynamics_of_columns, runge_kutta
+from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.errors import InputError, Problem, shown
+from flexarm.estimation.extended_kalman import ITERATIONS, ExtendedKalmanFilter
+from flexarm.estimation.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
+from flexarm.estimation.kalman_filter import KalmanFilter
+from flexarm.estimation.payload_hypotheses import split, widest_single
+from flexarm.linear.models.signals import find_outputs
+
+_PAYLOAD = "payload.mass"
+#: Steps of Newton's method for the sag at the start, which a fixed cost requires. Convergence is
+#: quadratic: five steps are sufficient for links that bend by a tenth of their length.
+_NEWTON_STEPS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """Functions of a filter.
+
+    Attributes:
+        filter: the filter, which is not modified.
+        functions: ``observer_start`` and ``observer_update``.
+    """
+
+    filter: ExtendedKalmanFilter
+    functions: tuple[NamedFunction, ...]
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time, s."""
+        return float(self.filter.sample_time)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes by the names of their macros, without the prefix."""
+        dof = self.filter.arm.dof
+        states = 2 * dof + 1
+        return {
+            "OBSERVER_DOF": dof,
+            "OBSERVER_READINGS": self.filter._readings.size,
+            "OBSERVER_MEMORY": states * (1 + states),
+        }
+
+    @property
+    def reading_names(self) -> list[str]:
+        """Name and unit of each reading."""
+        outputs = find_outputs(self.filter.arm, [item.output for item in self.filter.instruments])
+        return [f"{name}, {one.unit}" for one in outputs for name in one.names]
+
+
+def exported_observer(arm: Arm, observer: object) -> Observer:
+    """Return the functions of a filter for an arm.
+
+    Raises:
+        InputError: if it is not an `ExtendedKalmanFilter`, its arm has other joints, or its payload
+            is so uncertain that it needs several Gaussians.
+    """
+    if not isinstance(observer, ExtendedKalmanFilter):
+        hint = ""
+        if isinstance(observer, KalmanFilter):
+            hint = "An unscented filter needs eigenvectors at every sample."
+        raise InputError(
+            Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
+        )
+    if observer.arm.joints != arm.joints:
+        rule = f"be for an arm with {arm.joints} joints"
+        raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
+    widest = widest_single(observer._nominal + observer._own)
+    if observer.payload_deviation > widest:
+        rule = f"have a payload_deviation of at most {widest:.3g} kg"
+        hint = "Above it the filter is a sum of Gaussians, whose number changes during a run."
+        value = shown(observer.payload_deviation)
+        raise InputError(Problem("observer", rule, value, hint))
+    writer = _Writer(observer)
+    return Observer(observer, (writer.start(), writer.update()))
+
+
+class _Writer:
+    """Construction of the functions; the symbols are those of `ExtendedKalmanFilter`."""
+
+    def __init__(self, observer: ExtendedKalmanFilter) -> None:
+        self.filter, self.arm = observer, observer.arm
+        self.model = casadi_model(self.arm, [_PAYLOAD])
+        self.states = 2 * self.arm.dof + 1
+        self.shown = observer._readings
+        self.predicted = self._predicted_readings()
+        self.own, self.nominal = observer._own, observer._nominal
+        mean, variance = [self.nominal + self.own], [[observer.payload_deviation**2]]
+        self.scale, (prior,) = split(np.array(mean), np.array(variance))
+        self.spread = float(prior.P[-1, -1])
+        assert observer._step is not None
+        self.steps = observer._step.steps
+        self.joints = self.arm.joint_index.tolist()
+        self.angle = next(i for i in observer.instruments if i.signal == "joint_angle")
+
+    def start(self) -> NamedFunction:
+        """Return the estimate at the first readings, for links at rest under gravity."""
+        readings = casadi.MX.sym("readings", self.shown.size)
+        straight = self._straight(readings)
+        q, by_mass = self._sag(straight)
+        x = casadi.vertcat(q, casadi.DM.zeros(self.arm.dof), -0.5 * self.spread)
+        along = casadi.vertcat(self.scale * by_mass, casadi.DM.zeros(self.arm.dof), 1.0)
+        variance = self._first_variance(straight)
+        P = casadi.diag(variance) + self.spread * (along @ along.T)
+        unmoved = casadi.DM.zeros(self.states, self.arm.joints)
+        still = casadi.DM.zeros(self.arm.joints)
+        outputs = self._corrected(x, P, unmoved, still, readings)
+        summary = "Estimate at the first sample, where the memory starts."
+        return named("observer_start", summary, {"readings": readings}, outputs)
+
+    def update(self) -> NamedFunction:
+        """Return the estimate at the next sample."""
+        size = self.states
+        inputs = {
+            "readings": casadi.MX.sym("readings", self.shown.size),
+            "last_torque": casadi.MX.sym("last_torque", self.arm.joints),
+            "observer_memory": casadi.MX.sym("observer_memory", size * (1 + size)),
+        }
+        readings, torque, memory = inputs.values()
+        x, P = memory[:size], casadi.reshape(memory[size:], size, size).T
+        x, P, moved = self._propagated(x, P, torque)
+        outputs = self._corrected(x, P, moved, torque, readings)
+        summary = "Estimate from a sample to the next one: prediction, then correction."
+        return named("observer_update", summary, inputs, outputs)
+
+    def _mass(self, x: Any) -> tuple[Any, Any]:
+        """Return the mass of the payload, and the mass whose logarithm is a state, kg."""
+        moving = self.scale * casadi.exp(x[-1])
+        return casadi.fmax(moving - self.own, 0.0), moving
+
+    def _straight(self, readings: Any) -> Any:
+        """Return the coordinates of straight links at the readings of the encoders."""
+        first = sum(self.shown.counts[: self.filter.instruments.index(self.angle)])
+        q = casadi.MX(casadi.DM.zeros(self.arm.dof))
+        q[self.joints] = readings[first : first + self.arm.joints]
+        return q
+
+    def _sag(self, straight: Any) -> tuple[Any, Any]:
+        """Return the coordinates at rest and their derivative by the payload mass."""
+        nothing = casadi.DM.zeros(self.arm.dof)
+        if not any(self.arm.spec.gravity):
+            return straight, nothing
+        found, more = self._at_rest(straight, self.nominal), self.filter.payload_deviation
+        if more == 0.0:
+            return found, nothing
+        more *= SAG_DIFFERENCE
+        return found, (self._at_rest(straight, self.nominal + more) - found) / more
+
+    def _at_rest(self, q: Any, mass: float) -> Any:
+        """Return the coordinates at rest with locked joints."""
+        free = self._free()
+        force, stiffness = self._static()
+        for _ in range(_NEWTON_STEPS if free else 0):
+            now = casadi.MX(q)
+            now[free] -= _solved(stiffness(q, mass), force(q, mass))
+            q = now
+        return q
+
+    def _free(self) -> list[int]:
+        """Return the places of coordinates that are not joint angles."""
+        found: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
+        return found
+
+    def _static(self) -> tuple[Any, Any]:
+        """Return static force and stiffness of bending, functions of q and payload."""
+        q, mass, free = casadi.SX.sym("q", self.arm.dof), casadi.SX.sym("mass"), self._free()
+        force = self.model.bias_force(q, casadi.DM.zeros(self.arm.dof), mass)[free]
+        slope = casadi.densify(casadi.jacobian(force, q)[:, free])
+        functions = ("force", force), ("stiffness", slope)
+        found = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
+        return found[0], found[1]
+
+    def _first_variance(self, straight: Any) -> Any:
+        """Return the variances (states,) before the first reading; the mass has its own."""
+        rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
+        found = casadi.MX(casadi.DM(rigid))
+        free = self._free()
+        if free:
+            stiffness = casadi.diag(self._static()[1](straight, self.nominal))
+            found[free] /= casadi.fmax(stiffness, LEAST_STIFFNESS)
+        return found
+
+    def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
+        """Return mean, covariance, and its part with the torque error, after a sample time."""
+        given, n, m = self.filter, self.arm.dof, self.arm.joints
+        mass, moving = self._mass(x)
+        unit = casadi.MX(casadi.DM.eye(2 * n + m + 1))
+        columns: dict[str, Any] = {
+            name: casadi.horzcat(value, unit[rows, :])
+            for name, value, rows in (
+                ("q", x[:n], slice(0, n)),
+                ("qd", x[n : 2 * n], slice(n, 2 * n)),
+                ("torque", torque, slice(2 * n, 2 * n + m)),
+                ("parameters", mass, slice(2 * n + m, 2 * n + m + 1)),
+            )
+        }
+        after = casadi.vertcat(*self._stepped(columns))
+        states, by_torque, by_mass = after[:, 1 : 2 * n + 1], after[:, 2 * n + 1 : -1], after[:, -1]
+        last = casadi.horzcat(casadi.DM.zeros(1, 2 * n), 1.0)
+        F = casadi.vertcat(casadi.horzcat(states, by_mass * moving), last)
+        noise = casadi.DM(np.broadcast_to(given.torque_noise, m))
+        noisy = casadi.vertcat(by_torque * casadi.repmat(noise.T, 2 * n, 1), casadi.DM.zeros(1, m))
+        P = F @ P @ F.T + noisy @ noisy.T
+        if given.payload_drift:
+            wandered = given.payload_drift**2 * given.sample_time
+            grown = casadi.log1p(wandered / moving**2)
+            P = P + casadi.diag(casadi.vertcat(casadi.DM.zeros(2 * n), grown))
+        return casadi.vertcat(after[:, 0], x[-1]), P, noisy
+
+    def _stepped(self, columns: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Return columns of q and qd after the steps of a sample time."""
+        steps = self.steps
+        symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
+        others = {"step": self.filter.sample_time / steps, "tip_force": casadi.DM.zeros(3)}
+        of_columns = dynamics_of_columns(self.model, tuple(columns))
+        after = runge_kutta(of_columns, symbols | others)
+        step = casadi.Function("substep", list(symbols.values()), list(after))
+        q, qd, *constant = columns.values()
+        for _ in range(steps):
+            q, qd = step(q, qd, *constant)
+        return q, qd
+
+    def _corrected(self, x: Any, P: Any, moved: Any, torque: Any, readings: Any) -> dict[str, Any]:
+        """Return the outputs of a sample; ``_update`` of the filter has the same steps."""
+        size, before = self.states, x
+        for iteration in range(1 if self.shown.linear else ITERATIONS):
+            mass, moving = self._mass(x)
+            values, by_state, by_mass, by_torque = self.predicted(x[:-1], torque, mass)
+            H = casadi.horzcat(by_state, by_mass * moving)
+            noise = casadi.DM(np.broadcast_to(self.filter.torque_noise, self.arm.joints))
+            felt = by_torque * casadi.repmat(noise.T, self.shown.size, 1)
+            R = casadi.diag(casadi.DM(self.shown.variance)) + felt @ felt.T
+            N = moved @ felt.T
+            S = H @ P @ H.T + H @ N + N.T @ H.T + R
+            K = _solved(S, (P @ H.T + N).T).T
+            expected = values + H @ (before - x)
+            if iteration == 0:
+                missed = readings - expected
+                innovation = casadi.dot(missed, _solved(S, missed)) / self.shown.size
+            x = before + K @ (readings - expected)
+        left = casadi.DM.eye(size) - K @ H
+        both = left @ N @ K.T
+        P = left @ P @ left.T + K @ R @ K.T - both - both.T
+        n, payload = self.arm.dof, self.scale * casadi.exp(x[-1] + 0.5 * P[-1, -1])
+        return {
+            "observer_memory_out": casadi.vertcat(x, casadi.vec(P.T)),
+            "estimated_q": x[:n],
+            "estimated_qd": x[n : 2 * n],
+            "estimated_payload": casadi.fmax(payload - self.own, 0.0),
+            "innovation": innovation,
+        }
+
+    def _predicted_readings(self) -> Any:
+        """Return readings and their derivatives, a function of state, torque and payload mass."""
+        n = self.arm.dof
+        x, torque = casadi.SX.sym("x", 2 * n), casadi.SX.sym("torque", self.arm.joints)
+        mass = casadi.SX.sym("mass")
+        values = casadi.DM(self.shown.linear_rows) @ x
+        if not self.shown.linear:
+            calls = ParametricArm(self.arm, [_PAYLOAD], ()).at(list(objects([mass], casadi)))
+            of_state = objects(casadi.vertsplit(x), casadi)
+            of_torque = objects(casadi.vertsplit(torque), casadi)
+            motions = calls.point_motions(
+                of_state[:n], of_state[n:], of_torque, self.shown.stations
+            )
+            for place, row, sensor in zip(
+                self.shown.places, motions, self.shown.sensors, strict=True
+            ):
+                values[place] = casadi.vertcat(*(plain(one) for one in row[sensor.columns]))
+        slopes = [casadi.densify(casadi.jacobian(values, one)) for one in (x, mass, torque)]
+        return casadi.Function("readings", [x, torque, mass], [casadi.densify(values), *slopes])
+
+
+def _solved(A: Any, B: Any) -> Any:
+    """Return the solution of a small symmetric positive definite system by Cholesky's method."""
+    a, b = casadi.SX.sym("a", *A.shape), casadi.SX.sym("b", *B.shape)
+    root = casadi.chol(a)
+    found = casadi.solve(root, casadi.solve(root.T, b))
+    return casadi.Function("solved", [a, b], [casadi.densify(found)])(A, B)
