@@ -73,7 +73,7 @@ def test_blocks_of_page(page: str, folder: Path) -> None:
     ),
 )
 def test_blocks_with_another_program(page: str, program: str, folder: Path) -> None:
-    pytest.importorskip(program, reason=f"{program} is not installed (extras peers and dev)")
+    pytest.importorskip(program, reason=f"{program} is not installed: the blocks were not run")
     run_blocks(page, program)
 
 
