@@ -260,7 +260,7 @@ def test_modes_that_are_not_resolved_rest_in_the_simulation():
 
 def test_a_missed_goal_is_reported(monkeypatch):
     monkeypatch.setattr(optimal, "corrected", lambda task, plan: plan)
-    with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*more intervals"):
+    with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*Limit the torque_rate"):
         unresolved()
 
 

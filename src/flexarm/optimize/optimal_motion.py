@@ -192,8 +192,9 @@ def _within_limits(
     rest = remaining(task, plant, plan, run)
     if plant is task.arm and _misses(task, plan, run):
         warn_caller(
-            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation. Take "
-            f"more intervals than {plan.intervals}; see OptimalMotion.remaining.",
+            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation, because "
+            f"{plan.intervals} intervals do not resolve the fastest modes. Limit the torque_rate, "
+            "or take fewer modes of links; see OptimalMotion.remaining.",
             AccuracyWarning,
         )
     table, chain = tabulated(task, plan)
