@@ -88,6 +88,15 @@ def contact_channels(arm: Arm, placed: Contacts, states: FloatArray) -> dict[str
     }
 
 
+def bristle_channel(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
+    """Return the channel of bristles at states (samples, 2, n, 1 + m) of a run; empty without."""
+    if not arm.assembly.has_bristles:
+        return {}
+    joints = arm.assembly.joint_body
+    root = arm.assembly.constants.bristles[joints, 1]
+    return {"bristle_deflection": states[:, 1, joints, -1] / np.where(root > 0.0, root, 1.0)}
+
+
 def _observed(
     arm: Arm, states: FloatArray, energies: bool = True
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -95,7 +104,7 @@ def _observed(
 
     Without ``energies``, they are zero.
     """
-    count, constants = len(states), arm.assembly.constants
+    count, constants = len(states), arm.assembly.run_constants
     poses = np.empty((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.empty((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)

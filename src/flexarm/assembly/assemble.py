@@ -17,7 +17,7 @@ from flexarm.assembly.hub_radius import move_root
 from flexarm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
 from flexarm.errors import InputError
-from flexarm.kernels.columns import HAS_JOINT_LAWS
+from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
 
@@ -71,7 +71,8 @@ class Assembly:
     """Kernel constants of an arm, and the positions of its coordinates in the arrays.
 
     Attributes:
-        constants: constants of n bodies with m modes each, padded.
+        constants: constants of n bodies with m modes each, padded; friction is a function of the
+            rate.
         pieces: the bodies that form the links, from the base outwards.
         seats: the joints that are not fixed, from the base outwards.
         link_body: (links,) first body of each link.
@@ -83,6 +84,24 @@ class Assembly:
     seats: tuple[Seat, ...]
     link_body: IntArray
     coordinates: IntArray
+
+    @property
+    def has_bristles(self) -> bool:
+        """Whether the friction of any joint has bristles."""
+        return bool(self.constants.bristles[:, 0].any())
+
+    @cached_property
+    def run_constants(self) -> ArmConstants:
+        """Constants for states of runs, which contain the deflections of bristles.
+
+        Coordinates q and qd do not contain them; for functions of these, bristles are in their
+        steady state, in which friction is a function of the rate.
+        """
+        if not self.has_bristles:
+            return self.constants
+        arm = self.constants.arm.copy()
+        arm[HAS_BRISTLES] = 1.0
+        return self.constants._replace(arm=arm)
 
     @cached_property
     def joint_body(self) -> IntArray:
@@ -101,7 +120,7 @@ class Assembly:
 
     @property
     def modes(self) -> int:
-        """Number of modes m to which each body is padded."""
+        """Number of modes m to which each body is padded, with one for bristles."""
         return int(self.constants.S.shape[1])
 
     @property
@@ -151,7 +170,7 @@ def assemble(spec: ArmSpec) -> Assembly:
             body += 1
     constants = constants_of_links(spec, pieces)
     place_joints_and_payload(constants, spec, pieces, seats)
-    stride = 1 + max(piece.shapes.w2.size for piece in pieces)
+    stride = 1 + constants.S.shape[1]
     return Assembly(
         constants=constants,
         pieces=tuple(pieces),
@@ -200,15 +219,18 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     """Allocate the constants of an arm and fill in the links, without their damping."""
     payload_body = spec.payload.mass > 0 and any(spec.payload.offset)
     n = pieces[-1].body + 1 + payload_body
-    m = max(piece.shapes.w2.size for piece in pieces)
+    bristles = any(joint.friction and joint.friction.bristle_stiffness for joint in spec.joints)
+    m = max(piece.shapes.w2.size for piece in pieces) + bristles
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
-    c = m if any(np.any(piece.shapes.rotary) for piece in pieces) else 0
+    c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = empty_constants(n, m, c, g)
     constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
     constants.mobility[:] = 1.0
     for piece in pieces:
         _place_link(constants, piece.body, piece.shapes, second_order)
+    if bristles:  # the integral of their deflection is no displacement and has no inertia
+        constants.centrifugal[:, -1, -1] = -1.0
     return constants
 
 
@@ -289,6 +311,8 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
             )
         ]
         constants.friction[i] = rubs.coulomb, rise, *rates, rubs.viscous, *excess
+        if rubs.bristle_stiffness is not None:
+            constants.bristles[i] = 1.0, rubs.bristle_stiffness**0.5, rubs.bristle_damping
     if joint.limits is not None:
         stops = joint.limits
         constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping

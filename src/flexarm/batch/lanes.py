@@ -67,9 +67,9 @@ def fits_lanes(
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: compiled kernels, and no joint stops."""
+    """Return whether lanes support the arm: compiled kernels, no joint stops and no bristles."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
-    return COMPILED and all(free)
+    return COMPILED and all(free) and not arm.assembly.has_bristles
 
 
 def is_absent(value: Any) -> bool:

@@ -63,7 +63,9 @@ class LanePlants:
 
     def __init__(self, arm: Arm, count: int, sample_time: float, threads: int) -> None:
         if not arm_fits_lanes(arm):
-            raise InputError(Problem("arm", "must have no joint limits to be stepped in lanes"))
+            raise InputError(
+                Problem("arm", "must have no joint limits or bristles to be stepped in lanes")
+            )
         self.arm, self._sample_time = arm, sample_time
         n, m = arm.assembly.bodies, arm.assembly.modes
         self.state = np.zeros((count, 2, n, 1 + m))

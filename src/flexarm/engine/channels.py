@@ -18,6 +18,7 @@ _TABLE = (
     Channel("joint_angle", ("joint",), "rad", "joint angle, relative to the tip tangent before it"),
     Channel("joint_rate", ("joint",), "rad/s", "rate of the joint angle"),
     Channel("joint_twist", ("joint",), "rad", "twist of an elastic joint's spring, else zero"),
+    Channel("bristle_deflection", ("joint",), "rad", "deflection of the bristles of friction"),
     Channel("link_angle", ("link",), "rad", "absolute angle of the link's root tangent"),
     Channel("link_rate", ("link",), "rad/s", "rate of the link angle"),
     Channel("link_tip_deflection", ("link",), "m", "tip deflection from the root tangent"),

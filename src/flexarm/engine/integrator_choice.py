@@ -92,16 +92,36 @@ def choose_integrator(
         prescribed: joints, by number from 1, whose motion is prescribed.
 
     Raises:
-        InputError: under the conditions of ``check_integrator``.
+        InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
+            bristles and the requested integrator does not support them.
     """
     check_integrator(requested, step, touch > 0.0)
+    if arm.assembly.has_bristles:
+        _refuse_with_bristles(requested, step)
     if isinstance(requested, Integrator):
         return Choice(requested, "given by the user")
     if requested == "auto":
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
+        if arm.assembly.has_bristles:
+            return Choice(
+                KennedyCarpenter5(),
+                "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
+                "fast for an explicit method",
+            )
         return _by_stiffness(arm, tolerance, touch, prescribed)
     return Choice(INTEGRATORS[requested](step=step), "named by the user")
+
+
+def _refuse_with_bristles(requested: str | Integrator, step: float | None) -> None:
+    """Raise if a requested integrator does not support friction with bristles."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    follows = step is None if kind is None else kind.follows_bristles
+    if not follows:
+        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
+        rule = f"be one of 'auto', {', '.join(names)} with bristles, and 'auto' without a step"
+        hint = "Bristles of a sliding joint need step control."
+        raise InputError(Problem("integrator", rule, shown(kind.name if kind else "auto"), hint))
 
 
 def choose_by_drive(

@@ -60,6 +60,10 @@ def _unit(arm: Arm) -> FloatArray:
     unit[1, :, 1:] = unit[0, :, 1:] * frequency
     slowest = float(frequency[real].min()) if real.any() else 1.0
     unit[1, :, 0] = unit[0, :, 0] * slowest
+    if arm.assembly.has_bristles:  # a deflection has the tolerance of the joint angle
+        root = c.bristles[:, 1]
+        unit[0, :, -1] = np.inf
+        unit[1, :, -1] = np.where(root > 0.0, root * unit[0, :, 0], np.inf)
     return unit
 
 

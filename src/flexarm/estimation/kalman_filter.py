@@ -32,6 +32,7 @@ from flexarm.estimation.payload_hypotheses import (
 )
 from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
 from flexarm.hardware.measurement import FloatArray, Measurement
+from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
 from flexarm.model.drives.around import FilterParameters
@@ -120,6 +121,7 @@ class KalmanFilter(FilterParameters, OfArm, ABC):
         listed = check_list_of("instruments", self.instruments, Instrument)
         self.instruments = tuple(listed)
         self._readings = PredictedReadings(arm, self.instruments)
+        warn_of_bristles(arm, "the filter")
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._nominal = arm.spec.payload.mass

@@ -216,8 +216,8 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
 
 
 def constants_with(arm: Arm, prescribed: Sequence[int]) -> ArmConstants:
-    """Return the constants of an arm with joints, by number from 1, marked as not free."""
-    constants = arm.assembly.constants
+    """Return the constants of a run, with joints, by number from 1, marked as not free."""
+    constants = arm.assembly.run_constants
     if not prescribed:
         return constants
     body = constants.body.copy()

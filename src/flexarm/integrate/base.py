@@ -129,8 +129,9 @@ class Integrator(ABC):
     ``record``.
 
     Class attributes: ``name`` in the registry; ``order``; ``adaptive``; ``follows_contacts``, False
-    for a multistep method, which requires smooth motion between stops; and ``reference``, the
-    BibTeX keys of the method (``flexarm.citation``).
+    for a multistep method, which requires smooth motion between stops; ``follows_bristles``,
+    whether it has step control and supports friction with bristles; and ``reference``, the BibTeX
+    keys of the method (``flexarm.citation``).
 
     Args:
         step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
@@ -144,6 +145,7 @@ class Integrator(ABC):
     order: ClassVar[int] = 0
     adaptive: ClassVar[bool] = False
     follows_contacts: ClassVar[bool] = True
+    follows_bristles: ClassVar[bool] = False
     reference: ClassVar[tuple[str, ...]] = ()
     stepper: ClassVar[Callable[..., int]]
 

@@ -10,16 +10,17 @@ Axes of a body: origin at its joint, x along the tangent at its clamped root.
 
 from __future__ import annotations
 
-# ``ArmConstants.arm`` (3,): constants of the whole arm.
-ARM_COLUMNS = 3
+# ``ArmConstants.arm`` (4,): constants of the whole arm.
+ARM_COLUMNS = 4
 (
     GRAVITY_X,  # m/s^2, world axes
     GRAVITY_Y,
     HAS_JOINT_LAWS,  # 1.0 if any joint has friction, stops or a geared rotor, else 0.0
+    HAS_BRISTLES,  # 1.0 if states contain the deflection of bristles, else 0.0
 ) = range(ARM_COLUMNS)
 
 # ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
-BODY_COLUMNS = 40
+BODY_COLUMNS = 43
 (
     MASS,  # kg
     INVERSE_MASS,  # 1/kg; 0 for a body without mass
@@ -55,6 +56,9 @@ BODY_COLUMNS = 40
     VISCOUS,  # N m s/rad
     COULOMB_EXCESS,  # N m, Coulomb friction at negative minus that at positive rates
     VISCOUS_EXCESS,  # N m s/rad, the same for viscous friction
+    BRISTLED,  # 1.0 for dry friction by bristles, 0.0 for a function of the rate
+    BRISTLE_ROOT,  # square root of the stiffness of the bristles in N m/rad
+    BRISTLE_DAMPING,  # N m s/rad
     LOWER_STOP,  # rad
     UPPER_STOP,  # rad
     STOP_STIFFNESS,  # N m/rad

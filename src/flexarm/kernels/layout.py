@@ -12,11 +12,17 @@ index       meaning
 ``c``       ``m`` if the sections of any body have rotary inertia, else 0
 ``g``       ``m`` with the second-order theory, else 0
 ``laws``    1 if any joint has friction, stops or a geared rotor, else 0
+``bristles``  1 if the last mode is the deflection of the bristles of joints, else 0
 ==========  =====================================================================================
 
 The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates. Each
 row contains first the joint angle (rad), relative to the tip tangent of the previous body, then the
 mass-normalised modal coordinates (m sqrt(kg)).
+
+Dry friction with bristles (``forces.joint_law``) has a state of first order. It is the *rate* of a
+last, additional mode of unit mass without shape: the deflection of the bristles times the square
+root of their stiffness (sqrt(J)), so that the energy of this mode is that of the bristles. The
+coordinate of the mode is the integral of its rate, on which nothing depends.
 """
 
 from __future__ import annotations
@@ -48,6 +54,7 @@ class Sizes(NamedTuple):
     centrifugal: Any
     geometric: Any
     joint_laws: Any
+    bristles: Any
 
 
 class Columns:
@@ -106,6 +113,7 @@ class ArmConstants(_ArmArrays):
     joint_rest = Columns("body", columns.JOINT_REST)
     joint_angle = Columns("body", columns.JOINT_ANGLE)
     friction = Columns("body", columns.COULOMB, 7)  # from COULOMB to VISCOUS_EXCESS
+    bristles = Columns("body", columns.BRISTLED, 3)  # from BRISTLED to BRISTLE_DAMPING
     limits = Columns("body", columns.LOWER_STOP, 4)  # from LOWER_STOP to STOP_DAMPING
     rotor = Columns("body", columns.ROTOR_INERTIA, 2)  # ROTOR_INERTIA, GEAR_RATIO
     S = Columns("mode", columns.S)
@@ -252,4 +260,5 @@ def compile_time_sizes(constants: ArmConstants) -> Sizes:
 def _counts(constants: ArmConstants) -> tuple[int, ...]:
     n, m = constants.mode.shape[:2]
     c, g = constants.centrifugal.shape[1], constants.shortening.shape[1]
-    return n, m, c, g, int(constants.has_joint_laws)
+    bristles = int(constants.arm[columns.HAS_BRISTLES] != 0.0)
+    return n, m, c, g, int(constants.has_joint_laws), bristles

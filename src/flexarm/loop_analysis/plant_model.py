@@ -94,10 +94,10 @@ def _without_dry_friction(arm: Arm) -> Arm:
     """Return an arm with viscous friction only; the same object if there is no dry friction."""
     if not _sliding_rate(arm):
         return arm
+    dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
+    dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
     joints = [
-        joint.replace(
-            friction=joint.friction.replace(coulomb=0.0, static=None, coulomb_negative=None)
-        )
+        joint.replace(friction=joint.friction.replace(**dry))
         if joint.friction is not None
         else joint
         for joint in arm.spec.joints

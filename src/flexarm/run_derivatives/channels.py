@@ -72,7 +72,7 @@ def _observed(
 
     Without ``energies``, they are zero.
     """
-    count, sizes = states.shape[0], run_time_sizes(arm.assembly.constants)
+    count, sizes = states.shape[0], run_time_sizes(arm.assembly.run_constants)
     poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
     tips: DualArray = Duals.zeros(count, 6)
     energy: DualArray = Duals.zeros(count, 3)

@@ -87,6 +87,9 @@ def goal_gradient(
     """
     refuse_unsupported(unsupported)
     check_kind("arm", arm, Arm)
+    if arm.assembly.has_bristles:
+        hint = "fa.sensitivities supports them."
+        raise InputError(Problem("arm", "must have no friction with bristles", hint=hint))
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))
     if not names:

@@ -65,6 +65,9 @@ def simulated(
     names = "tip_force", "loads", "base_acceleration", "contacts"
     environment = Environment.of(arm, *(given[name] for name in names))
     log = event_log(arm, given.get("events", ()))
+    if log is not None and arm.assembly.has_bristles:
+        rule = "are not supported with bristles in derivatives of runs"
+        raise InputError(Problem("events", rule))
     run = options.new_run(arm, state, environment, log, meter, prescribed=prescribed)
     placed = run.loads.placed.contacts
     refuse_deep_start(arm, state, placed)

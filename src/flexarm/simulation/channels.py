@@ -9,7 +9,7 @@ import numpy as np
 from flexarm.engine.section_forces import section_channels
 from flexarm.engine.stepping import Run
 from flexarm.integrate.base import FloatArray
-from flexarm.observe import channels_of, contact_channels
+from flexarm.observe import bristle_channel, channels_of, contact_channels
 
 #: Channels of contacts, and all channels that need more than states and torques.
 BY_CONTACTS = {"contact_force", "contact_gap", "contact_energy"}
@@ -39,8 +39,9 @@ def _channels_of_span(
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
     if names is not None and not run.prescribed and not BY_FORCES.intersection(names):
-        return channels_of(run.arm, states, names) | {"torque": given}
-    channels = channels_of(run.arm, states)
+        found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
+        return found | {"torque": given}
+    channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
     motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)

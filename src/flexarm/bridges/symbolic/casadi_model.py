@@ -93,6 +93,9 @@ def to_casadi(
     Raises:
         InputError: if CasADi is not installed, a path is not that of a number, a number changes the
             mode shapes, or a joint of ``prescribed`` is fixed.
+
+    Warns:
+        AccuracyWarning: friction has bristles, which the functions do not contain.
     """
     return casadi_model(arm, parameters, prescribed)
 

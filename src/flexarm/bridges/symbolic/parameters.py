@@ -20,6 +20,7 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.coordinates import check_joint
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.errors import InputError, Problem, shown
+from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.formulas import constants_at
 from flexarm.model.paths import number_at, number_paths, with_number
 from flexarm.stations import place_gauges
@@ -60,6 +61,7 @@ class ParametricArm:
             if not _is_exact(arm, path):
                 raise _not_exact(names[k], arm, path)
         self._free = _free(arm, prescribed)
+        warn_of_bristles(arm, "the exported model")
 
     def at(self, values: Sequence[Any]) -> KernelCalls:
         """Return the kernels for values of the parameters, `Scalar` objects or numbers."""

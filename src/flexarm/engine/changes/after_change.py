@@ -35,9 +35,11 @@ def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
         InputError: if the number of coordinates, bodies or a mode shape of a link differs.
     """
     rule = "be a number that may change during a run"
-    sizes = [(arm.dof, arm.assembly.bodies) for arm in (before, after)]
+    sizes = [(arm.dof, arm.assembly.bodies, arm.assembly.has_bristles) for arm in (before, after)]
     if sizes[0] != sizes[1]:
-        hint = "The change adds or removes coordinates of the arm, or an eccentric payload."
+        hint = (
+            "The change adds or removes coordinates of the arm, bristles, or an eccentric payload."
+        )
         raise InputError(Problem("changes", rule, repr(path), hint))
     for one, other in zip(before.assembly.pieces, after.assembly.pieces, strict=True):
         old, new = one.shapes.basis, other.shapes.basis
@@ -72,7 +74,11 @@ def after_change(
         missing = M @ qd + impulse - M_after @ qd
         rates[free] += np.linalg.solve(M_after[np.ix_(free, free)], missing[free])
     energy = after.energy(q, rates).total - before.energy(q, qd).total
-    return ChangedState(after.padded(np.stack([q, rates])), energy)
+    changed = after.padded(np.stack([q, rates]))
+    if after.assembly.has_bristles:  # their deflection remains, in proportion to ``root``
+        old, new = (arm.assembly.constants.bristles[:, 1] for arm in (before, after))
+        changed[1, :, -1] = state[1, :, -1] * new / np.where(old > 0.0, old, 1.0)
+    return ChangedState(changed, energy)
 
 
 def removes_inertia(path: str, before: Arm, after: Arm, state: FloatArray) -> bool:

@@ -62,6 +62,7 @@ class DormandPrince8(ExplicitRungeKutta):
     name = "dormand_prince_8"
     order = 8
     adaptive = True
+    follows_bristles = True
     reference = ("PrinceDormand1981", "HairerNorsettWanner1993")
 
     @property

@@ -4,7 +4,9 @@ Theory page "integration", (I.1) to (I.4). Each stage has two states: an explici
 terms (posture, rates, mass matrix, loads) and an implicit one for the forces of bending, of joint
 springs and of damping, in which the equations are linear. A stage is therefore one pass of the
 recursion with a diagonal added to the mass matrix, without iteration. Friction of joints is split:
-its slope at the start of a step acts as damping, the rest is a smooth term.
+its slope at the start of a step acts as damping, the rest is a smooth term. The deflection of
+bristles and the rate in its equation are implicit, the decay is that of the explicit state: with
+the rate, the equation of the deflection is linear and eliminated, without iteration.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
@@ -53,7 +56,8 @@ def drag_at(system: System, softened: ArmConstants, state: Array) -> None:
     """Write the slopes of the friction of joints at a state (2, n, 1 + m) to ``softened``."""
     for _ in range(len(system.sizes.joint_laws)):
         for i in range(len(system.sizes.bodies)):
-            softened.body[i, JOINT_DRAG] = friction_slope(system.constants, i, state[1, i, 0])
+            slope = friction_slope(system.sizes, system.constants, i, state[1, i, 0])
+            softened.body[i, JOINT_DRAG] = slope
 
 
 @merged
@@ -119,8 +123,12 @@ def additive_step(
             for j in range(1 + len(sizes.modes)):
                 known[0, i, j] += h * gamma * known[1, i, j]
         drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
+        for _ in range(len(sizes.bristles)):
+            hold_bristles(system, record.softened, state, smooth, known, torque, h * gamma)
         shift_forces(system, record.softened, smooth, known, torque)
         solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
+        for _ in range(len(sizes.bristles)):
+            bend_bristles(system, smooth, known, h * gamma)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 change = work.acceleration[i, j]

@@ -96,6 +96,7 @@ class Additive(Integrator):
     """Base class of the additive methods."""
 
     adaptive: ClassVar[bool] = True
+    follows_bristles: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ("KennedyCarpenter2003", "BoscarinoFilbetRusso2016")
     tableau: ClassVar[AdditiveTableau]
     stepper = staticmethod(advance_additive)

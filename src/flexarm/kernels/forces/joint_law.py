@@ -2,6 +2,19 @@
 
 Theory page "recursion", (R.32) to (R.34), and (R.37) for the rotor. Torques act on the relative
 joint angle.
+
+Dry friction is a function of the rate, or the torque of bristles: the LuGre model of Canudas de
+Wit, Olsson, Astrom and Lischinsky, IEEE Transactions on Automatic Control 40 (1995) 419-425, with
+the function of the rate as its steady state.
+
+=============  =================================================================================
+symbol         meaning
+=============  =================================================================================
+``sigma``      bristle damping, N m s/rad
+``root``       square root of the bristle stiffness
+``s``          deflection of the bristles times ``root``; ``s' = root rate - decay s``
+``decay``      stiffness times |rate| over the level of dry friction, 1/s
+=============  =================================================================================
 """
 
 from __future__ import annotations
@@ -9,6 +22,9 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.columns import (
+    BRISTLE_DAMPING,
+    BRISTLE_ROOT,
+    BRISTLED,
     COULOMB,
     COULOMB_EXCESS,
     GEAR_RATIO,
@@ -27,13 +43,15 @@ from flexarm.kernels.columns import (
     VISCOUS_EXCESS,
 )
 from flexarm.kernels.compilation.cache import merged
-from flexarm.kernels.compilation.numbers import exp, positive_part, tanh
-from flexarm.kernels.layout import ArmConstants, Sizes
+from flexarm.kernels.compilation.numbers import exp, positive_part, sqrt, tanh
+from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 #: Rounding radius at a stop (rad): far below the resolution of encoders, far above rounding errors.
 CORNER = 1e-9
 #: Rounding radius of the relative increase of the torque by damping.
 PUSH = 1e-6
+#: Rounding (rad/s) of the corner of |rate|, so that derivatives exist.
+_AT_REST = 1e-9
 
 
 @merged
@@ -49,15 +67,48 @@ def _friction_terms(constants: ArmConstants, i: int, rate: Any) -> tuple[Any, An
 
 
 @merged
-def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, rate: Any) -> Any:
-    """Return the passive torque (N m) of the joint of body i at a relative angle and rate."""
+def bristle_decay(constants: ArmConstants, i: int, rate: Any) -> Any:
+    """Return the decay (1/s) of the bristles of the joint of body i; 0 for a joint without any."""
     c = constants
+    _, level, _ = _friction_terms(constants, i, rate)
+    level += 1.0 - c.body[i, BRISTLED]
+    speed = sqrt(rate * rate + _AT_REST * _AT_REST)
+    return c.body[i, BRISTLE_ROOT] * c.body[i, BRISTLE_ROOT] * speed / level
+
+
+@merged
+def bristle_rate(sizes: Sizes, constants: ArmConstants, i: int, state: Array) -> Any:
+    """Return the derivative of ``s`` of the joint of body i; sizes must have bristles."""
+    rate = state[1, i, 0]
+    s = state[1, i, len(sizes.modes)]
+    return constants.body[i, BRISTLE_ROOT] * rate - bristle_decay(constants, i, rate) * s
+
+
+@merged
+def bristle_pull(constants: ArmConstants, i: int, decay: Any) -> Any:
+    """Return the torque per ``s`` of the bristles, root - sigma decay / root."""
+    root = constants.body[i, BRISTLE_ROOT]
+    share = constants.body[i, BRISTLED] / (root + 1.0 - constants.body[i, BRISTLED])
+    return root - constants.body[i, BRISTLE_DAMPING] * decay * share
+
+
+@merged
+def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, state: Array) -> Any:
+    """Return the passive torque (N m) of the joint of body i at a state (2, n, 1 + m)."""
+    c = constants
+    angle = state[0, i, 0]
+    rate = state[1, i, 0]
     torque = -c.body[i, JOINT_DAMPING] * rate - c.body[i, JOINT_STIFFNESS] * (
         angle - c.body[i, JOINT_REST]
     )
     for _ in range(len(sizes.joint_laws)):
         sign, level, viscous = _friction_terms(constants, i, rate)
         torque -= level * sign + viscous * rate
+        for _ in range(len(sizes.bristles)):
+            decay = bristle_decay(c, i, rate)
+            torque += c.body[i, BRISTLED] * level * sign  # instead of the function of the rate
+            torque -= bristle_pull(c, i, decay) * state[1, i, len(sizes.modes)]
+            torque -= c.body[i, BRISTLE_DAMPING] * rate
         below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
         above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
         # A stop never pulls, however fast the joint leaves it.
@@ -68,13 +119,26 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, angle: Any, ra
 
 
 @merged
-def friction_slope(constants: ArmConstants, i: int, rate: Any) -> Any:
+def friction_slope(sizes: Sizes, constants: ArmConstants, i: int, rate: Any) -> Any:
     """Return the damping (N m s/rad) of the joint of body i that its friction causes at a rate.
 
-    It is never negative: the decrease of the torque by the Stribeck effect is left out.
+    It is never negative: the decrease of the torque by the Stribeck effect is left out. That of
+    bristles is ``bristle_slope``.
     """
     sign, level, viscous = _friction_terms(constants, i, rate)
+    for _ in range(len(sizes.bristles)):
+        level *= 1.0 - constants.body[i, BRISTLED]
     return level * (1.0 - sign * sign) / constants.body[i, SMOOTHING_RATE] + viscous
+
+
+@merged
+def bristle_slope(constants: ArmConstants, i: int, decay: Any, hold: float) -> Any:
+    """Return the damping (N m s/rad) by bristles whose deflection is implicit over ``hold`` (s).
+
+    It is ``bristle_pull`` times the change of ``s`` by the rate, plus the bristle damping.
+    """
+    root = constants.body[i, BRISTLE_ROOT]
+    return (constants.body[i, BRISTLE_DAMPING] + hold * root * root) / (1.0 + hold * decay)
 
 
 @merged

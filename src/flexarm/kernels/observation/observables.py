@@ -119,8 +119,8 @@ def energies(
 ) -> None:
     """Fill ``energy`` (3,): kinetic, strain, gravity, in J; zero gravity energy at the base.
 
-    Strain energy includes that of springs and stops at the joints. ``body_poses`` and ``tip`` are
-    filled as in ``poses``.
+    Strain energy includes that of springs, bristles and stops at the joints. ``body_poses`` and
+    ``tip`` are filled as in ``poses``.
     """
     c = constants
     poses(sizes, constants, state, body_poses, tip)
@@ -178,6 +178,10 @@ def energies(
             0.5 * turn * turn * (c.body[i, INERTIA] - c.body[i, HUB]) + turn * turning + 0.5 * modal
         )
         kinetic += 0.5 * w * w * (c.body[i, HUB] + spread)
+        for _ in range(len(sizes.bristles)):
+            bent = 0.5 * state[1, i, len(sizes.modes)] * state[1, i, len(sizes.modes)]
+            kinetic -= bent  # part of ``modal``
+            strain += bent
         first_moment = c.body[i, FIRST_MOMENT_X] + mu
         # Centre of mass times mass, in world axes.
         mx = c.body[i, MASS] * body_poses[i, 0] + cosine * first_moment - sine * s

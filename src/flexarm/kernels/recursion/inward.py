@@ -6,7 +6,7 @@ Symbols as in ``articulated_body``.
 from __future__ import annotations
 
 from flexarm.kernels.compilation.cache import merged
-from flexarm.kernels.forces.joint_law import passive_torque
+from flexarm.kernels.forces.joint_law import bristle_rate, passive_torque
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 from flexarm.kernels.recursion.woodbury import softened
 
@@ -50,6 +50,9 @@ def inward(
         kx = kx + Wxx * bias_x + Wxy * bias_y
         ky = ky + Wxy * bias_x + Wyy * bias_y
         kw = kw + Wxw * bias_x + Wyw * bias_y
+
+        for _ in range(len(sizes.bristles)):
+            work.mode[i, len(sizes.modes) - 1, FLEX_BIAS] -= bristle_rate(sizes, c, i, state)
 
         # Sums over the modes: effect of the modal biases on root and tip.
         Sh = 0.0
@@ -237,7 +240,7 @@ def inward(
         inverse = free / (D + (1.0 - free))
         held = (1.0 - free) + lag * inverse
         given = torque[i] * (1.0 - free)
-        passive = passive_torque(sizes, c, i, state[0, i, 0], state[1, i, 0])
+        passive = passive_torque(sizes, c, i, state)
         drive = torque[i] + passive - hw
         work.body[i, JOINT_UX] = Hxw
         work.body[i, JOINT_UY] = Hyw

@@ -1,10 +1,10 @@
-"""The warning that a linear model holds only between the contacts of a backlash."""
+"""Warnings about properties of joints that a linear model does not contain."""
 
 from __future__ import annotations
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import FlexarmWarning, warn_caller
+from flexarm.errors import AccuracyWarning, FlexarmWarning, warn_caller
 
 
 def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
@@ -20,4 +20,17 @@ def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
                 "linear model has no spring there. Use backlash=0 for modes and designs, and "
                 "simulate for the effect of the backlash.",
                 FlexarmWarning,
+            )
+
+
+def warn_of_bristles(arm: Arm, model: str) -> None:
+    """Warn if friction has bristles, which ``model`` does not contain: q and qd do not, either."""
+    for i, joint in enumerate(arm.spec.joints):
+        if joint.friction is not None and joint.friction.bristle_stiffness is not None:
+            warn_caller(
+                f"arm.joints[{i}]: {model} has friction as a function of the rate. Its bristles "
+                f"({joint.friction.bristle_stiffness:g} N m/rad) have a state that q and qd do "
+                "not contain, and act in simulations only. For small motions of a sticking joint, "
+                "replace its friction by stiffness and damping.",
+                AccuracyWarning,
             )

@@ -21,6 +21,10 @@ class Friction(Record):
     whereas a real joint sticks. Coulomb and viscous friction may have other values at negative
     rates; static friction is above both Coulomb levels by the same amount. The formula is that of
     equal directions; for others see (R.47) on the theory page "recursion".
+
+    With bristles (``bristle_stiffness``), friction has a state: the LuGre model, (R.48). The joint
+    moves like a damped spring before it slips, and then holds; slow motions have the torque of the
+    formula, without ``tanh``. The bristles act in simulations, see ``docs/how-to/joints.md``.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -47,9 +51,23 @@ class Friction(Record):
             "Friction torque per rate at negative rates (N m s/rad); by default equal to viscous."
         ),
     )
+    bristle_stiffness: Positive | None = Field(
+        default=None,
+        description="Torque per angle of a sticking joint (N m/rad); by default no bristles.",
+    )
+    bristle_damping: NonNegative = Field(
+        default=0.0, description="Torque per rate of a sticking joint (N m s/rad)."
+    )
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("bristle_stiffness"):
+            for name in ("coulomb", "coulomb_negative"):
+                if given.has(name) and getattr(given, name) == 0.0:
+                    yield Fault((name,), "be positive with bristles", "0")
+        loose = given.absent("bristle_stiffness") and given.has("bristle_damping")
+        if loose and given.bristle_damping:
+            yield Fault(("bristle_damping",), "requires bristle_stiffness")
         static = given.static if given.has("coulomb", "static") else None
         if static is not None and static < given.coulomb:
             yield Fault(("static",), f"be at least coulomb ({given.coulomb:.9g})", shown(static))

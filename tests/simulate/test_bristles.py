@@ -1,0 +1,360 @@
+"""Friction with bristles: the LuGre model, compared with its equations in SciPy."""
+
+import copy
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexarm as fa
+from flexarm.errors import AccuracyWarning, InputError
+from flexarm.integrate import INTEGRATORS
+
+#: A joint of 0.05 kg m^2 with a strong Stribeck effect.
+INERTIA = 0.05
+NUMBERS = {
+    "coulomb": 0.5,
+    "static": 0.8,
+    "stribeck_rate": 0.05,
+    "bristle_stiffness": 5000.0,
+    "bristle_damping": 15.0,
+}
+#: The example of Canudas de Wit, Olsson, Astrom and Lischinsky (1995), table I.
+PUBLISHED = {
+    "coulomb": 1.0,
+    "static": 1.5,
+    "stribeck_rate": 1e-3,
+    "viscous": 0.4,
+    "bristle_stiffness": 1e5,
+    "bristle_damping": 1e5**0.5,
+}
+
+
+def turning(inertia=INERTIA, numbers=NUMBERS, **joint):
+    """A joint with an inertia and friction, and a rigid link without mass."""
+    link = fa.Link(length=1.0, mass_per_length=1e-12, flexible=False)
+    own = fa.Joint(hub_inertia=inertia, friction=fa.Friction(**numbers), **joint)
+    return fa.Arm(links=[link], joints=[own])
+
+
+def lugre(torque, times, inertia=INERTIA, numbers=NUMBERS, stiffness=0.0):
+    """Return angle, rate and deflection of the bristles (3, times) from the published equations."""
+    n = {"viscous": 0.0, "static": numbers["coulomb"], **numbers}
+    pull, damping = n["bristle_stiffness"], n["bristle_damping"]
+    backward = n.get("coulomb_negative", n["coulomb"])
+
+    def slope(t, y):
+        angle, rate, z = y
+        rise = (n["static"] - n["coulomb"]) * np.exp(-((rate / n["stribeck_rate"]) ** 2))
+        level = (n["coulomb"] if rate > 0.0 else backward) + rise
+        z_dot = rate - pull * abs(rate) * z / level
+        friction = pull * z + damping * z_dot + n["viscous"] * rate
+        return [rate, (torque(t) - stiffness * angle - friction) / inertia, z_dot]
+
+    limits = {"rtol": 1e-10, "atol": 1e-14, "method": "LSODA", "t_eval": times}
+    return solve_ivp(slope, (0.0, times[-1]), [0.0] * 3, **limits).y
+
+
+@cache
+def run(torque, duration, **options):
+    return fa.simulate(turning(), duration, torque=lambda t: [torque(t)], rate=1000.0, **options)
+
+
+def half(t):
+    return 0.5
+
+
+def alternating(t):
+    return np.sin(2.0 * np.pi * t)
+
+
+def test_sticking_joint_holds():
+    """Below the breakaway torque the joint deflects its bristles and stays there."""
+    result = run(half, 1.1)
+    angle, _, z = lugre(half, result.time.values)
+    # The tolerance of the default is 1e-7 of the largest angle at the tip, which is at 1 m, in each
+    # step, and 1e-9 m: the angle is below 1 mrad.
+    np.testing.assert_allclose(result.joint_angle[:, 0], angle, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(result.bristle_deflection[:, 0], z, rtol=0, atol=1e-8)
+    assert z[-1] == pytest.approx(0.5 / 5000.0, rel=1e-6)
+    moved = np.ptp(result.joint_angle.values[500:, 0])
+    assert moved < 1e-8  # a function of the rate creeps by millirad
+
+
+def test_reversals():
+    """Four reversals: the joint slides, slips back on its bristles and sticks."""
+    result = run(alternating, 2.0)
+    angle, rate, z = lugre(alternating, result.time.values)
+    assert np.ptp(angle) > 0.5
+    assert np.abs(result.joint_angle.values[:, 0] - angle).max() < 1e-6
+    assert np.abs(result.joint_rate.values[:, 0] - rate).max() < 1e-5
+    assert np.abs(result.bristle_deflection.values[:, 0] - z).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, kind in INTEGRATORS.items() if kind.follows_bristles]
+)
+def test_every_method_that_supports_bristles(name):
+    """The error follows the tolerance, so that the deflection is part of the estimate."""
+    errors = []
+    for rtol in (1e-6, 1e-9):
+        result = run(alternating, 1.0, integrator=name, rtol=rtol, atol=1e-2 * rtol)
+        angle, *_ = lugre(alternating, result.time.values)
+        errors.append(np.abs(result.joint_angle.values[:, 0] - angle).max())
+    assert errors[1] < 3e-9  # the reference has about a billionth
+    assert errors[0] < 1e-4
+
+
+# Published properties of the model ---------------------------------------------------------------
+
+
+def test_published_stick_slip():
+    """Section IV.D of the paper: an inertia of 1, pulled by a spring of 2 at the speed 0.1."""
+    arm = turning(1.0, PUBLISHED, stiffness=2.0)
+
+    def pulled(t):
+        return 2.0 * 0.1 * t
+
+    result = fa.simulate(arm, 20.0, torque=lambda t: [pulled(t)], rate=50.0, rtol=1e-9, atol=1e-11)
+    times = result.time.values
+    angle, rate, _ = lugre(pulled, times, 1.0, PUBLISHED, stiffness=2.0)
+    # Each slip multiplies earlier errors: the reference itself is accurate to about 1e-8.
+    np.testing.assert_allclose(result.joint_angle.values[:, 0], angle, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.joint_rate.values[:, 0], rate, rtol=0, atol=1e-5)
+    spring = pulled(times) - 2.0 * result.joint_angle.values[:, 0]
+    still = np.abs(result.joint_rate.values[:, 0]) < 1e-4
+    # The first slip begins shortly before the spring reaches the static friction, after 7.5 s.
+    assert times[~still][0] == pytest.approx(7.4, abs=0.1)
+    assert spring.max() == pytest.approx(1.5, abs=0.01)
+    starts = np.flatnonzero(still[:-1] & ~still[1:])
+    assert len(starts) >= 2  # it sticks again
+
+
+def breakaway(rate):
+    """Return the largest torque (N m) of the bristles at the joint of the paper."""
+    arm, duration = turning(1.0, PUBLISHED), 2.0 / rate
+    result = fa.simulate(arm, duration, torque=lambda t: [rate * t], rate=4000.0 / duration)
+    z = result.bristle_deflection.values[:, 0]
+    return 1e5 * z.max()
+
+
+def test_breakaway_torque_falls_with_the_rate_of_the_torque():
+    """Section IV.B of the paper: from near static friction towards the Coulomb level."""
+    slow, middle, fast = (breakaway(rate) for rate in (1.0, 5.0, 40.0))
+    assert 1.5 > slow > middle > fast > 0.999
+
+
+def test_hysteresis_before_slip():
+    """Section IV.A: a torque that returns to zero leaves an angle, and the loop has an area."""
+    arm = turning(1.0, PUBLISHED)
+    duration, peak = 4.0, 1.425  # 95 % of static friction
+
+    def triangle(t):
+        return peak * (1.0 - abs(1.0 - 2.0 * t / duration))
+
+    result = fa.simulate(
+        arm, duration, torque=lambda t: [triangle(t)], breaks=[duration / 2], rate=500.0
+    )
+    angle = result.joint_angle.values[:, 0]
+    reference = lugre(triangle, result.time.values, 1.0, PUBLISHED)[0]
+    np.testing.assert_allclose(angle, reference, rtol=0, atol=1e-3 * angle.max())
+    # Elastic bristles alone would turn the joint by peak / stiffness and return to zero.
+    assert angle.max() > 1.2 * peak / 1e5
+    assert angle[-1] > 0.3 * peak / 1e5
+
+
+def test_lag_behind_the_rate():
+    """Section IV.C: friction is larger while the rate increases than while it decreases."""
+    arm = turning(1.0, PUBLISHED)
+    rate = 1.5e-3, 1.4e-3
+
+    def angle(k):
+        turn = 2.0 * np.pi * 5.0
+        return lambda t: [
+            rate[0] * t + rate[1] * (1.0 - np.cos(turn * t)) / turn,
+            rate[0] + rate[1] * np.sin(turn * t),
+            rate[1] * turn * np.cos(turn * t),
+        ][k]
+
+    prescribed = {1: fa.PrescribedAngle(angle(0), angle(1), angle(2))}
+    result = fa.simulate(arm, 1.0, prescribed=prescribed, rate=2000.0)
+    joint_rate = result.joint_rate.values[:, 0]
+    level = result.torque.values[:, 0] - np.gradient(joint_rate, result.time.values)
+    late = result.time.values > 0.6
+    rising = np.gradient(joint_rate) > 0.0
+    near = late & (np.abs(joint_rate - rate[0]) < 2e-4)
+    assert level[near & rising].mean() > level[near & ~rising].mean() + 0.01
+
+
+# Flexible arms -----------------------------------------------------------------------------------
+
+
+def flexible(friction=None, **options):
+    """Two flexible links; bristles at an elastic joint, a function of the rate at the other."""
+    link = fa.Link(length=0.5, mass_per_length=0.4, flexural_rigidity=15.0, modes=2)
+    other = fa.Friction(coulomb=0.05, smoothing_rate=0.5)
+    first = fa.Joint(
+        hub_inertia=0.01, rotor_inertia=1e-4, gear_ratio=20.0, stiffness=300.0, friction=friction
+    )
+    return fa.Arm(
+        links=[link, link],
+        joints=[first, fa.Joint(hub_inertia=0.01, friction=other)],
+        gravity=(0.0, -9.81),
+        **options,
+    )
+
+
+def driven(t):
+    return np.array([2.5 * np.cos(9.0 * t), 0.4 * np.sin(14.0 * t)])
+
+
+RUBBING = {**NUMBERS, "viscous": 0.1, "coulomb_negative": 0.7, "bristle_damping": 2.0}
+
+
+@pytest.mark.parametrize("theory", ["linear", "second_order"])
+def test_flexible_arm(theory):
+    """The arm is that without bristles under the torque of bristles integrated beside it."""
+    arm = flexible(fa.Friction(**RUBBING, smoothing_rate=1e-4), theory=theory)
+    bare = flexible(theory=theory)
+    result = fa.simulate(arm, 0.3, torque=driven, rate=200.0, rtol=1e-9, atol=1e-11)
+    n, stiffness, damping = bare.dof, RUBBING["bristle_stiffness"], RUBBING["bristle_damping"]
+
+    def slope(t, x):
+        q, qd, z = x[:n], x[n:-1], x[-1]
+        rate = qd[0]
+        sign = np.tanh(rate / 1e-4)  # weight of the two directions
+        level = 0.6 - 0.1 * sign + 0.3 * np.exp(-((rate / 0.05) ** 2))
+        z_dot = rate - stiffness * abs(rate) * z / level
+        torque = driven(t)
+        torque[0] -= stiffness * z + damping * z_dot + 0.1 * rate
+        return np.concatenate([qd, bare.forward_dynamics(q, qd, torque), [z_dot]])
+
+    times = result.time.values
+    limits = {"rtol": 1e-9, "atol": 1e-12, "method": "LSODA", "t_eval": times}
+    found = solve_ivp(slope, (0.0, times[-1]), np.zeros(2 * n + 1), **limits).y.T
+    scale = np.abs(found[:, :n]).max(axis=0)
+    # Tolerances of 1e-9 in each step, over some hundred; the smallest mode has few digits.
+    assert (np.abs(result.q.values - found[:, :n]).max(axis=0) < 2e-5 * scale).all()
+    assert np.abs(result.bristle_deflection.values[:, 0] - found[:, -1]).max() < 1e-8
+    assert (result.bristle_deflection.values[:, 1] == 0.0).all()
+    assert (np.diff(np.sign(result.joint_rate.values[:, 0])) != 0).sum() >= 2
+
+
+def test_strain_energy_contains_that_of_bristles():
+    arm = turning()
+    result = fa.simulate(arm, 1.0, torque=[[0.5]] * 2, rate=1.0)
+    z = result.bristle_deflection.values[-1, 0]
+    assert result.strain_energy.values[-1] == pytest.approx(0.5 * 5000.0 * z * z, rel=1e-9)
+    assert result.kinetic_energy.values[-1] < 1e-12
+
+
+def test_joint_forces_contain_the_torque_of_bristles():
+    """At rest the moment of the joint is zero: the bristles transmit the torque of the motor."""
+    result = fa.simulate(turning(), 1.0, torque=[[0.5]] * 2, rate=1.0)
+    assert result.joint_moment.values[-1, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+# Other calls -------------------------------------------------------------------------------------
+
+
+def test_plant_keeps_the_deflection():
+    """A plant and its copy continue as the run with the same zero-order-hold torques."""
+    torques = np.array([[0.7], [0.5], [-0.7], [-0.4]])
+    whole = fa.simulate(
+        turning(), 0.08, torque=np.repeat(torques, 20, axis=0), torque_interpolation="hold",
+        rate=1000.0,
+    )  # fmt: skip
+    plant = fa.Plant(turning(), sample_time=0.02)
+    for torque in torques[:2]:
+        plant.step(torque)
+    other = copy.deepcopy(plant)
+    for torque in torques[2:]:
+        plant.step(torque)
+        other.step(torque)
+    assert other.q[0] == plant.q[0]
+    assert plant.q[0] == pytest.approx(whole.joint_angle.values[-1, 0], abs=1e-9)
+    assert abs(plant.q[0]) > 1e-4
+
+
+def test_batch_runs_alone():
+    arm = turning()
+    torque = np.full((21, 1), 0.6)
+    batch = fa.simulate_batch(
+        arm, 0.2, torque=torque, rate=100.0, initial=np.zeros((2, 1)), channels=["joint_angle"]
+    )
+    single = fa.simulate(arm, 0.2, torque=torque, rate=100.0)
+    assert (batch.joint_angle.values[1] == single.joint_angle.values).all()
+
+
+def test_event_and_change_keep_the_deflection():
+    """After a change at an event the joint still holds the torque of its bristles."""
+    event = fa.Event(lambda t, q, qd: t - 0.5, "half")
+    result = fa.simulate(
+        turning(), 1.0, torque=[[0.5]] * 101, rate=100.0, events=[event],
+        changes=[fa.Change("joints[0].friction.viscous", at="half", to=0.2)],
+    )  # fmt: skip
+    assert np.ptp(result.joint_angle.values[60:, 0]) < 1e-8
+
+
+def test_change_that_adds_bristles_is_refused():
+    plain = {**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None}
+    arm = turning(numbers=plain)
+    change = fa.Change("joints[0].friction.bristle_stiffness", at=0.1, to=5000.0)
+    with pytest.raises(InputError, match="bristle_stiffness"):
+        fa.simulate(arm, 0.2, torque=[[0.0]] * 2, changes=[change])
+
+
+def test_derivatives_by_the_numbers_of_bristles():
+    numbers = RUBBING
+    torque = 1.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 0.5, 51))[:, None]
+    options = {"torque": torque, "rate": 100.0, "rtol": 1e-9, "atol": 1e-12}
+    keys = "bristle_stiffness", "bristle_damping", "viscous"
+    paths = [f"joints[0].friction.{key}" for key in keys]
+    found = fa.sensitivities(
+        turning(numbers=numbers), 0.5, parameters=paths, channels=["joint_angle"], **options
+    )
+    for path, key in zip(paths, keys, strict=True):
+        step = 1e-3 * numbers[key]
+        ends = [
+            fa.simulate(turning(numbers={**numbers, key: numbers[key] + side}), 0.5, **options)
+            for side in (step, -step)
+        ]
+        slope = (ends[0].joint_angle - ends[1].joint_angle).values / (2.0 * step)
+        exact = found.joint_angle.sel(parameter=path).values
+        # Central differences: 1e-6 of the third derivative, and errors of the runs over the step.
+        assert np.abs(exact - slope).max() < 1e-3 * np.abs(slope).max() + 1e-9 / step
+
+
+@pytest.mark.parametrize("name", ["rk4", "gauss_6", "generalized_alpha", "cowell_4"])
+def test_other_integrators_refuse_bristles(name):
+    with pytest.raises(InputError, match="'kennedy_carpenter_5' with bristles"):
+        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, integrator=name, step=1e-4)
+
+
+def test_fixed_step_and_gradient_refuse_bristles():
+    with pytest.raises(InputError, match="'auto' without a step"):
+        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, step=1e-4)
+    with pytest.raises(InputError, match="must have no friction with bristles"):
+        fa.goal_gradient(turning(), 0.1, torque=[[0.0]] * 2, weights={"joint_angle": [[1.0]]})
+
+
+def test_functions_of_the_rate_have_the_steady_state():
+    """Inverse dynamics and linear models have the friction without bristles, with a warning."""
+    arm = turning()
+    plain = turning(numbers={**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None})
+    for rate in (0.02, -1.0):
+        assert arm.inverse_dynamics([0.1], [rate], [0.0]) == plain.inverse_dynamics(
+            [0.1], [rate], [0.0]
+        )
+    with pytest.warns(AccuracyWarning, match="bristles"):
+        model = fa.linearize(arm, [0.0])
+    assert (model.A == fa.linearize(plain, [0.0]).A).all()
+
+
+def test_contradictory_numbers():
+    with pytest.raises(InputError, match="requires bristle_stiffness"):
+        fa.Friction(coulomb=0.5, bristle_damping=1.0)
+    for zero in ("coulomb", "coulomb_negative"):
+        with pytest.raises(InputError, match=f"{zero} must be positive with bristles"):
+            fa.Friction(**{"coulomb": 0.5, zero: 0.0}, bristle_stiffness=1e3)
