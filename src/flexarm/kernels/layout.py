@@ -4,16 +4,16 @@ A *body* is a flexible or rigid piece on a joint. Bodies with fewer modes than t
 modes are padded with modes of zero shape and unit mass, which stay at rest, so that every array is
 rectangular.
 
-==========  =====================================================================================
-index       meaning
-==========  =====================================================================================
-``n``       bodies, from the base outwards
-``m``       maximum number of modes of a body
-``c``       ``m`` if the sections of any body have rotary inertia, else 0
-``g``       ``m`` with the second-order theory, else 0
-``laws``    1 if any joint has friction, stops or a geared rotor, else 0
+============  ===================================================================================
+index         meaning
+============  ===================================================================================
+``n``         bodies, from the base outwards
+``m``         maximum number of modes of a body
+``c``         ``m`` with rotary inertia of the sections of any body or bristles, else 0
+``g``         ``m`` with the second-order theory, else 0
+``laws``      1 if any joint has friction, stops or a geared rotor, else 0
 ``bristles``  1 if the last mode is the deflection of the bristles of joints, else 0
-==========  =====================================================================================
+============  ===================================================================================
 
 The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates. Each
 row contains first the joint angle (rad), relative to the tip tangent of the previous body, then the
@@ -131,6 +131,11 @@ class ArmConstants(_ArmArrays):
     def has_joint_laws(self) -> bool:
         """Whether any joint has friction, stops or a geared rotor."""
         return bool(self.arm[columns.HAS_JOINT_LAWS] != 0.0)
+
+    @property
+    def has_bristles(self) -> bool:
+        """Whether states contain the deflections of bristles."""
+        return bool(self.arm[columns.HAS_BRISTLES] != 0.0)
 
 
 def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
@@ -260,5 +265,4 @@ def compile_time_sizes(constants: ArmConstants) -> Sizes:
 def _counts(constants: ArmConstants) -> tuple[int, ...]:
     n, m = constants.mode.shape[:2]
     c, g = constants.centrifugal.shape[1], constants.shortening.shape[1]
-    bristles = int(constants.arm[columns.HAS_BRISTLES] != 0.0)
-    return n, m, c, g, int(constants.has_joint_laws), bristles
+    return n, m, c, g, int(constants.has_joint_laws), int(constants.has_bristles)

@@ -89,7 +89,11 @@ def test_every_constant_has_one_view():
     assert np.all(constants.body == 1.0)
     assert np.all(constants.mode == 1.0)
     assert np.all(constants.shortening == 1.0)
-    assert constants.arm.tolist() == [1.0, 1.0, 0.0]
+    assert constants.arm.tolist() == [1.0, 1.0, 0.0, 0.0]
     assert not constants.has_joint_laws
+    assert not constants.has_bristles
     constants.arm[columns.HAS_JOINT_LAWS] = 1.0
     assert constants.has_joint_laws
+    assert not constants.has_bristles
+    constants.arm[columns.HAS_BRISTLES] = 1.0
+    assert constants.has_bristles

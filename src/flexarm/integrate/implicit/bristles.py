@@ -1,8 +1,9 @@
 """Implicit stages with bristles, whose equation is linear in their deflection and in the rate.
 
-Theory page "integration". In ``s' = root rate - decay s`` and in the torque of the bristles,
-deflection and rate are those of the implicit state of a stage, the decay is that of the explicit
-one. The deflection is eliminated, and what remains is a damping of the joint: no iteration.
+Theory page "integration", (I.17). In ``s' = root rate - decay s`` and in the torque of the
+bristles, deflection and rate are those of the implicit state of a stage, the decay is that of the
+explicit one. The deflection is eliminated, and what remains is a damping of the joint: no
+iteration.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Passive joint torques: damping, spring, dry friction, stops, and a geared rotor.
 
-Theory page "recursion", (R.32) to (R.34), and (R.37) for the rotor. Torques act on the relative
-joint angle.
+Theory page "recursion", (R.32) to (R.34), (R.50) for bristles, and (R.37) for the rotor. Torques
+act on the relative joint angle.
 
 Dry friction is a function of the rate, or the torque of bristles: the LuGre model of Canudas de
 Wit, Olsson, Astrom and Lischinsky, IEEE Transactions on Automatic Control 40 (1995) 419-425, with

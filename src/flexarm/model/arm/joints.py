@@ -22,9 +22,10 @@ class Friction(Record):
     rates; static friction is above both Coulomb levels by the same amount. The formula is that of
     equal directions; for others see (R.47) on the theory page "recursion".
 
-    With bristles (``bristle_stiffness``), friction has a state: the LuGre model, (R.48). The joint
-    moves like a damped spring before it slips, and then holds; slow motions have the torque of the
-    formula, without ``tanh``. The bristles act in simulations, see ``docs/how-to/joints.md``.
+    With bristles (``bristle_stiffness``), friction has a state: the LuGre model, (R.50). The joint
+    turns like a damped spring before it slips, and holds. At a constant rate the torque is that of
+    the formula without ``tanh``. Bristles act in simulations; functions of q and qd, linear models
+    and exports have the formula.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
