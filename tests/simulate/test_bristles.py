@@ -326,6 +326,26 @@ def test_derivatives_by_the_numbers_of_bristles():
         assert np.abs(exact - slope).max() < 1e-3 * np.abs(slope).max() + 1e-9 / step
 
 
+def test_identification_of_bristles():
+    """The numbers of a record with noise of a microradian, from starting values 30 % too small."""
+    true = {**RUBBING, "bristle_stiffness": 2000.0}
+    times = np.arange(501) / 500.0
+    torque = 0.9 * np.sin(3.0 * np.pi * times) + 0.4 * np.sin(20.0 * times)
+    options = {"rate": 500.0, "torque_interpolation": "hold"}
+    data = fa.simulate(turning(numbers=true), 1.0, torque=torque[:, None], **options)
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(data.joint_angle.shape)
+    data["joint_angle"] = data.joint_angle + noise
+    record = fa.MeasuredRecord(data, interpolation="hold", outputs=["joint_angle"])
+    keys = "bristle_stiffness", "bristle_damping"
+    start = {**true, **{key: 0.7 * true[key] for key in keys}}
+    free = [f"joints[0].friction.{key}" for key in keys]
+    found = fa.identify(turning(numbers=start), {"bench": record}, free, progress=False)
+    for path, key in zip(free, keys, strict=True):
+        assert found[path] == pytest.approx(true[key], rel=5e-3)
+    with pytest.raises(InputError, match="prediction_error is not supported with bristles"):
+        fa.identify(turning(), {"bench": record}, free, method="prediction_error")
+
+
 @pytest.mark.parametrize("name", ["rk4", "gauss_6", "generalized_alpha", "cowell_4"])
 def test_other_integrators_refuse_bristles(name):
     with pytest.raises(InputError, match="'kennedy_carpenter_5' with bristles"):

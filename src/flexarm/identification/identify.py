@@ -228,6 +228,9 @@ def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatA
         if torque_noise is not None:
             raise InputError(Problem("torque_noise", "requires method='prediction_error'"))
         return None
+    if arm.assembly.has_bristles:
+        hint = "The filter has no state for their deflection."
+        raise InputError(Problem("prediction_error", "is not supported with bristles", hint=hint))
     if loss != "linear":
         raise InputError(Problem("loss", f"{loss} cannot be combined with prediction_error"))
     if torque_noise is None:

@@ -266,7 +266,7 @@ def in_words(path: str) -> str:
         elif inside is not None:
             word = f"the {word}"
         if words and words[-1] == "the friction":
-            words[-1] = f"{word} friction"
+            words[-1] = word if word.startswith("bristle") else f"{word} friction"
         else:
             words.append(word)
     if words and words[0] == "the motors":
