@@ -43,6 +43,7 @@ from .controllers import RepetitiveControl as RepetitiveControl
 from .controllers import SlidingMode as SlidingMode
 from .controllers import StrainFeedback as StrainFeedback
 from .controllers import WaveBasedControl as WaveBasedControl
+from .controllers.joint.mu_synthesis import MuSynthesis as MuSynthesis
 from .engine.events import Event as Event
 from .engine.events import contact_event as contact_event
 from .engine.events import joint_event as joint_event

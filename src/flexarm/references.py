@@ -142,6 +142,11 @@ _ENTRIES = {
   journal = {IEEE Transactions on Automatic Control},
   volume = {37}, number = {6}, pages = {759--769}, year = {1992}
 }""",
+    "SkogestadPostlethwaite2005": """@book{SkogestadPostlethwaite2005,
+  author = {Skogestad, S. and Postlethwaite, I.},
+  title = {Multivariable Feedback Control: Analysis and Design},
+  edition = {second}, publisher = {Wiley}, year = {2005}
+}""",
     "HydeGlover1993": """@article{HydeGlover1993,
   author = {Hyde, R. A. and Glover, K.},
   title = {The application of scheduled {H-infinity} controllers to a {VSTOL} aircraft},

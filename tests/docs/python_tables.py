@@ -55,7 +55,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("ExtendedKalmanFilter", "UnscentedKalmanFilter", "EstimatorController", "compare"),
         "loop_margins",
         *("iterative_learning", "LearnedMotion"),
-        *("LoopShaping", "loop_models", "SampledModel", "robustness"),
+        *("LoopShaping", "MuSynthesis", "loop_models", "SampledModel", "robustness"),
         *("design", "ControllerDesign", "InstrumentFault"),
     ),
     "linear": (

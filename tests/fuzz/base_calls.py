@@ -146,6 +146,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "design": {"arm": spinning, "task": "hold", "computing": "low", "duration": 0.1},
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "loop_models": {"controller": controller, "plant": arm, "posture": start},
+    "MuSynthesis": {"arm": arm, "posture": start, "iterations": 1, "scaling_order": 0},
     "robustness": {"controller": controller, "plants": arm, "posture": start},
     "Arm": {
         "links": [LINK],

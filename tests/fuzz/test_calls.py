@@ -46,6 +46,10 @@ def test_objects_that_flexarm_returns_are_public():
 def test_base_calls_are_accepted(name):
     if name == "to_jax":
         pytest.importorskip("jax", reason="JAX is not installed: fa.to_jax was not tried")
+    if name == "MuSynthesis":
+        pytest.importorskip(
+            "slycot", reason="it comes with the extra: pip install 'flexarm[robust]'"
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of links that bend far, and of optional packages
         function, arguments = CALLS[name]()

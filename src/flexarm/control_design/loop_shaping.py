@@ -23,6 +23,7 @@ _LEAD = 0.25
 #: the default design is stable on the three arms of docs/how-to/measure_robustness.py with links
 #: 30 % softer and stiffer, and with twice the payload.
 _DAMPING = 1.0 / 3.0
+Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,23 +72,34 @@ def shaped_design(
 
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     slope: FloatArray = model.A.copy()
-    slope[arm.dof :, arm.dof :] -= _added_damping(arm, model, _DAMPING * given.rigidity_uncertainty)
+    slope[arm.dof :, arm.dof :] -= added_damping(arm, model, _DAMPING * given.rigidity_uncertainty)
     bandwidth = np.asarray(given.bandwidth)
-    root = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)) * np.sqrt(bandwidth)
-    shown = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
-    plant = _bilinear(*held(slope, model.B, sample_time), shown @ model.C, sample_time)
+    root, shown = shaping(arm, posture, bandwidth)
+    plant = bilinear(*held(slope, model.B, sample_time), shown @ model.C, sample_time)
     weight = _weight(root, np.asarray(given.integral))
-    A, B, C, D, margin, best = coprime_controller(*_series(plant, weight), given.suboptimality)
-    A, B, C, D = _series(weight, (A, B, C, D))
+    A, B, C, D, margin, best = coprime_controller(*in_series(plant, weight), given.suboptimality)
+    A, B, C, D = in_series(weight, (A, B, C, D))
     whole = A, B @ shown, C, D @ shown
     A, B, C, D, _ = cont2discrete(whole, sample_time, method="bilinear")
-    own, pushed = held(model.A, model.B, sample_time)
-    loop = np.block([[own + pushed @ D @ model.C, pushed @ C], [B @ model.C, A]])
-    growth = float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
+    growth = sampled_growth(model, (A, B, C, D), sample_time)
     return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
 
-def _added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:
+def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
+    root = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)) * np.sqrt(bandwidth)
+    return root, root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
+
+
+def sampled_growth(model: LinearModel, controller: Matrices, sample_time: float) -> float:
+    """Return the largest real part of the poles (1/s) of an arm with a sampled controller."""
+    A, B, C, D = controller
+    own, pushed = held(model.A, model.B, sample_time)
+    loop = np.block([[own + pushed @ D @ model.C, pushed @ C], [B @ model.C, A]])
+    return float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
+
+
+def added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:
     """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145).
 
     ``ratio``: damping ratio that is added to every mode with locked joints.
@@ -150,10 +162,7 @@ def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> Floa
     return (X + X.T) / 2.0
 
 
-Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-def _bilinear(A: FloatArray, B: FloatArray, C: FloatArray, sample_time: float) -> Matrices:
+def bilinear(A: FloatArray, B: FloatArray, C: FloatArray, sample_time: float) -> Matrices:
     """Return a sampled model as a continuous one in w, as ``cont2discrete`` inverts it; (C.140)."""
     inverse = 2.0 * np.linalg.inv(np.eye(len(A)) + A)
     output = C @ inverse
@@ -168,7 +177,7 @@ def _weight(root: FloatArray, integral: FloatArray) -> Matrices:
     return A, np.eye(len(root))[slow], root[:, slow] * integral[slow], root
 
 
-def _series(second: Matrices, first: Matrices) -> Matrices:
+def in_series(second: Matrices, first: Matrices) -> Matrices:
     """Return the model of ``first`` followed by ``second``; states of ``second`` are first."""
     A, B, C, D = second
     a, b, c, d = first

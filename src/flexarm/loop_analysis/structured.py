@@ -11,8 +11,6 @@ from flexarm.loop_analysis.sampled_loop import ComplexArray
 
 #: Iterations of the balancing. Each reduces the remaining error of typical matrices by a half.
 _BALANCES = 40
-#: Largest number of matrices whose scaling is optimised, from the largest bound on.
-_REFINED = 30
 #: Smallest norm of a block, relative to that of the matrix, so that logarithms are finite.
 _TINY = 1e-12
 
@@ -28,21 +26,25 @@ def structured_bound(matrices: ComplexArray, blocks: Sequence[int]) -> FloatArra
     Args:
         matrices: (f, n, n). blocks: sizes of the blocks, with the sum n.
     """
+    return structured_scales(matrices, blocks)[0]
+
+
+def structured_scales(
+    matrices: ComplexArray, blocks: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds of `structured_bound`, and logarithms (f, blocks) of balanced scalings."""
     logs = _balanced(matrices, blocks)
-    bounds, plain = (_norms(matrices, blocks, each) for each in (logs, 0.0 * logs))
+    bounds, plain = (scaled_norms(matrices, blocks, each) for each in (logs, 0.0 * logs))
     logs[plain < bounds] = 0.0  # balancing may increase the norm, which it does not minimise
     bounds = np.minimum(bounds, plain)
     done: set[int] = set()
-    for _ in range(_REFINED):
-        k = int(np.argmax(bounds))
-        if k in done:
-            break
+    while (k := int(np.argmax(bounds))) not in done:
         done.add(k)
         bounds[k] = _refined(matrices[k], blocks, logs[k])
-    return bounds
+    return bounds, logs
 
 
-def _norms(matrices: ComplexArray, blocks: Sequence[int], logs: FloatArray) -> FloatArray:
+def scaled_norms(matrices: ComplexArray, blocks: Sequence[int], logs: FloatArray) -> FloatArray:
     """Return the largest singular values (f,) of scaled matrices; ``logs`` (f, blocks)."""
     scale = np.exp(np.repeat(logs, blocks, axis=1))
     scaled = scale[:, :, None] * matrices / scale[:, None, :]
@@ -75,10 +77,10 @@ def _refined(matrix: ComplexArray, blocks: Sequence[int], start: FloatArray) -> 
     from scipy.optimize import minimize
 
     if len(blocks) == 1:
-        return float(_norms(matrix[None], blocks, np.zeros((1, 1)))[0])
+        return float(scaled_norms(matrix[None], blocks, np.zeros((1, 1)))[0])
 
     def norm(free: FloatArray) -> float:
-        return float(_norms(matrix[None], blocks, np.append(0.0, free)[None])[0])
+        return float(scaled_norms(matrix[None], blocks, np.append(0.0, free)[None])[0])
 
     # The norm is not differentiable where singular values are equal, as they often are at the
     # minimum: use a method without derivatives.

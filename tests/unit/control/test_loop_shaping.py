@@ -5,7 +5,7 @@ import pytest
 from test_loop_margins import robust_arm, turntable
 
 import flexarm as fa
-from flexarm.control_design.loop_shaping import _bilinear, coprime_controller
+from flexarm.control_design.loop_shaping import bilinear, coprime_controller
 from flexarm.control_design.rigid_model import RigidModel
 
 POSTURE = [0.8, 0.9]
@@ -57,7 +57,7 @@ def test_bilinear_model_is_that_of_scipy():
 
     rng = np.random.default_rng(1)
     A, B, C = 0.5 * rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(3, 4))
-    found = cont2discrete(_bilinear(A, B, C, 0.3), 0.3, method="bilinear")
+    found = cont2discrete(bilinear(A, B, C, 0.3), 0.3, method="bilinear")
     for one, wanted in zip(found, (A, B, C, np.zeros((3, 2)), 0.3), strict=True):
         np.testing.assert_allclose(one, wanted, atol=1e-13)
 

@@ -84,9 +84,9 @@ def test_gains_agree_with_python_control():
     # Two algorithms for the exponential of a matrix with entries up to 1e5.
     np.testing.assert_allclose(design.A, plant.A, rtol=0, atol=1e-9 * np.abs(plant.A).max())
     np.testing.assert_allclose(design.B, plant.B, rtol=0, atol=1e-9 * np.abs(plant.B).max())
-    # With slycot, python-control calls SG02AD without scaling. In the units of the state the weights
-    # range over seven orders of magnitude, and the gains then differ by 1e-4 from a solution with
-    # 60 digits. In units in which every state costs the same they have 12 digits.
+    # With slycot, python-control calls SG02AD without scaling. In the units of the state the
+    # weights range over seven orders of magnitude, and the gains then differ by 1e-4 from a
+    # solution with 60 digits. In units in which every state costs the same they have 12 digits.
     unit, torque_unit = (np.diag(each) ** -0.5 for each in (design.cost, design.torque_weight))
     scaled = plant.A * unit / unit[:, None], plant.B * torque_unit / unit[:, None]
     weight = design.weight * unit * unit[:, None]

@@ -223,3 +223,34 @@ class LoopShapingKeys(LoopShapingParameters):
     """Keys of the drive `loop_shaping`."""
 
     feedforward: Feedforward = None
+
+
+class MuSynthesisParameters(ControllerParameters):
+    """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
+
+    name = "mu_synthesis"
+    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
+        default=None, description="Joint angles of the design; zero by default (rad)."
+    )
+    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
+        default=8.0,
+        description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
+        "joints or one for each (rad/s).",
+    )
+    _: KW_ONLY
+    rigidity_uncertainty: Fraction = Field(
+        default=0.1,
+        description="Relative change of the rigidity of all links, at most 1. A third of it is "
+        "added to the damping ratios of the design model, as for `LoopShaping`.",
+    )
+    payload_uncertainty: Fraction = Field(
+        default=0.2, description="Relative change of the payload, at most 1."
+    )
+    sensitivity: Annotated[Finite, Field(gt=1, le=100), BeforeValidator(plain)] = Field(
+        default=2.0, description="Largest accepted sensitivity at the motors, above 1."
+    )
+    iterations: Count = Field(default=3, description="Number of syntheses.")
+    scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = Field(
+        default=1, description="Largest order of the fitted scalings, 0 to 2."
+    )
+    sample_time: SampleTime = 0.001

@@ -1,0 +1,138 @@
+"""Mixed-sensitivity H-infinity and mu synthesis for an arm with uncertain rigidity and payload."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arm import Arm
+from flexarm.bending import one_warning, warn_of_first
+from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.parametrised import OfArm
+from flexarm.control.requirements import JOINTS
+from flexarm.control_design.loop_shaping import coprime_controller, sampled_growth
+from flexarm.control_design.uncertain_plant import UncertainPlant, uncertain_plant
+from flexarm.controllers.joint.follower import JointFollower
+from flexarm.errors import UnstableLoopWarning, warn_caller
+from flexarm.loop_analysis.dk_iteration import dk_iteration
+from flexarm.model.drives.linear import MuSynthesisParameters
+
+#: Growth that is rounding, 1/s.
+_ROUNDING = 1e-4
+#: Ratio of the norm to the least one: the optimal controller has poles that are too fast to sample.
+_SUBOPTIMALITY = 1.05
+#: Frequencies of the bounds in rad/s, relative to the bandwidth or to half the sampling rate.
+_LOWEST, _LOW, _DENSE, _FASTEST = 1e-4, 0.05, 70, 100.0
+
+
+class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
+    """Mixed-sensitivity control of the joints by D-K iteration, for uncertain rigidity and payload.
+
+    The differences between the arm and arms of `varied` are blocks of uncertainty. The controller
+    minimises the structured singular value of the sensitivity at the motors over these blocks.
+    Without uncertainty it is an H-infinity controller. The synthesis needs slycot (extra
+    ``robust``). Without a reference the controller keeps the angles of its first measurement.
+
+    Attributes:
+        mu: largest upper bound of the structured singular value. Below one, the sensitivity at the
+            motors is at most ``sensitivity`` for all arms within the uncertainty.
+        gamma: H-infinity norm of the loop with the scalings of the last synthesis.
+        history: largest upper bound after each iteration.
+        A, B, C, D: sampled state-space matrices from the errors of the joint angles (rad) and rates
+            (rad/s) to the torques (N m); ``loop_models`` exports them with names.
+
+    Raises:
+        InputError: if a shape or number is wrong, slycot is not installed, or there is no
+            controller.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if the loop with the arm itself, without the damping that stands for
+            ``rigidity_uncertainty``, is unstable.
+    """
+
+    memory = ("_state",)
+    references: ClassVar[str] = "SkogestadPostlethwaite2005 CollinsKingBernstein1992"
+
+    _: KW_ONLY
+    feedforward: Callable[[float], ArrayLike] | None = Field(default=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = np.zeros(self.arm.joints) if self.posture is None else np.array(self.posture)
+        self.posture = given
+        with one_warning() as bent:
+            plant = uncertain_plant(
+                self.arm,
+                given,
+                np.asarray(self.bandwidth),
+                rigidity=self.rigidity_uncertainty,
+                payload=self.payload_uncertainty,
+                sensitivity=self.sensitivity,
+                sample_time=self.sample_time,
+            )
+        warn_of_first(bent)
+        self._design(plant)
+        self.reset()
+
+    def _design(self, plant: UncertainPlant) -> None:
+        from scipy.signal import cont2discrete
+
+        found = dk_iteration(
+            plant.whole,
+            plant.blocks,
+            self._frequencies(plant),
+            iterations=self.iterations,
+            order=self.scaling_order,
+            band=(0.1 * float(np.min(self.bandwidth)), 0.5 / self.sample_time),
+            suboptimality=_SUBOPTIMALITY,
+            start=coprime_controller(*plant.nominal, 1.1)[:4],
+        )
+        self.mu, self.gamma, self.history = found.mu, found.gamma, found.history
+        A, B, C, D = found[:4]
+        whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
+        sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
+        self.A, self.B, self.C, self.D = sampled
+        growth = sampled_growth(plant.model, sampled, self.sample_time)
+        if growth > _ROUNDING:
+            text = (
+                f"The loop with the arm itself is unstable: deviations grow by {growth:.3g} 1/s. "
+                "mu is that of the model with the damping of rigidity_uncertainty. Reduce the "
+                "bandwidth or rigidity_uncertainty, or give the links damping."
+            )
+            warn_caller(text, UnstableLoopWarning)
+
+    def _frequencies(self, plant: UncertainPlant) -> FloatArray:
+        """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""
+        low, fast = _LOW * float(np.min(self.bandwidth)), 2.0 / self.sample_time
+        poles = np.linalg.eigvals(plant.nominal[0])
+        near = np.abs(poles.imag)[:, None] + poles.real[:, None] * np.linspace(-2.0, 2.0, 5)
+        parts = (
+            np.geomspace(_LOWEST * low, 0.9 * low, 12),
+            np.geomspace(low, fast, _DENSE),
+            np.geomspace(1.2 * fast, _FASTEST * fast, 8),
+            near[(near > low) & (near < fast)],
+        )
+        return np.unique(np.concatenate(parts))
+
+    def reset(self) -> None:
+        """Clear the state, the stored angles and feedforward torques."""
+        super().reset()
+        self._state = np.zeros(len(self.A))
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return ControllerRequirements(self.arm.joints, JOINTS)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = self._desired(t, measurement, reference)
+        error = np.concatenate([measurement.joint_angle - angle, measurement.joint_rate - rate])
+        torque: FloatArray = self.C @ self._state + self.D @ error
+        self._state = self.A @ self._state + self.B @ error
+        return torque if self.feedforward is None else torque + self._fed_forward(t)
