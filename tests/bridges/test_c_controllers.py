@@ -1,5 +1,6 @@
 """Exported controllers against the controllers in Python, in runs of ``simulate``."""
 
+import re
 from copy import deepcopy
 
 import numpy as np
@@ -8,7 +9,14 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from bridges.c_code_tools import Library, make
-from conformance.controller_examples import EXAMPLES, LIMIT, SAMPLE_TIME, joint_pd, two_links
+from conformance.controller_examples import (
+    EXAMPLES,
+    LIMIT,
+    SAMPLE_TIME,
+    example,
+    joint_pd,
+    two_links,
+)
 from flexarm.cli.main import app
 from flexarm.controllers import CONTROLLERS
 
@@ -93,6 +101,31 @@ LAWS = {
         strain_gain=[5.0, 0.0],
         sample_time=SAMPLE_TIME,
     ),
+    "adaptive": lambda: fa.Adaptive(
+        heavy(),
+        8.0,
+        [0.8, 0.2],
+        0.5,
+        parameters=["payload.mass", "joint_1.coulomb"],
+        leakage=0.1,
+        dead_zone=0.3,
+        bounds={"payload.mass": (0.049, 0.051)},
+        strain_gain=[5.0, 0.0],
+        sample_time=SAMPLE_TIME,
+    ),
+    "rbf_adaptive": lambda: fa.RBFAdaptive(
+        heavy(),
+        8.0,
+        [0.8, 0.3],
+        0.5,
+        lower=-0.5,
+        upper=1.0,
+        centres=[2, 3],
+        leakage=0.2,
+        prior=True,
+        strain_gain=[5.0, 0.0],
+        sample_time=SAMPLE_TIME,
+    ),
     "prescribed_performance": lambda: fa.PrescribedPerformance(
         8.0, [0.8, 0.3], 0.02, 1.0, 0.1, 20.0, sample_time=SAMPLE_TIME, feedforward=feedforward
     ),
@@ -122,20 +155,30 @@ LAWS = {
     "neural_force": lambda: fa.NeuralForce(
         heavy(), frequency=1.5, features=6, sample_time=SAMPLE_TIME
     ),
+    "positive_position_feedback": lambda: fa.PositivePositionFeedback(
+        heavy(), joint_pd(), damping_ratio=0.2
+    ),
+    "integral_resonant_control": lambda: fa.IntegralResonantControl(
+        heavy(), fa.JointPD(*PD, SAMPLE_TIME, feedforward)
+    ),
+    # The recorded run has three periods.
+    "repetitive": lambda: fa.RepetitiveControl(
+        fa.JointPID(*PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.2, 0.1], sample_time=SAMPLE_TIME),
+        10 * SAMPLE_TIME,
+        [2.0, 0.8],
+        0.1,
+        cutoff=80.0,
+        lead=SAMPLE_TIME,
+    ),
+    "wave_based_control": lambda: fa.WaveBasedControl(heavy(), joint_pd(), posture=[0.4, 0.1]),
+    "output_redefinition": lambda: fa.OutputRedefinition(heavy(), joint_pd(), weight=-0.5),
     "own": OwnController,
     "own_with_conditions": WithConditions,
 }
 REFUSED = {
-    "adaptive",
     "estimator",
-    "integral_resonant_control",
     "mpc",
-    "output_redefinition",
     "nonlinear_mpc",
-    "positive_position_feedback",
-    "rbf_adaptive",
-    "repetitive",
-    "wave_based_control",
 }
 
 
@@ -199,6 +242,12 @@ class InC(fa.Controller):
         ),
         ("joint_pid", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         ("strain_feedback", ["joint_angle", "joint_rate", "strain"], ["joint_angle", "joint_rate"]),
+        ("repetitive", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
+        (
+            "output_redefinition",
+            ["joint_angle", "joint_rate", "strain"],
+            ["joint_angle", "joint_rate", "joint_acceleration"],
+        ),
     ],
 )
 def test_closed_loop(name, readings, references, tmp_path):
@@ -299,6 +348,30 @@ def test_laws_that_symbols_cannot_follow(tmp_path):
     with pytest.raises(fa.InputError, match="1 joint"):
         fa.export_c(one, tmp_path / "new", controller=LAWS["computed_torque"]())
     assert not (tmp_path / "new").exists()
+
+
+def test_the_code_does_not_grow_with_the_period(tmp_path):
+    sizes, memories = [], []
+    for period in (0.4, 4.0):
+        controller = fa.RepetitiveControl(joint_pd(), period, 0.1)
+        fa.export_c(heavy(), tmp_path, controller=controller)
+        sizes.append(len((tmp_path / "arm.c").read_text()))
+        memories.append(int(re.search(r"ARM_MEMORY (\d+)", (tmp_path / "arm.h").read_text())[1]))
+    assert memories[1] - memories[0] == 2 * 900
+    assert abs(sizes[1] - sizes[0]) < 100
+    period = fa.RepetitiveControl(joint_pd(), 40.0, 0.1)
+    network = example("rbf_adaptive", centres=40)
+    for controller, size in ((period, r"20\d\d\d"), (network, "32000")):
+        with pytest.raises(fa.InputError, match=rf"memory of {size} numbers, more than 10000\."):
+            fa.export_c(heavy(), tmp_path, controller=controller)
+
+
+def test_controllers_around_each_other(tmp_path):
+    damped = fa.PositivePositionFeedback(heavy(), LAWS["joint_pid"](), damping_ratio=0.2)
+    controller = fa.RepetitiveControl(damped, 10 * SAMPLE_TIME, [2.0, 0.8], cutoff=80.0)
+    fa.export_c(heavy(), tmp_path, controller=controller)
+    done = make(tmp_path, "test")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_scenario_with_a_controller(tmp_path):

@@ -28,9 +28,11 @@ def started(program: Path, at: str, limit: int = 20) -> subprocess.Popen:
     return subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
 
 
-@pytest.mark.parametrize("name", ["computed_torque", "joint_pid", "strain_feedback"])
+@pytest.mark.parametrize(
+    "name", ["computed_torque", "joint_pid", "strain_feedback", "wave_based_control"]
+)
 def test_closed_loop_over_udp_equals_simulate(name, tmp_path):
-    """Without memory, with memory, and with strain."""
+    """Without memory, with memory, with strain, and around another controller."""
     arm, controller = heavy(), LAWS[name]()
     motion, at = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.5), free_address()
     with started(built(tmp_path, controller), at) as other:

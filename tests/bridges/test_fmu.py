@@ -285,7 +285,14 @@ def test_closed_loop(version, kind, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["joint_pd_feedforward", "strain_feedback", "joint_pid", "hybrid_force"]
+    "name",
+    [
+        "joint_pd_feedforward",
+        "strain_feedback",
+        "joint_pid",
+        "hybrid_force",
+        "positive_position_feedback",
+    ],
 )
 def test_other_controllers(name, tmp_path):
     run, found = closed_loop(name, "2.0", "CoSimulation", tmp_path)

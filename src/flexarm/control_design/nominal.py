@@ -156,15 +156,25 @@ class PreviewedReference:
         return found
 
     def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
+        new = slice(self._end, self._end + len(angle))
+        found = self.along(angle, rate, acceleration)
+        for buffer, values in zip(self._buffers, found, strict=True):
+            buffer[new] = values
+        self._end = new.stop
+
+    def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
+        """Return the nominal motion at T times, for a motion of the joints (T, joints).
+
+        Each entry of the result has the additional first dimension T.
+        """
         bend = self._sag.first_at(angle)
         torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
-        new = slice(self._end, self._end + len(angle))
-        self._angle[new] = angle
-        self._q[new, self._joints], self._q[new, self._elastic] = angle, bend
-        self._qd[new, self._joints] = rate
-        self._torque[new], self._missing[new] = torque, -elastic_force
-        self._shown[new] = self._show(self._angle[new], self._q[new], self._qd[new])
-        self._end = new.stop
+        # The arrays have the type of the angles, which are symbols in exported controllers.
+        q = np.zeros_like(angle, shape=(len(angle), self._q.shape[1]))
+        qd = np.zeros_like(q)
+        q[:, self._joints], q[:, self._elastic] = angle, bend
+        qd[:, self._joints] = rate
+        return Nominal(angle, q, qd, torque, -elastic_force, self._show(angle, q, qd))
 
 
 class RecordedRun:

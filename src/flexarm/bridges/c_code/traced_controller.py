@@ -16,11 +16,13 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.long_memory import long_memory
 from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.c_code.traced_inputs import (
     Inputs,
     NominalInputs,
     ReferenceInputs,
+    StaticBending,
     preview_nodes,
 )
 from flexarm.bridges.c_code.traced_task import (
@@ -42,6 +44,7 @@ from flexarm.controllers import (
     EstimatorController,
     JointPID,
     RBFAdaptive,
+    RepetitiveControl,
 )
 from flexarm.controllers.force.task_controller import TaskController
 from flexarm.controllers.joint.follower import JointFollower
@@ -52,18 +55,15 @@ from flexarm.loop_analysis.linear_controller import Memory, memory_of
 
 #: Packages whose objects belong to a controller.
 _PACKAGES = ("flexarm.controllers", "flexarm.control_design")
-_LEARNS = "Its estimates are updated by compiled code that branches on values."
-_STATIC = "It computes the static bending along the reference in advance."
 #: Reasons why the law of a controller cannot be exported.
 _REFUSED: dict[type[Any], str] = {
-    Adaptive: _LEARNS,
-    RBFAdaptive: _LEARNS,
     EstimatorController: "Its filter adds and merges hypotheses.",
-    StrainDamping: _STATIC,
     MPC: "It solves an optimisation problem at every sample.",
 }
 #: Kinds of NumPy's number types that symbols and numbers in a memory have.
 _KINDS = "biufO"
+#: Most numbers in a memory; functions have up to seven copies of them on the stack.
+_MOST_MEMORY = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +96,21 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     """
     names = _readings(arm, controller)
     new: Any = deepcopy(controller)
-    make_symbolic(new, _PACKAGES)
-    if isinstance(controller, TaskController):
-        new._task = SymbolicTask(controller.arm)
     try:
+        # A reset computes with numbers, so it comes first.
         new.reset()
+        if isinstance(controller, TaskController):
+            new._task = SymbolicTask(controller.arm)
         make_symbolic(new, _PACKAGES)
         started, first = _law("controller_start", new, controller, arm, names)
         _, later = _law("controller_update", started, controller, arm, names)
     except (SymbolError, TypeError) as error:
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
         raise _refusal(controller, f"Its update {cause}{error}.") from None
-    size = Memory(started, _KINDS).read().size
-    functions = _functions(controller, [first, later] if size else [later])
+    size, long = _memory(started).read().size, long_memory(controller, arm.joints)
+    functions = _functions(controller, [first, later] if size or long else [later])
+    if long:
+        size, functions = size + long.size, tuple(map(long.around, functions))
     used = {name for function in functions for name in function.inputs}
     at_rest = nominal_values(*rest_motion(controller)) if isinstance(controller, LQG) else {}
     defaults = {name: value for name, value in (at_rest | FRICTION).items() if name in used}
@@ -125,16 +127,19 @@ def _law(
         update.
     """
     first, inputs, after = name == "controller_start", Inputs(), []
+    long = long_memory(controller, arm.joints)
 
     def update() -> dict[str, Any]:
         mine = deepcopy(before)
         if not first:
-            kept = Memory(mine, _KINDS)
+            kept = _memory(mine)
             kept.write(inputs.array("memory", kept.read().size))
         torque = _updated(mine, controller, arm, names, inputs, first)
         after.append(mine)
-        memory = Memory(mine, _KINDS).read()
+        memory = _memory(mine).read()
         outputs = {"memory_out": memory, "torque": torque} if memory.size else {"torque": torque}
+        if long:
+            outputs["stored"] = long.stored(mine)
         return {
             key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
             for key, values in outputs.items()
@@ -147,7 +152,7 @@ def _law(
 
 def _check_undeclared(controller: Any, after: list[Any]) -> None:
     """Raise if paths leave different numbers in an attribute that the memory does not declare."""
-    declared = {*(memory_of(controller) or ()), *getattr(controller, "start_memory", ())}
+    declared = {*(_declared(controller) or ()), *getattr(controller, "start_memory", ())}
     for found in zip(*(sorted(_kept(one).items()) for one in after), strict=False):
         path = found[0][0]
         if path not in declared and any(other != found[0] for other in found):
@@ -179,7 +184,10 @@ def _updated(
         follow_symbols(mine, inputs)
     if isinstance(controller, LQG):
         mine._motion = NominalInputs(inputs, controller)
-    _feed_forward(mine, inputs.array("feedforward", arm.joints))
+    long = long_memory(controller, arm.joints)
+    if long:
+        long.trace(mine, inputs.array)
+    _prescribe(mine, inputs.array("feedforward", arm.joints))
     return mine.update(0.0 if first else controller.sample_time, measurement, reference)
 
 
@@ -194,8 +202,12 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, "It integrates the error of the tip. Integrate joint_angle.")
     if len(getattr(controller, "designs", ())) > 1:
         raise _refusal(controller, "It interpolates gains over the posture. Use one posture.")
-    if memory_of(controller) is None:
+    if _declared(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
+    long = long_memory(controller, arm.joints)
+    if long and long.size > _MOST_MEMORY:
+        reason = f"It has a memory of {long.size} numbers, more than {_MOST_MEMORY}."
+        raise _refusal(controller, reason)
     presses = isinstance(controller, TaskController)
     pressed: Any = PressedInputs(Inputs(), arm.joints) if presses else None
     needed = requirements_of(controller, arm, pressed)
@@ -211,6 +223,22 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     return list(dict.fromkeys([*(needed.measured or ("joint_angle", "joint_rate")), *more]))
 
 
+def _declared(controller: Any) -> tuple[str, ...] | None:
+    """Return the memory of a controller without its long one; None if it is not declared."""
+    if type(controller) is RBFAdaptive:
+        return Adaptive.memory[1:]
+    if type(controller) is not RepetitiveControl:
+        return memory_of(controller)
+    inside = memory_of(controller.inner)
+    return None if inside is None else tuple(f"inner.{name}" for name in inside)
+
+
+def _memory(controller: Any) -> Memory:
+    """Return the memory of a symbolic controller without its long one."""
+    more = _declared(controller) if memory_of(controller) is None else None
+    return Memory(controller, _KINDS, more or ())
+
+
 def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the readings that exported controllers may use."""
     gauges = {"strain": (len(arm.gauges),)} if arm.gauges else {}
@@ -218,13 +246,15 @@ def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
     return {**joints, "tip": (2,), "contact_force": (1, 2), **gauges}
 
 
-def _feed_forward(owner: Any, torque: SymbolArray) -> None:
-    """Replace the feedforward torques of joint controllers by an input."""
+def _prescribe(owner: Any, torque: SymbolArray) -> None:
+    """Replace feedforward torques by an input, and static bending by its value at each sample."""
     if isinstance(owner, JointFollower) and owner.feedforward is not None:
         ahead: Any = lambda _: torque  # noqa: E731
         owner._ahead = ahead
+    if isinstance(owner, StrainDamping) and not isinstance(owner._nominal, StaticBending):
+        owner._nominal = StaticBending(owner._nominal)  # type: ignore[assignment]
     if hasattr(owner, "inner"):
-        _feed_forward(owner.inner, torque)
+        _prescribe(owner.inner, torque)
 
 
 def rest_motion(controller: LQG) -> tuple[LQG, Nominal]:

@@ -65,6 +65,19 @@ class NominalInputs:
         return Nominal(self._angle, still, still, self._torque, self.missing[0], self._shown)
 
 
+class StaticBending:
+    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance."""
+
+    def __init__(self, planned: Any) -> None:
+        self._planned = planned
+
+    def at(self, t: float, angle_now: Any, reference: Any) -> Nominal:
+        parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
+        return Nominal(
+            *(rows[0] for rows in self._planned.along(*(part(t)[None] for part in parts)))
+        )
+
+
 def preview_nodes(controller: Any) -> Any:
     """Return the samples of the preview of `LQG` at which it uses the elastic forces."""
     return np.arange(0, controller._steps, controller._stride)

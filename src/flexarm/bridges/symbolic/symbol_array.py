@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -67,7 +68,8 @@ class SymbolicKernels(KernelView):
 def make_symbolic(owner: Any, packages: tuple[str, ...]) -> None:
     """Convert the kernels and arrays of an object to symbolic ones, in place.
 
-    Objects of classes in ``packages`` that the object refers to are converted, too.
+    Kernels are those of its views of an arm, and static methods of its class. Objects of classes in
+    ``packages`` that the object refers to are converted, too.
     """
     for name, value in list(vars(owner).items()):
         if isinstance(value, KernelView):
@@ -76,6 +78,13 @@ def make_symbolic(owner: Any, packages: tuple[str, ...]) -> None:
             vars(owner)[name] = symbol_array(value)
         elif type(value).__module__.startswith(packages) and hasattr(value, "__dict__"):
             make_symbolic(value, packages)
+    for name, kernel in inspect.getmembers(type(owner), _is_kernel):
+        vars(owner)[name] = symbolic(kernel)
+
+
+def _is_kernel(value: object) -> bool:
+    module = getattr(getattr(value, "py_func", value), "__module__", None) or ""
+    return callable(value) and module.startswith("flexarm.kernels.")
 
 
 def _of_library(name: str) -> Callable[[Any, Any], Any]:

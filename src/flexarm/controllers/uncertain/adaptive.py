@@ -31,6 +31,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
     """
 
     memory = ("_estimate", "_sliding._slow", "_sliding._fast")
+    _law = staticmethod(adaptive_torque)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,7 +80,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
         columns = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
-        adaptive_torque(
+        self._law(
             columns,
             self._model.known,
             now.s,

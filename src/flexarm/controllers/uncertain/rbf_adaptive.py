@@ -30,6 +30,8 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             there are too many Gaussians.
     """
 
+    _law = staticmethod(network_torque)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         joints = self.arm.joints
@@ -67,7 +69,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         signals[1 + 2 * n : 1 + 3 * n] = np.tanh(now.reference_rate / SIGN_RATE)
         first, second = self._pairs
         signals[1 + 3 * n :] = now.rate[first] * now.reference_rate[second]
-        network_torque(
+        self._law(
             now.angle,
             signals,
             now.s,

@@ -66,7 +66,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
             rule = f"be at least 2 divided by the period ({2.0 / self.period:.4g} Hz)"
             raise InputError(Problem("cutoff", rule, shown(self.cutoff)))
         self._samples()
-        self._history: _History | None = None
+        self._history: PeriodHistory | None = None
         self._held: FloatArray | None = None
 
     @property
@@ -105,7 +105,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
         now = measurement.joint_angle
         if self._history is None:
             self._held = now.copy()
-            self._history = _History(now.size, *self._samples(), self._filter())
+            self._history = PeriodHistory(now.size, *self._samples(), self._filter())
         assert self._held is not None
         if reference is None:
             angle, rate = self._held, 0.0 * self._held
@@ -226,7 +226,7 @@ def _factors(maps: Callable[[ComplexArray], ComplexArray], count: int, joints: i
     return found
 
 
-class _History:
+class PeriodHistory:
     """Learned torques and errors of the last period.
 
     Args:
@@ -247,10 +247,18 @@ class _History:
 
     def advance(self, error: FloatArray) -> FloatArray:
         """Add the error (joints,) of a sample, in N m, and return the learned torque."""
+        learned: FloatArray = self._weights @ self._window()
+        self._store(learned, error)
+        return learned
+
+    def _window(self) -> FloatArray:
+        """Return the sums of learned torque and error about the sample a period before."""
+        first = (self._k - self._count - self._half) % self._length
+        return self._sums[first : first + 2 * self._half + 1]
+
+    def _store(self, learned: FloatArray, error: FloatArray) -> None:
+        """Store the learned torque of a sample, and add its error to the one ``lead`` before."""
         k, count, length = self._k, self._count, self._length
-        first = (k - count - self._half) % length
-        window = self._sums[first : first + 2 * self._half + 1]
-        learned: FloatArray = self._weights @ window
         place = k % length
         self._sums[place] = self._sums[place + length] = learned
         earlier = (k - self._lead) % length
@@ -266,7 +274,6 @@ class _History:
             if self._k >= 3 * count and self._last > 0.0:
                 self.rate = math.sqrt(self._change / self._last)
             self._last, self._change = self._change, 0.0
-        return learned
 
 
 class _LearningSignal(Controller):

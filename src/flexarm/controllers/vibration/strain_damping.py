@@ -204,7 +204,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         m = self.arm.joints
         rate = nominal.qd[self.arm.joint_index] + motion[m:]
         shifted = ShiftedReference(nominal.angle + motion[:m], rate, reference)
-        return np.asarray(self.inner.update(t, measurement, shifted), dtype=np.float64)
+        return np.asarray(self.inner.update(t, measurement, shifted))
 
     def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
         """Return the strains of a reference that computes them, as a function of time."""
