@@ -87,8 +87,10 @@ def shaped_design(
 
 def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
-    root = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)) * np.sqrt(bandwidth)
-    return root, root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
+    half = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture))
+    root: FloatArray = half * np.sqrt(bandwidth)
+    shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
+    return root, shown
 
 
 def sampled_growth(model: LinearModel, controller: Matrices, sample_time: float) -> float:

@@ -1,4 +1,4 @@
-"""Generalised plant of a sampled arm with uncertain rigidity and payload; (C.151), (C.152)."""
+"""Generalised plant of a sampled arm with uncertain rigidity and payload; (C.150), (C.151)."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _changes(
         stiff = linearize(other, equilibrium(other, posture)).stiffness
         change[block] = (stiff - model.stiffness)[block]
         found.append(("stiffness", *_factors(change)))
-    if payload and arm.spec.payload is not None:
+    if payload and arm.spec.payload.mass:
         other = varied(arm, payload_factor=1.0 + payload)
         mass = linearize(other, equilibrium(other, posture)).mass
         found.append(("mass", *_factors(mass - model.mass)))

@@ -61,7 +61,7 @@ def dk_iteration(
     suboptimality: float,
     start: Matrices | None = None,
 ) -> RobustController:
-    """Return a controller that minimises the structured singular value of a loop; (C.153).
+    """Return a controller that minimises the structured singular value of a loop; (C.152).
 
     H-infinity synthesis for fixed scalings and the fit of scalings for a fixed controller alternate
     (Skogestad and Postlethwaite 2005, section 8.12). The result is the best iterate.
