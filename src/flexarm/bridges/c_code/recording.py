@@ -12,9 +12,9 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.exported import Exported
-from flexarm.bridges.c_code.pressed_run import contact_readings
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.observer_recording import estimates, record_observer
+from flexarm.bridges.c_code.pressed_run import contact_readings
 from flexarm.bridges.c_code.replay import replay
 from flexarm.errors import FlexarmWarning
 from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
