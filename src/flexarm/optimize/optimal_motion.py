@@ -192,7 +192,7 @@ def _within_limits(
     rest = remaining(task, plant, plan, run)
     if plant is task.arm and _misses(task, plan, run):
         warn_caller(
-            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation, because "
+            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation: "
             f"{plan.intervals} intervals do not resolve the fastest modes. Limit the torque_rate, "
             "or take fewer modes of links; see OptimalMotion.remaining.",
             AccuracyWarning,
