@@ -17,6 +17,7 @@ CONTROL = Area(
                 "unit/control/test_unscented_kalman.py",
                 "unit/control/test_extended_kalman.py",
                 "unit/control/test_filter_input.py",
+                "unit/control/test_unknown_parameters.py",
             ),
         ),
         Group(

@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.sensors import POINT_SIGNALS
 
@@ -146,5 +146,5 @@ def test_sensor_of_a_point_has_the_same_value_everywhere(kind, frame, arm, state
 def predicted(arm, state, instrument):
     angle = fa.Instrument("joint_angle", noise=1e-9)
     readings = PredictedReadings(arm, [instrument, angle])
-    constants = SampledStep(arm, TICK).constants(0.0)
+    constants = FreeParameters(arm, ["payload.mass"]).at()
     return readings.predict(np.concatenate(state), NO_TORQUE, constants).values[:2]

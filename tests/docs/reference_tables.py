@@ -21,7 +21,7 @@ PYTHON = "docs/reference/python-api.md"
 RESULT = "docs/how-to/read-the-result.md"
 _UNITS = re.compile(
     r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
-    r"N m s/rad|N/m|m/s|s/m|N s/m|N m/s|1/rad|rad/s per 1/m|kg/s\^0\.5|J|1/\(N s\))\)"
+    r"N m s/rad|N/m|m/s|s/m|N s/m|N m/s|1/rad|rad/s per 1/m|kg/s\^0\.5|N m/s\^0\.5|J|1/\(N s\))\)"
 )
 
 

@@ -15,28 +15,29 @@ from flexarm.control.base import (
     requirements_of,
 )
 from flexarm.control.parametrised import Parametrised
-from flexarm.estimation.kalman_filter import KalmanFilter
+from flexarm.estimation.estimator import StateEstimator
 from flexarm.model.drives.around import EstimatorParameters
 
 #: Entries of the measurement that the filter supplies to the inner controller.
-_ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass")
+_ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass", "disturbance")
 
 
 class EstimatorController(Parametrised, EstimatorParameters, Controller):
-    """Controller that passes the estimates of a Kalman filter to an inner controller.
+    """Controller that passes the estimates of a filter to an inner controller.
 
     The measurement of the inner controller has the estimated ``joint_angle`` and ``joint_rate``,
-    ``q`` (dof,), ``qd`` (dof,) and ``payload_mass`` (1,) kg, and the other readings unchanged.
+    ``q`` (dof,), ``qd`` (dof,), ``payload_mass`` (1,) kg and ``disturbance`` (joints,) N m, and the
+    other readings unchanged. Estimated disturbance torques are subtracted from its torque.
 
     The filter predicts with the measured "torque" if an instrument reads it, and with the requested
     torque otherwise.
 
     Raises:
-        InputError: if ``estimator`` is not an `ExtendedKalmanFilter` or `UnscentedKalmanFilter`, or
+        InputError: if ``estimator`` is not an estimator such as `ExtendedKalmanFilter`, or
             ``inner`` is not a controller.
     """
 
-    estimator: KalmanFilter
+    estimator: StateEstimator
     inner: Controller
 
     def __post_init__(self) -> None:
@@ -88,7 +89,9 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
             "q": q,
             "qd": qd,
             "payload_mass": np.array([known.payload_mass]),
+            "disturbance": known.disturbance,
         }
         torque = self.inner.update(t, Measurement(**seen), reference)
-        self._commanded = np.array(torque, dtype=np.float64)
+        corrected = np.asarray(torque, dtype=np.float64) - self.compensation * known.disturbance
+        self._commanded = corrected
         return self._commanded.copy()

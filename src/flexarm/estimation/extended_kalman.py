@@ -20,7 +20,8 @@ class ExtendedKalmanFilter(KalmanFilter):
     the logarithm of the payload mass plus the effective mass of the tip. Each Gaussian has its own
     extended Kalman filter, until one is left. Use the filter in a loop with
     ``EstimatorController``, on a record with ``run``, or in your own loop: ``reset``, then
-    ``correct`` and ``predict`` alternately.
+    ``correct`` and ``predict`` alternately. Other ``parameters`` of the arm and disturbance torques
+    of the joints are further numbers of each Gaussian, which are random walks.
 
     Raises:
         InputError: if a number is negative or not finite, or the filter cannot use the instruments.
@@ -30,16 +31,17 @@ class ExtendedKalmanFilter(KalmanFilter):
 
     def _propagate(self, part: Hypothesis) -> FloatArray:
         assert self._step is not None
-        step = self._step.take(part.x[:-1], self._torque, self._change(part.x))
-        size = step.after.size
-        F = np.eye(size + 1)
-        F[:size, :size], F[:size, size] = step.state, step.parameter * self._moving(part.x)
-        part.x[:size] = step.after
-        noisy = step.torque * self.torque_noise
-        part.P = F @ part.P @ F.T
-        part.P[:size, :size] += noisy @ noisy.T
+        layout = self._layout
+        step = self._step.take(part.x[layout.states], self._acting(part.x), self._change(part.x))
+        F, states = np.eye(layout.size), layout.states
+        moving = self._moving(part.x)
+        F[states] = layout.derivative(step.state, step.parameters, step.torque, moving)
+        part.x[states] = step.after
+        noisy = np.zeros((layout.size, self.arm.joints))
+        noisy[states] = step.torque * self.torque_noise
+        part.P = F @ part.P @ F.T + noisy @ noisy.T
         self._add_drift(part)
-        return np.vstack([noisy, np.zeros_like(noisy[:1])])
+        return noisy
 
     def _update(
         self, part: Hypothesis, moved: FloatArray, readings: FloatArray
@@ -47,11 +49,11 @@ class ExtendedKalmanFilter(KalmanFilter):
         from scipy.linalg import cho_factor, cho_solve
 
         assert self._step is not None
-        before, x = part.x, part.x
+        before, x, layout = part.x, part.x, self._layout
         for iteration in range(1 if self._readings.linear else ITERATIONS):
-            constants = self._step.constants(self._change(x))
-            seen = self._readings.predict(x[:-1], self._torque, constants)
-            H = np.hstack([seen.state, (seen.parameter * self._moving(x))[:, None]])
+            constants = self._step.free.at(self._change(x))
+            seen = self._readings.predict(x[layout.states], self._acting(x), constants)
+            H = layout.derivative(seen.state, seen.parameters, seen.torque, self._moving(x))
             # The error of the torque affects both the state and the accelerometers, so their errors
             # are correlated by N.
             felt = seen.torque * self.torque_noise

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from flexarm.arm import Arm
@@ -9,13 +11,13 @@ from flexarm.control_design.rigid_model import RigidModel
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Instrument
-from flexarm.model.arm.variation import varied_spec
 from flexarm.model.drives.around import FilterParameters
+from flexarm.model.paths import number_at, with_number
 
 #: Ratio of the standard deviation of joint angles before the first reading to that of the reading.
 _BEFORE_READING = 100.0
-#: Difference of the payload mass for the derivative of the sag, in its standard deviations. A
-#: difference is accurate enough, because sag is nearly linear in the mass.
+#: Difference of a number for the derivative of the sag, in its standard deviations. A difference
+#: is accurate enough, because sag is nearly linear in each number.
 SAG_DIFFERENCE = 0.1
 #: Least stiffness of a coordinate, which limits its variance.
 LEAST_STIFFNESS = 1e-12
@@ -24,35 +26,41 @@ LEAST_STIFFNESS = 1e-12
 def first_variance(
     arm: Arm, given: FilterParameters, angle: Instrument, stiffness: FloatArray
 ) -> FloatArray:
-    """Return the variances (2 dof + 1,) of [q, qd, payload] apart from that of the payload.
+    """Return the variances (2 dof,) of [q, qd] for known numbers of the arm.
 
     Args:
         arm: the arm. given: the deviations of the filter. angle: the encoder.
         stiffness: (dof,) of the coordinates at rest; those of joints have no effect.
     """
     energy = 2.0 * given.energy_deviation
-    variance = np.full(2 * arm.dof + 1, energy)
+    variance = np.full(2 * arm.dof, energy)
     variance[: arm.dof] = energy / np.maximum(stiffness, LEAST_STIFFNESS)
     joints = arm.joint_index
     # The prior is wide, because the update that follows uses the reading itself.
     variance[joints] = angle.noise**2 + angle.resolution**2 / 12.0
     variance[joints] *= _BEFORE_READING**2
     variance[arm.dof + joints] = given.rate_deviation**2
-    variance[-1] = 0.0
     return variance
 
 
-def sag(arm: Arm, angles: FloatArray, payload_deviation: float) -> tuple[FloatArray, FloatArray]:
-    """Return the coordinates (dof,) at rest and their derivative by the payload mass, 1/kg."""
+def sag(
+    arm: Arm, angles: FloatArray, deviations: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the coordinates (dof,) at rest, and derivatives (p, dof) by numbers of the arm.
+
+    Args:
+        deviations: standard deviations of the numbers, by path; zero for a known one.
+    """
+    slopes = np.zeros((len(deviations), arm.dof))
     if not any(arm.spec.gravity):
-        q = arm.rest(angles)
-        return q, np.zeros_like(q)
+        return arm.rest(angles), slopes
     q = equilibrium(arm, angles).q
-    if payload_deviation == 0.0:
-        return q, np.zeros_like(q)
-    more = SAG_DIFFERENCE * payload_deviation
-    heavier = Arm(varied_spec(arm.spec, payload_mass=arm.spec.payload.mass + more))
-    return q, (equilibrium(heavier, angles).q - q) / more
+    for slope, (path, deviation) in zip(slopes, deviations.items(), strict=True):
+        if deviation:
+            more = SAG_DIFFERENCE * deviation
+            other = Arm(with_number(arm.spec, path, number_at("path", arm.spec, path) + more))
+            slope[:] = (equilibrium(other, angles).q - q) / more
+    return q, slopes
 
 
 def tip_mass(arm: Arm) -> float:

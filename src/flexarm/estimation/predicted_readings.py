@@ -25,6 +25,8 @@ from flexarm.model import Instrument, Sensor
 LARGEST = 1e9
 #: Signals that are linear in the state.
 LINEAR_SIGNALS = ("joint_angle", "joint_rate", "strain")
+#: Constants of an arm, and those with the imaginary step of each parameter.
+Constants = tuple[ArmConstants, tuple[ArmConstants, ...]]
 
 
 class Predicted(NamedTuple):
@@ -32,7 +34,7 @@ class Predicted(NamedTuple):
 
     values: FloatArray  # (size,)
     state: FloatArray  # (size, 2 dof), derivative by [q, qd]
-    parameter: FloatArray  # (size,), derivative by the parameter of ``SampledStep``
+    parameters: FloatArray  # (size, p), derivative by the parameters of ``SampledStep``
     torque: FloatArray  # (size, joints), derivative by the acting torque
 
 
@@ -128,27 +130,33 @@ class PredictedReadings:
         self,
         x: FloatArray,
         torque: FloatArray,
-        constants: tuple[ArmConstants, ArmConstants],
+        constants: Constants,
     ) -> Predicted:
         """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
 
-        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``SampledStep``.
+        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
         """
         slopes, joints = self.linear_rows.copy(), self._arm.joints
-        found = Predicted(slopes @ x, slopes, np.zeros(self.size), np.zeros((self.size, joints)))
+        plain, moved = constants
+        by_parameters = np.zeros((self.size, len(moved)))
+        found = Predicted(slopes @ x, slopes, by_parameters, np.zeros((self.size, joints)))
         if not self.sensors:
             return found
-        self._points(x, torque, constants, self._state_places, self._found)
+        self._points(x, torque, (plain, moved[0]), self._state_places, self._found)
         for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
             by = self._found[:, k, sensor.columns]
-            found.state[place], found.parameter[place] = by[:-2].T, by[-2]
+            found.state[place], found.parameters[place, 0] = by[:-2].T, by[-2]
             found.values[place] = by[-1]
         none = self._state_places[:0]
+        for column, one in enumerate(moved[1:], 1):
+            self._points(x, torque, (plain, one), none, self._pushed)
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
+                found.parameters[place, column] = self._pushed[-2, k, sensor.columns]
         for joint in range(joints):
             # Accelerations are linear in the torque, so the change by 1 N m is the derivative.
             more = torque.copy()
             more[joint] += 1.0
-            self._points(x, more, constants, none, self._pushed)
+            self._points(x, more, (plain, plain), none, self._pushed)
             for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 change = self._pushed[-1, k, sensor.columns] - found.values[place]
                 found.torque[place, joint] = change
@@ -158,12 +166,13 @@ class PredictedReadings:
         self,
         x: FloatArray,
         torque: FloatArray,
-        constants: tuple[ArmConstants, ArmConstants],
+        constants: Constants,
     ) -> FloatArray:
         """Return the readings (size,) of ``predict`` alone."""
         found: FloatArray = self.linear_rows @ x
         if self.sensors:
-            self._points(x, torque, constants, self._state_places[:0], self._pushed)
+            plain = constants[0]
+            self._points(x, torque, (plain, plain), self._state_places[:0], self._pushed)
             for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 found[place] = self._pushed[-1, k, sensor.columns]
         return found

@@ -37,9 +37,10 @@ class UnscentedKalmanFilter(KalmanFilter):
         points = _sigma_points(part.x, part.P, np.zeros((part.x.size, joints)))
         before, errors = points[:, :-joints], points[:, -joints:]
         after = before.copy()
+        states = self._layout.states
         for old, error, new in zip(before, errors, after, strict=True):
-            torque = self._torque + self.torque_noise * error
-            new[:-1] = self._step.advance(old[:-1], torque, self._change(old))
+            torque = self._acting(old) + self.torque_noise * error
+            new[states] = self._step.advance(old[states], torque, self._change(old))
         part.x, part.P = _mean(after), _covariance(after, after)
         self._add_drift(part)
         return _covariance(after, errors)
@@ -55,9 +56,9 @@ class UnscentedKalmanFilter(KalmanFilter):
         points = _sigma_points(part.x, part.P, moved)
         states, outputs = points[:, :-joints], np.zeros((len(points), self._readings.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
-            torque = self._torque + self.torque_noise * error
-            constants = self._step.constants(self._change(x))
-            outputs[k] = self._readings.values(x[:-1], torque, constants)
+            torque = self._acting(x) + self.torque_noise * error
+            constants = self._step.free.at(self._change(x))
+            outputs[k] = self._readings.values(x[self._layout.states], torque, constants)
         predicted = _mean(outputs)
         S = _covariance(outputs, outputs) + np.diag(self._readings.variance)
         K = cho_solve(cho_factor(S), _covariance(states, outputs).T).T

@@ -8,6 +8,7 @@ from scipy.stats import chi2
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import Measurement
+from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 
@@ -61,13 +62,13 @@ def test_single_step_is_exact(offset):
     for one, other in (
         (found.state, wanted.state),
         (found.torque, wanted.torque),
-        (found.parameter, wanted.parameters["payload.mass"]),
+        (found.parameters[:, 0], wanted.parameters["payload.mass"]),
     ):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12 * abs(other).max())
     # A changed parameter is a changed arm.
     heavier = fa.varied(arm, payload_mass=0.5)
     other = SampledStep(heavier, 2e-5).take(x, torque)
-    np.testing.assert_allclose(step.take(x, torque, 0.3).after, other.after, rtol=1e-12)
+    np.testing.assert_allclose(step.take(x, torque, np.array([0.3])).after, other.after, rtol=1e-12)
 
 
 def test_number_of_steps_follows_from_the_fastest_mode():
@@ -93,7 +94,8 @@ def test_predicted_readings_equal_those_of_the_linear_model():
     readings = PredictedReadings(
         arm, [STRAIN, ACCELEROMETER, ENCODER, fa.Instrument(velocity, noise=1.0)]
     )
-    constants = SampledStep(arm, 1e-3).constants(0.0)
+    free = FreeParameters(arm, ["payload.mass"])
+    constants = free.at()
     values, slopes, by_mass, by_torque = readings.predict(x, torque, constants)
     model = fa.linearize(
         arm,
@@ -106,8 +108,8 @@ def test_predicted_readings_equal_those_of_the_linear_model():
     np.testing.assert_allclose(slopes, model.C, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(by_torque, model.D, rtol=1e-9, atol=1e-9)
     step = 1e-6
-    ahead = readings.predict(x, torque, SampledStep(arm, 1e-3).constants(step)).values
-    np.testing.assert_allclose((ahead - values) / step, by_mass, rtol=1e-4, atol=1e-6)
+    ahead = readings.predict(x, torque, free.at(np.array([step]))).values
+    np.testing.assert_allclose((ahead - values) / step, by_mass[:, 0], rtol=1e-4, atol=1e-6)
 
 
 def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN), initial=None):

@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.estimation.predicted_readings import PredictedReadings
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 
 ANGLE = fa.Instrument("joint_angle", noise=1e-4)
 POINTS = [
@@ -43,7 +43,7 @@ def predicted(arm, x, torque=TORQUE, change=0.0):
     """Return readings of the four points and the joints, with their derivatives."""
     instruments = [*(fa.Instrument(point, noise=1e-3) for point in POINTS), ANGLE]
     readings = PredictedReadings(arm, instruments)
-    return readings.predict(x, torque, SampledStep(arm, 0.01).constants(change))
+    return readings.predict(x, torque, FreeParameters(arm, ["payload.mass"]).at(np.array([change])))
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_derivatives_by_the_torque_equal_differences(arm, x):
 
 
 def test_derivative_by_the_payload_equals_differences_of_arms(arm, x):
-    by = predicted(arm, x).parameter
+    by = predicted(arm, x).parameters[:, 0]
     step = 1e-4
     heavy, light = (predicted(arm_with(0.3 + s), x).values for s in (step, -step))
     np.testing.assert_allclose(by, (heavy - light) / (2 * step), rtol=1e-6, atol=1e-6)

@@ -58,8 +58,8 @@ def test_derivatives_by_state_and_torque_equal_differences(step):
 
 
 def test_derivative_by_the_payload_equals_differences_of_arms(step):
-    found, size = step.take(X, TORQUE).parameter, 1e-4
-    heavy, light = (step.take(X, TORQUE, change=s).after for s in (size, -size))
+    found, size = step.take(X, TORQUE).parameters[:, 0], 1e-4
+    heavy, light = (step.take(X, TORQUE, np.array([s])).after for s in (size, -size))
     np.testing.assert_allclose(found, (heavy - light) / (2 * size), rtol=0, atol=1e-6)
     assert abs(found).max() > 1e-3
     other = SampledStep(arm_with(0.3 + size), SAMPLE_TIME)

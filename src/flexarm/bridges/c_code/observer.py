@@ -82,10 +82,13 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
         raise InputError(
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
+    if observer._layout.size > 2 * observer.arm.dof + 1:
+        rule = "estimate no parameters and no disturbance torques"
+        raise InputError(Problem("observer", rule))
     if observer.arm.joints != arm.joints:
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
-    widest = widest_single(observer._nominal + observer._own)
+    widest = widest_single(_nominal(observer) + observer._own)
     if observer.payload_deviation > widest:
         rule = f"have a payload_deviation of at most {widest:.3g} kg"
         hint = "Above it the filter is a sum of Gaussians, whose number changes during a run."
@@ -104,7 +107,7 @@ class _Writer:
         self.states = 2 * self.arm.dof + 1
         self.shown = observer._readings
         self.predicted = self._predicted_readings()
-        self.own, self.nominal = observer._own, observer._nominal
+        self.own, self.nominal = observer._own, _nominal(observer)
         mean, variance = [self.nominal + self.own], [[observer.payload_deviation**2]]
         self.scale, (prior,) = split(np.array(mean), np.array(variance))
         self.spread = float(prior.P[-1, -1])
@@ -193,7 +196,7 @@ class _Writer:
     def _first_variance(self, straight: Any) -> Any:
         """Return the variances (states,) before the first reading; the mass has its own."""
         rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
-        found = casadi.MX(casadi.DM(rigid))
+        found = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
         free = self._free()
         if free:
             stiffness = casadi.diag(self._static()[1](straight, self.nominal))
@@ -289,6 +292,11 @@ class _Writer:
                 values[place] = casadi.vertcat(*(plain(one) for one in row[sensor.columns]))
         slopes = [casadi.densify(casadi.jacobian(values, one)) for one in (x, mass, torque)]
         return casadi.Function("readings", [x, torque, mass], [casadi.densify(values), *slopes])
+
+
+def _nominal(observer: KalmanFilter) -> float:
+    """Return the payload mass of the filter's arm, kg."""
+    return observer.arm.spec.payload.mass
 
 
 def _solved(A: Any, B: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,8 @@ from flexarm.assembly.kernel_view import KernelView
 from flexarm.integrate import INTEGRATORS
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.step_sensitivity import held_torque_jacobian
-from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.parameters import constants_by
+from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 
 #: Largest product of step and fastest rate. The relative error of the frequency of the fastest
 #: mode is then 0.2^4 / 120 = 1.3e-5 with the classical Runge-Kutta method. A filter interprets a
@@ -30,11 +30,11 @@ class Step(NamedTuple):
     after: FloatArray  # (2 dof,) [q, qd]
     state: FloatArray  # (2 dof, 2 dof) by the state before
     torque: FloatArray  # (2 dof, joints) by the zero-order-hold torque, N m
-    parameter: FloatArray  # (2 dof,) by the parameter
+    parameters: FloatArray  # (2 dof, p) by the parameters
 
 
 class SampledStep:
-    """Steps of an arm over a sample time under a zero-order-hold torque, with one free parameter.
+    """Steps of an arm over a sample time under a zero-order-hold torque, with free parameters.
 
     The steps are those of ``step_jacobian`` with the method "rk4". Their number follows from the
     fastest mode of the arm. They are compiled as a whole, for filters that step at every sample.
@@ -42,7 +42,7 @@ class SampledStep:
     Args:
         arm: the arm.
         sample_time: s.
-        parameter: one in which the constants are linear, such as "payload.mass".
+        parameters: paths that ``FreeParameters`` accepts, at least one.
         reach: largest product of step and fastest rate.
     """
 
@@ -50,43 +50,39 @@ class SampledStep:
         self,
         arm: Arm,
         sample_time: float,
-        parameter: str = "payload.mass",
+        parameters: Sequence[str] = ("payload.mass",),
         reach: float = REACH,
     ) -> None:
         self.arm = arm
         self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / reach))
         self._h = sample_time / self.steps
-        exact = arm.assembly.constants
-        self._exact = ArmConstants(*(array.astype(complex) for array in exact))
-        by = constants_by(arm, parameter)
-        self._by = [(k, d) for k, d in enumerate(by) if np.any(d)]
+        self.free = FreeParameters(arm, parameters)
         self.places = state_places(arm)
         self._rows = classical()
-        self._kernels = kernels = KernelView(exact, complex)
+        self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._stages = kernels.zeros(len(self._rows) - 1, 2)
         self._before, self._new = kernels.zeros(2), kernels.zeros(2)
         self._slopes = np.zeros((len(self.places) + arm.joints + 1, 2, *kernels.shape))
 
-    def constants(self, change: float) -> tuple[ArmConstants, ArmConstants]:
-        """Return the complex constants with the changed parameter, unperturbed and perturbed."""
-        plain, moved = list(self._exact), list(self._exact)
-        for k, by in self._by:
-            plain[k] = self._exact[k] + change * by
-            moved[k] = plain[k] + 1j * STEP * by
-        return ArmConstants(*plain), ArmConstants(*moved)
-
-    def take(self, x: FloatArray, torque: FloatArray, change: float = 0.0) -> Step:
-        """Advance [q, qd] (2 dof,) by one sample time, with a ``change`` of the parameter."""
+    def take(self, x: FloatArray, torque: FloatArray, changes: FloatArray | None = None) -> Step:
+        """Advance [q, qd] (2 dof,) by one sample time, with ``changes`` (p,) of the parameters."""
         arm = self.arm
-        self._carry(x, torque, change, self.places, arm.assembly.joint_body, self._slopes)
+        plain, moved = self.free.at(changes)
+        self._carry(x, torque, (plain, moved[0]), self.places, arm.assembly.joint_body)
         slopes = arm.unpadded(self._slopes).reshape(len(self._slopes), -1).T
-        size = 2 * arm.dof
-        return Step(self._after(), slopes[:, :size], slopes[:, size:-1], slopes[:, -1])
+        size, parameters = 2 * arm.dof, [slopes[:, -1].copy()]
+        found = Step(self._after(), slopes[:, :size], slopes[:, size:-1], slopes[:, -1:])
+        for one in moved[1:]:
+            self._carry(x, torque, (plain, one), self.places[:0], arm.assembly.joint_body[:0])
+            parameters.append(arm.unpadded(self._slopes[-1]).ravel())
+        return found._replace(parameters=np.stack(parameters, axis=1))
 
-    def advance(self, x: FloatArray, torque: FloatArray, change: float = 0.0) -> FloatArray:
+    def advance(
+        self, x: FloatArray, torque: FloatArray, changes: FloatArray | None = None
+    ) -> FloatArray:
         """Return the state [q, qd] (2 dof,) of ``take``, without its derivatives."""
-        none = self.arm.assembly.joint_body[:0]
-        self._carry(x, torque, change, self.places[:0], none, self._slopes[-1:])
+        plain, _ = self.free.at(changes)
+        self._carry(x, torque, (plain, plain), self.places[:0], self.arm.assembly.joint_body[:0])
         return self._after()
 
     def _after(self) -> FloatArray:
@@ -96,14 +92,13 @@ class SampledStep:
         self,
         x: FloatArray,
         torque: FloatArray,
-        change: float,
+        constants: tuple[ArmConstants, ArmConstants],
         places: IntArray,
         bodies: IntArray,
-        slopes: FloatArray,
     ) -> None:
-        """Write the state after the steps to ``_new``, and the derivatives to ``slopes``."""
+        """Write the state after the steps to ``_new``, and the last derivatives to ``_slopes``."""
         arm = self.arm
-        plain, moved = self.constants(change)
+        plain, moved = constants
         held_torque_jacobian(
             self._kernels.sizes,
             plain,
@@ -120,7 +115,7 @@ class SampledStep:
             self._stages,
             self._before,
             self._new,
-            slopes,
+            self._slopes[-1 - len(places) - len(bodies) :],
         )
 
 

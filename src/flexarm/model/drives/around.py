@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
@@ -16,6 +17,7 @@ from flexarm.model.quantities import (
     Fraction,
     Listed,
     ListPerJoint,
+    Mapped,
     NonNegative,
     Number,
     PerJoint,
@@ -107,6 +109,28 @@ class FilterParameters(Parameters):
     )
     energy_deviation: NonNegative = Field(
         default=0.01, description="Expected initial energy of vibration in each mode (J)."
+    )
+    _: KW_ONLY
+    parameters: Mapped[Positive] | None = Field(
+        default=None,
+        description="Standard deviations of further uncertain numbers of the arm, by paths such as "
+        "joints[0].friction.coulomb, in their units; the arm has their means. Numbers of joints, "
+        "payload, gravity, damping, and rigidities of whole links.",
+    )
+    parameter_drift: Mapped[NonNegative] | None = Field(
+        default=None,
+        description="Intensities of random walks of these numbers, by path (unit/s^0.5); those "
+        "that are not listed are constant.",
+    )
+    disturbance_deviation: Annotated[Any, PerJoint(NonNegative)] = Field(
+        default=0.0,
+        description="Standard deviation of the initial disturbance torques of the joints, one for "
+        "all joints or one for each; they are estimated if this or their drift is not 0 (N m).",
+    )
+    disturbance_drift: Annotated[Any, PerJoint(NonNegative)] = Field(
+        default=0.0,
+        description="Intensity of a random walk of the disturbance torques, one for all joints or "
+        "one for each (N m/s^0.5).",
     )
 
 
@@ -217,6 +241,11 @@ class EstimatorParameters(ControllerParameters):
     )
     inner: Annotated[Any, Typed(one_of((*ALONE, _OBSERVED)))] = Field(  # type: ignore[misc]
         description="The controller that receives the estimate."
+    )
+    compensation: Fraction = Field(
+        default=1.0,
+        description="Fraction of the estimated disturbance torques that is subtracted from the "
+        "torque of the inner controller.",
     )
 
 

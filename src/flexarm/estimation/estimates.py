@@ -1,0 +1,180 @@
+"""Estimates of a filter along a record, and the order of the estimated numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arguments import check_mapping, check_nonnegative, check_number, check_numbers
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.estimation.innovation_test import band
+from flexarm.hardware.measurement import FloatArray
+
+
+class Layout(NamedTuple):
+    """Places of the estimated numbers x = [q, qd, parameters, disturbance, payload].
+
+    dof; paths of the parameters; disturbed, the number of disturbance torques.
+    """
+
+    dof: int
+    paths: tuple[str, ...]
+    disturbed: int
+
+    @property
+    def size(self) -> int:
+        """Number of estimated numbers."""
+        return 2 * self.dof + len(self.paths) + self.disturbed + 1
+
+    @property
+    def states(self) -> slice:
+        """Places of [q, qd]."""
+        return slice(0, 2 * self.dof)
+
+    @property
+    def parameters(self) -> slice:
+        """Places of the parameters."""
+        return slice(2 * self.dof, 2 * self.dof + len(self.paths))
+
+    @property
+    def disturbance(self) -> slice:
+        """Places of the disturbance torques of the joints."""
+        return slice(self.parameters.stop, self.size - 1)
+
+    def derivative(
+        self, state: FloatArray, parameters: FloatArray, torque: FloatArray, by_mass: float = 1.0
+    ) -> FloatArray:
+        """Return the derivative (rows, size) of a function by x.
+
+        Args:
+            state, torque: (rows, 2 dof), (rows, joints), the derivatives by [q, qd] and torques.
+            parameters: (rows, 1 + p), by the payload mass and the parameters.
+            by_mass: derivative of the payload mass by the last number of x.
+        """
+        found = np.zeros((len(state), self.size))
+        found[:, self.states] = state
+        found[:, self.parameters] = parameters[:, 1:]
+        found[:, self.disturbance] = torque[:, : self.disturbed]
+        found[:, -1] = by_mass * parameters[:, 0]
+        return found
+
+    def deviations(self, covariance: FloatArray) -> dict[str, FloatArray]:
+        """Return the standard deviations by name for covariances (..., size, size)."""
+        found = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+        named = {
+            "q": found[..., : self.dof],
+            "qd": found[..., self.dof : 2 * self.dof],
+            "payload.mass": found[..., -1],
+        }
+        if self.disturbed:
+            named["disturbance"] = found[..., self.disturbance]
+        for path, values in zip(
+            self.paths, np.moveaxis(found[..., self.parameters], -1, 0), strict=True
+        ):
+            named[path] = values
+        return named
+
+
+class Estimates(NamedTuple):
+    """Estimates from a record, after the readings of each sample.
+
+    q and qd (samples, dof), payload_mass (samples,) kg, covariance (samples, s, s) of
+    [q, qd, parameters, disturbance, payload_mass]; innovation (samples,), the normalised innovation
+    squared of each sample divided by the number of readings, one on average; consistent, False if
+    the innovation test failed; readings, their number in each sample; parameters, (samples,) by
+    path; disturbance (samples, joints) N m, zero if it is not estimated.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    payload_mass: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    consistent: bool
+    readings: int
+    parameters: dict[str, FloatArray]
+    disturbance: FloatArray
+
+    @property
+    def deviations(self) -> dict[str, FloatArray]:
+        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path."""
+        return self._layout.deviations(self.covariance)
+
+    @public_call
+    def squared_errors(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        payload_mass: float,
+        parameters: Mapping[str, float] | None = None,
+        disturbance: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Return the normalised estimation error squared (samples,), one on average.
+
+        Args:
+            q, qd: (samples, dof), the true states. payload_mass: the true one, kg.
+            parameters: the true numbers by path, required for those that were estimated.
+            disturbance: the true torques (joints,) or (samples, joints) N m; zero by default.
+
+        Raises:
+            InputError: if a shape is wrong, a number is missing or not finite.
+
+        Divided by the number of states that are uncertain. Y. Bar-Shalom, X. R. Li and T.
+        Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.4.
+        """
+        true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
+        mass = check_nonnegative("payload_mass", payload_mass)
+        given = check_mapping("parameters", parameters or {}, "paths and numbers")
+        if set(given) != set(self.parameters):
+            rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
+            raise InputError(Problem("parameters", rule, shown(list(given))))
+        missed = [true[0] - self.q, true[1] - self.qd]
+        for path, values in self.parameters.items():
+            number = check_number(f"parameters[{path!r}]", given[path])
+            missed.append((number - values)[:, None])
+        joints = self.disturbance.shape[1]
+        torques = check_numbers(
+            "disturbance", np.zeros(joints) if disturbance is None else disturbance
+        )
+        shape = self.disturbance.shape if torques.ndim == 2 else (joints,)
+        acting = check_array("disturbance", torques, shape) - self.disturbance
+        missed.append(acting[:, : self._layout.disturbed])
+        whole = np.column_stack([*missed, mass - self.payload_mass])
+        free = self._uncertain
+        P, error = self.covariance[:, free][:, :, free], whole[:, free, None]
+        squared: FloatArray = np.sum(error * np.linalg.solve(P, error), axis=(1, 2))
+        return squared / np.count_nonzero(free)
+
+    @public_call
+    def error_band(self, probability: float = 0.95) -> tuple[float, float]:
+        """Return the interval of ``squared_errors`` of one sample of a consistent filter.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
+        return band(int(np.count_nonzero(self._uncertain)), probability)
+
+    @public_call
+    def innovation_band(self, probability: float = 0.95) -> tuple[float, float]:
+        """Return the interval of ``innovation`` of one sample of a consistent filter.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
+        return band(self.readings, probability)
+
+    @property
+    def _layout(self) -> Layout:
+        dof, paths = self.q.shape[1], tuple(self.parameters)
+        return Layout(dof, paths, self.covariance.shape[1] - 2 * dof - len(paths) - 1)
+
+    @property
+    def _uncertain(self) -> NDArray[np.bool_]:
+        """Whether each state has a variance; that of a known payload is zero."""
+        found: NDArray[np.bool_] = np.any(
+            np.diagonal(self.covariance, axis1=1, axis2=2) > 0, axis=0
+        )
+        return found

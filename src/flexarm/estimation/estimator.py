@@ -1,0 +1,326 @@
+"""Base of the estimators of states, payload, parameters and disturbance torques of an arm."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arguments import (
+    check_kind,
+    check_list_of,
+    check_mapping,
+    check_nonnegative,
+    check_numbers,
+)
+from flexarm.bending import one_warning, warn_of_first
+from flexarm.control.parametrised import OfArm
+from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.estimation.estimates import Estimates, Layout
+from flexarm.estimation.first_estimate import first_variance, sag
+from flexarm.estimation.innovation_test import InnovationTest
+from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
+from flexarm.hardware.measurement import FloatArray, Measurement
+from flexarm.linear.statics.gaps import warn_of_bristles
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.model import Instrument
+from flexarm.model.drives.around import FilterParameters
+
+#: The parameter that every estimator has, with arguments of its own.
+MASS = "payload.mass"
+
+
+class StateEstimator(FilterParameters, OfArm, ABC):
+    """Base of estimators: their start, their samples, and the test of their innovations.
+
+    The estimated numbers are those of `Layout`. Parameters and disturbance torques are random
+    walks; the disturbance torques act on the joints beside the torque. An estimator defines
+    ``_start``, ``_moments``, ``_correct`` and ``_predict``.
+    """
+
+    instruments: Sequence[Instrument] = Field(
+        description='Instruments of "joint_angle" (required), "joint_rate", "strain" or a '
+        "`Sensor`; their noise and resolution determine their weights."
+    )
+    sample_time: float = Field(default=1e-3, description="Time between samples (s).")
+
+    def __post_init__(self) -> None:
+        arm = self.arm
+        listed = check_list_of("instruments", self.instruments, Instrument)
+        self.instruments = tuple(listed)
+        self._readings = PredictedReadings(arm, self.instruments)
+        warn_of_bristles(arm, "the filter")
+        self._step: SampledStep | None = None
+        self._made_for = 0.0
+        self._prior, self._drift = dict(self.parameters or {}), dict(self.parameter_drift or {})
+        self._check_paths()
+        disturbed = np.any(self.disturbance_deviation) or np.any(self.disturbance_drift)
+        paths = tuple(self._prior)
+        self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0)
+        self.reset()
+
+    def _check_paths(self) -> None:
+        if MASS in self._prior:
+            hint = "It has arguments of its own: payload_deviation and payload_drift."
+            raise InputError(Problem("parameters", f"must not contain {MASS!r}", hint=hint))
+        for path in self._drift:
+            if path not in self._prior:
+                rule = "have paths of parameters only"
+                raise InputError(Problem("parameter_drift", rule, shown(path)))
+
+    def reset(self) -> None:
+        """Clear the estimate; the next ``correct`` starts from its readings."""
+        if self._step is None or self._made_for != self.sample_time:
+            self._step = SampledStep(self.arm, self.sample_time, (MASS, *self._layout.paths))
+            self._made_for = self.sample_time
+        self._nominal = self._step.free.values
+        layout = self._layout
+        self._torque = np.zeros(self.arm.joints)
+        self._walk = np.zeros(layout.size)  # variances of the walks over a sample
+        drifts = np.array([self._drift.get(path, 0.0) for path in layout.paths])
+        self._walk[layout.parameters] = self.sample_time * drifts**2
+        if layout.disturbed:
+            self._walk[layout.disturbance] = self.sample_time * self.disturbance_drift**2
+        self._begun = False
+        self._test = InnovationTest(type(self).__name__, self._readings.size)
+        self._innovation = np.nan
+        mean = np.concatenate([np.zeros(layout.size - 1), self._nominal[:1]])
+        mean[layout.parameters] = self._nominal[1:]
+        self._start(mean, np.zeros((layout.size, layout.size)))
+
+    @property
+    def q(self) -> FloatArray:
+        """Estimated coordinates (dof,)."""
+        return self._moments()[0][: self.arm.dof]
+
+    @property
+    def qd(self) -> FloatArray:
+        """Estimated rates (dof,)."""
+        return self._moments()[0][self.arm.dof : 2 * self.arm.dof]
+
+    @property
+    def payload_mass(self) -> float:
+        """Estimated mass of the payload, kg."""
+        return float(self._moments()[0][-1])
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """Estimated numbers of ``parameters``, by path."""
+        values = self._moments()[0][self._layout.parameters]
+        return dict(zip(self._layout.paths, values.tolist(), strict=True))
+
+    @property
+    def disturbance(self) -> FloatArray:
+        """Estimated disturbance torques (joints,) N m, which act beside the torque."""
+        return self._disturbance(self._moments()[0])
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (s, s) of the errors of [q, qd, parameters, disturbance, payload_mass]."""
+        return self._moments()[1]
+
+    @property
+    def deviations(self) -> dict[str, FloatArray]:
+        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path."""
+        return self._layout.deviations(self.covariance)
+
+    @property
+    def innovation(self) -> float:
+        """Mean of the normalised innovations squared over the last 100 samples.
+
+        It is about one if the filter is consistent, and NaN before there are as many samples.
+        """
+        return self._test.ratio
+
+    @property
+    def consistent(self) -> bool:
+        """False once ``innovation`` exceeded its distribution (probability 1e-9).
+
+        An ``InconsistentEstimateWarning`` reports it once after each ``reset``.
+        """
+        return self._test.passed
+
+    def report(self) -> dict[str, float]:
+        """Return the largest mean innovation, 1 if the test was passed, else 0, and estimates.
+
+        The estimates are those of uncertain numbers, with their standard deviations.
+        """
+        found: dict[str, float] = {
+            "estimator_innovation": self._test.worst,
+            "estimator_consistent": int(self.consistent),
+        }
+        mean, covariance = self._moments()
+        layout, deviations = self._layout, self._layout.deviations(covariance)
+        named = {MASS: mean[-1]} if deviations[MASS] else {}
+        named |= zip(layout.paths, mean[layout.parameters], strict=True)
+        for name, value in named.items():
+            found[f"estimated {name}"] = float(value)
+            found[f"deviation of {name}"] = float(deviations[name])
+        for joint, value in enumerate(mean[layout.disturbance]):
+            name = f"disturbance[{joint}]"
+            found[f"estimated {name}"] = float(value)
+            found[f"deviation of {name}"] = float(deviations["disturbance"][joint])
+        return found
+
+    @public_call
+    def begin(
+        self, q: ArrayLike, qd: ArrayLike, payload_mass: float, covariance: ArrayLike
+    ) -> None:
+        """Start at an estimate (dof,), (dof,), kg and its covariance, not at the first reading.
+
+        Parameters start at the numbers of the arm, and disturbance torques at zero; the covariance
+        (s, s) is that of all estimated numbers.
+
+        Raises:
+            InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
+                negative.
+        """
+        size = self._layout.size
+        parts = [check_array(n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+        mass = check_nonnegative("payload_mass", payload_mass)
+        given = check_array("covariance", covariance, (size, size))
+        for name, numbers in (("payload_mass", mass), ("covariance", given)):
+            if np.max(np.abs(numbers)) > LARGEST:
+                rule = f"be at most {LARGEST:g}"
+                raise InputError(Problem(name, rule, shown(float(np.max(np.abs(numbers))))))
+        self._start(self._mean(np.concatenate(parts), mass), given)
+        self._begun = True
+
+    @public_call
+    def correct(self, measurement: Measurement) -> None:
+        """Correct the estimate by the readings at the current sample time.
+
+        Raises:
+            InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
+                not finite or above 1e9, or the estimate has diverged.
+        """
+        check_kind("measurement", measurement, Measurement)
+        readings = self._readings.stacked(measurement)
+        if not self._begun:
+            self._begin(measurement)
+        if not all(np.isfinite(part).all() for part in self._moments()):
+            hint = "Correct the arm, the readings or the torques, and call reset."
+            raise InputError(Problem("the estimate", "is not finite", hint=hint))
+        self._correct(readings)
+
+    @public_call
+    def predict(self, torque: ArrayLike) -> None:
+        """Predict the next sample under a zero-order-hold torque (joints,) N m.
+
+        Raises:
+            InputError: if the torque does not have shape (joints,), or is not finite.
+        """
+        self._torque = check_array("torque", torque, self._torque.shape)
+        self._predict()
+
+    @public_call
+    def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
+        """Filter a record from its start, with ``correct`` and ``predict`` at each sample.
+
+        Args:
+            torque: (samples, joints) N m, constant from each sample to the next.
+            readings: by the instruments' names, (samples, ...).
+
+        Raises:
+            InputError: if there is no sample, readings of an instrument are missing, or their
+                number differs from that of the torques.
+        """
+        torques = check_array("torque", torque, (-1, self.arm.joints))
+        if not len(torques):
+            raise InputError(Problem("torque", "have at least one sample", shown(torque)))
+        given_by_name = check_mapping("readings", readings, "names and readings")
+        arrays = {}
+        for item in self.instruments:
+            name = f"readings[{item.label!r}]"
+            given = check_numbers(name, given_by_name.get(item.label, ()))
+            if given.ndim == 0 or len(given) != len(torques):
+                rule = f"have one row for each of the {len(torques)} torques"
+                raise InputError(Problem(name, rule, f"shape {given.shape}"))
+            arrays[item.label] = check_array(name, given, (-1,) * given.ndim)
+        self.reset()
+        kept = []
+        for k in range(len(torques)):
+            if k:
+                self.predict(torques[k - 1])
+            self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
+            kept.append((*self._moments(), self._innovation))
+        x, covariance, innovation = (np.array(part) for part in zip(*kept, strict=True))
+        layout = self._layout
+        return Estimates(
+            x[:, : layout.dof],
+            x[:, layout.dof : 2 * layout.dof],
+            x[:, -1],
+            covariance,
+            innovation,
+            self.consistent,
+            self._readings.size,
+            dict(zip(layout.paths, x[:, layout.parameters].T, strict=True)),
+            np.array([self._disturbance(row) for row in x]),
+        )
+
+    @abstractmethod
+    def _start(self, x: FloatArray, covariance: FloatArray) -> None:
+        """Start at a mean and covariance of the estimated numbers."""
+
+    @abstractmethod
+    def _moments(self) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and covariance of the estimated numbers."""
+
+    @abstractmethod
+    def _correct(self, readings: FloatArray) -> None:
+        """Correct the estimate, and pass the innovation to ``_judge``."""
+
+    @abstractmethod
+    def _predict(self) -> None:
+        """Carry the estimate to the next sample under ``_torque``."""
+
+    def _judge(self, missed: FloatArray, covariance: FloatArray) -> None:
+        """Add the difference of readings and their prediction to the test."""
+        squared = float(missed @ np.linalg.solve(covariance, missed))
+        self._innovation = squared / missed.size
+        self._test.add(squared)
+
+    def _disturbance(self, x: FloatArray) -> FloatArray:
+        """Return the disturbance torques (joints,) of the estimated numbers."""
+        layout = self._layout
+        return x[layout.disturbance].copy() if layout.disturbed else np.zeros(self.arm.joints)
+
+    def _acting(self, x: FloatArray) -> FloatArray:
+        """Return the torques (joints,) that act according to the estimated numbers, N m."""
+        return (
+            self._torque + x[self._layout.disturbance] if self._layout.disturbed else self._torque
+        )
+
+    def _changes(self, x: FloatArray, mass: float) -> FloatArray:
+        """Return the changes (1 + p,) of payload mass and parameters for the step."""
+        found: FloatArray = np.append(mass, x[self._layout.parameters]) - self._nominal
+        return found
+
+    def _mean(self, state: FloatArray, mass: float) -> FloatArray:
+        """Return the estimated numbers of a start at [q, qd] and a mass."""
+        none = np.zeros(self._layout.disturbed)
+        return np.concatenate([state, self._nominal[1:], none, [mass]])
+
+    def _begin(self, measurement: Measurement) -> None:
+        arm, count, layout = self.arm, self.arm.dof, self._layout
+        angle = next(i for i in self.instruments if i.signal == "joint_angle")
+        angles = np.asarray(measurement[angle.label])
+        deviations = {MASS: self.payload_deviation, **self._prior}
+        with one_warning() as bent:
+            q, slopes = sag(arm, angles, deviations)
+        warn_of_first(bent)
+        stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles)))
+        variance = np.zeros(layout.size)
+        variance[layout.states] = first_variance(arm, self, angle, stiffness)
+        variance[layout.disturbance] = self.disturbance_deviation**2 if layout.disturbed else 0.0
+        P = np.diag(variance)
+        places = -1, *range(layout.parameters.start, layout.parameters.stop)
+        for place, slope, deviation in zip(places, slopes, deviations.values(), strict=True):
+            along = np.zeros(layout.size)
+            along[:count], along[place] = slope, 1.0
+            P += deviation**2 * np.outer(along, along)
+        self._start(self._mean(np.append(q, np.zeros(count)), self._nominal[0]), P)
+        self._begun = True
