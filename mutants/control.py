@@ -18,6 +18,7 @@ CONTROL = Area(
                 "unit/control/test_extended_kalman.py",
                 "unit/control/test_filter_input.py",
                 "unit/control/test_unknown_parameters.py",
+                "unit/control/test_moving_horizon.py",
             ),
         ),
         Group(

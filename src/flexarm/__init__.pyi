@@ -61,6 +61,7 @@ from .errors import SimulationError as SimulationError
 from .errors import UnstableLoopWarning as UnstableLoopWarning
 from .estimation.estimator_controller import EstimatorController as EstimatorController
 from .estimation.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
+from .estimation.moving_horizon import MovingHorizonEstimator as MovingHorizonEstimator
 from .estimation.unscented_kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
 from .hardware.measurement import Measurement as Measurement
 from .histories.multisine import Multisine as Multisine

@@ -14,6 +14,7 @@ from flexarm.hardware.measurement import Measurement
 from flexarm.loop_analysis.linear_controller import memory_of
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
+from flexarm.scenarios.controllers import FILTERS
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [
@@ -289,9 +290,14 @@ def compare(place, field, default):
         assert field.default == default, f"{place} must be {default} by default"
 
 
-def test_filter_record_has_the_same_arguments_and_defaults():
-    fields = FilterSpec.model_fields
-    wanted = dict(inspect.signature(fa.ExtendedKalmanFilter).parameters)
+@pytest.mark.parametrize("kind", FILTERS)
+def test_filter_record_has_the_same_arguments_and_defaults(kind):
+    fields = dict(FilterSpec.model_fields)
+    del fields["kind"]
+    wanted = dict(inspect.signature(FILTERS[kind]).parameters)
+    if kind != "moving_horizon":
+        for key in ("horizon", "lower_bounds", "upper_bounds"):
+            del fields[key]
     # given by the file: the arm, and the time of the inner controller
     for key in ("arm", "sample_time"):
         del wanted[key]

@@ -56,7 +56,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "loop_margins",
         *("iterative_learning", "LearnedMotion"),
         *("LoopShaping", "MuSynthesis", "loop_models", "SampledModel", "robustness"),
-        *("design", "ControllerDesign", "InstrumentFault"),
+        *("design", "ControllerDesign", "InstrumentFault", "MovingHorizonEstimator"),
     ),
     "linear": (
         *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),

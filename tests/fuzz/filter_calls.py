@@ -10,7 +10,7 @@ import numpy as np
 import flexarm as fa
 from conformance.controller_examples import kalman_filter, two_links
 
-KINDS = (fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter)
+KINDS = (fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter, fa.MovingHorizonEstimator)
 _ARGUMENTS = {
     "arm": cache(two_links),
     "instruments": lambda: kalman_filter().instruments,

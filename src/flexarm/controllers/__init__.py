@@ -31,6 +31,7 @@ from flexarm.controllers.vibration.positive_position import PositivePositionFeed
 from flexarm.controllers.vibration.wave_based import WaveBasedControl
 from flexarm.estimation.estimator_controller import EstimatorController
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.estimation.moving_horizon import MovingHorizonEstimator
 from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import Hardware, Instrument, Motors
@@ -91,6 +92,7 @@ __all__ = [
     "LoopShaping",
     "Measurement",
     "Motors",
+    "MovingHorizonEstimator",
     "NeuralForce",
     "NonlinearMPC",
     "OutputRedefinition",

@@ -75,15 +75,21 @@ def _sigma_points(x: FloatArray, P: FloatArray, with_errors: FloatArray) -> Floa
     """
     joints = with_errors.shape[1]
     whole = np.block([[P, with_errors], [with_errors.T, np.eye(joints)]])
-    # Variances differ by many orders of magnitude, and some may be zero.
-    deviation = np.sqrt(np.maximum(np.diag(whole), 0.0))
-    scale = np.where(deviation > 0.0, deviation, 1.0)
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    roots = (deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
+    roots = square_root(whole)
     mean = np.concatenate([x, np.zeros(joints)])
     apart = np.sqrt(mean.size) * roots.T
     found: FloatArray = np.vstack([mean, mean + apart, mean - apart])
     return found
+
+
+def square_root(covariance: FloatArray) -> FloatArray:
+    """Return a matrix whose product with its transpose is a covariance, which may be singular."""
+    # Variances differ by many orders of magnitude, and some may be zero.
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root: FloatArray = (deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
+    return root
 
 
 def _mean(points: FloatArray) -> FloatArray:

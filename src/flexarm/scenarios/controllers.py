@@ -11,7 +11,10 @@ from flexarm.arm import Arm
 from flexarm.control.base import Controller
 from flexarm.controllers import CONTROLLERS
 from flexarm.errors import InputError, Problem
+from flexarm.estimation.estimator import StateEstimator
 from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.estimation.moving_horizon import MovingHorizonEstimator
+from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.model import Hardware
 from flexarm.model.drives import ControllerDrive, FlexibleTorqueDrive, RigidInverseDynamicsDrive
 from flexarm.motion import Motion
@@ -99,16 +102,25 @@ def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
     if not instruments:
         rule = "are required, because the hardware has none"
         raise InputError(Problem("estimator.instruments", rule))
-    options = {name: getattr(spec, name) for name in type(spec).model_fields}
+    kind = FILTERS[spec.kind]
+    names = [name for name in type(spec).model_fields if name in signature(kind).parameters]
+    options = {name: getattr(spec, name) for name in names}
     options["instruments"] = list(instruments)
     with problems_under("estimator"):
-        return {"estimator": ExtendedKalmanFilter(around.arm, **options)}
+        return {"estimator": kind(around.arm, **options)}
 
 
 #: Drives without feedback whose torque can be a feedforward, by the value of the key.
 FEEDFORWARDS: dict[str, Callable[[], Any]] = {
     "rigid_inverse_dynamics": RigidInverseDynamicsDrive,
     "flexible_torque": FlexibleTorqueDrive,
+}
+
+#: Estimators, by the kind of a filter.
+FILTERS: dict[str, Callable[..., StateEstimator]] = {
+    "extended": ExtendedKalmanFilter,
+    "unscented": UnscentedKalmanFilter,
+    "moving_horizon": MovingHorizonEstimator,
 }
 
 #: Functions that convert the value of a key to arguments, for keys that are not arguments.

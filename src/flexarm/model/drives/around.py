@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import KW_ONLY
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
+from flexarm.model.checks import Given, Record
 from flexarm.model.drives.base import ControllerParameters, drive_of
 from flexarm.model.drives.parameters import Parameters, parameters_of, record_of
 from flexarm.model.drives.registry import ALONE, GROUPS, one_of
@@ -25,6 +27,7 @@ from flexarm.model.quantities import (
     Typed,
     plain,
 )
+from flexarm.model.wording import Fault
 
 _Damping = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 
@@ -134,10 +137,45 @@ class FilterParameters(Parameters):
     )
 
 
+class MovingHorizonParameters(FilterParameters):
+    """A moving-horizon estimator for the bending of the arm and its payload."""
+
+    _: KW_ONLY
+    horizon: Count = Field(
+        default=20, description="Number of samples that are estimated again at each sample."
+    )
+    lower_bounds: Mapped[Number] | None = Field(
+        default=None,
+        description="Lower bounds by payload.mass (0 by default), paths of parameters, and "
+        "disturbance for the torques of all joints.",
+    )
+    upper_bounds: Mapped[Number] | None = Field(
+        default=None, description="Upper bounds, likewise; none by default."
+    )
+
+
+#: Keys of files that only a moving-horizon estimator has.
+_OF_HORIZON = ("horizon", "lower_bounds", "upper_bounds")
+
+
+class _FilterRecord(Record):
+    """Base of the record of a filter in a file."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.raw("kind") != "moving_horizon":
+            for key in _OF_HORIZON:
+                if not given.omitted(key):
+                    yield Fault((key,), "requires kind: moving_horizon")
+
+
+_KIND = Field(default="extended", description="Kind of the filter.")
 FilterSpec = record_of(
     "FilterSpec",
     FilterParameters.__doc__ or "",
-    parameters_of(FilterParameters),
+    parameters_of(MovingHorizonParameters),
+    _FilterRecord,
+    kind=(Literal["extended", "unscented", "moving_horizon"], _KIND),
 )
 _OBSERVED = drive_of(DisturbanceObserverParameters)
 _REPETITIVE = drive_of(RepetitiveParameters)

@@ -33,7 +33,7 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
     whole = (StudySpec if kind == "study" else Scenario).model_json_schema()
     definitions = whole["$defs"]
     for definition in definitions.values():
-        if "kind" in definition.get("properties", {}):
+        if "const" in definition.get("properties", {}).get("kind", {}):
             # The field has a default, so pydantic lists it as optional, but files require it.
             definition["required"] = ["kind", *definition.get("required", [])]
     material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
