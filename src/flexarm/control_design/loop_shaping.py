@@ -87,8 +87,8 @@ def shaped_design(
 
 def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
-    half = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture))
-    root: FloatArray = half * np.sqrt(bandwidth)
+    half: FloatArray = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture))
+    root = half * np.sqrt(bandwidth)
     shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
     return root, shown
 

@@ -53,7 +53,7 @@ def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
     torque, rows, torques = np.zeros(arm.joints), [], []
     for k in range(samples):
         noise = np.sqrt(shown.variance) * random.standard_normal(shown.size)
-        rows.append(shown.values(x, torque, step.constants(0.0)) + noise)
+        rows.append(shown.values(x, torque, step.free.at()) + noise)
         torques.append(torque)
         phase = 2.0 * np.pi * k / samples * np.arange(1, arm.joints + 1)
         torque = _TORQUE * M * np.sin(phase)
