@@ -87,7 +87,7 @@ def shaped_design(
 
 def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
-    half: FloatArray = np.linalg.cholesky(RigidModel(arm).mass_matrix(posture))
+    half = np.asarray(np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)), dtype=np.float64)
     root = half * np.sqrt(bandwidth)
     shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
     return root, shown
