@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beam_links import flexible_link
-from flexarm.beams.assembly import beam_matrices
+from flexarm.beams.assembly import beam_matrices, nodal_shapes
 from flexarm.beams.flexibility import strain_to_nodal
 from flexarm.beams.properties import BeamTable
 from flexarm.beams.quadrature import beam_quadrature
@@ -48,6 +48,20 @@ class TestUniformCantilever:
         bent = link.a / MU / link.w2
         assert link.P @ bent == pytest.approx(11 * L**5 / (120 * EI), rel=EXACT)
         assert link.dP @ bent == pytest.approx(L**4 / (8 * EI), rel=EXACT)
+
+    def test_curvature_of_a_uniform_load_is_exact_at_the_gauss_points(self, elements):
+        """Elsewhere in an element it lacks a parabola (Barlow, 1976)."""
+        link, h = uniform(elements), L / elements
+        gauss = 0.5 * h * (1.0 + np.array([-1.0, 1.0]) / np.sqrt(3.0))
+        inside = np.concatenate([gauss, h * np.array([0.1, 0.3, 0.5])])
+        x = np.add.outer(np.arange(elements) * h, inside)
+        nodal = link.basis @ (link.S / MU / link.w2)
+        found = (nodal_shapes(x.ravel(), L, elements, 2) @ nodal).reshape(x.shape)
+        lacking = (h**2 - 6.0 * h * inside + 6.0 * inside**2) / (12.0 * EI)
+        exact = (L - x) ** 2 / (2.0 * EI)
+        # Rounding of nodal values divided by h^2.
+        np.testing.assert_allclose(found[:, :2], exact[:, :2], rtol=0.0, atol=1e-9 * L**2 / EI)
+        np.testing.assert_allclose(found + lacking, exact, rtol=0.0, atol=1e-9 * L**2 / EI)
 
 
 @pytest.mark.parametrize("modes", [2, 3, 6])
