@@ -121,6 +121,23 @@ def test_samples_are_simulated_in_lanes(monkeypatch):
     assert len(runs) == 48
 
 
+@pytest.mark.parametrize(
+    ("seconds", "samples", "workers", "chunk"),
+    # Eight samples at most, in tasks of at most a minute, and a task for each worker.
+    [(5.0, 64, 2, 8), (5.0, 8, 2, 4), (20.0, 64, 2, 2), (100.0, 64, 2, 1), (0.25, 64, 1, 8)],
+)
+def test_tasks_of_long_runs_fill_the_lanes(seconds, samples, workers, chunk, monkeypatch):
+    study = fa.Study(content(samples))
+    monkeypatch.setattr(fa.Study, "_measured_seconds", lambda *_: seconds)
+    assert study._measured_chunk(workers) == chunk
+
+
+def test_single_samples_are_not_executed_in_lanes(monkeypatch):
+    monkeypatch.delattr(batches, "simulate_batch")  # a call raises
+    found = executor(drives={"PD": PD}).outcomes(3, 4)
+    assert found.failure.item() == ""
+
+
 def test_verified_samples_are_executed_alone(tmp_path):
     """They repeat the numbers of chunks with several samples in lanes."""
     study = fa.Study(content(drives={"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}))

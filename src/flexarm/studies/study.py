@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 #: tasks for each worker, so that all end at about the same time, unless they get too short.
 TASK_SECONDS, TASKS_PER_WORKER, LEAST_SECONDS = 1.0, 8, 0.2
 _MOST_CHUNK = 4096
+#: Longest task (s) of samples that take long: up to it, samples are given out to fill the lanes.
+_LONGEST_SECONDS = 60.0
 #: Duration of a sample (s) below which more of them are measured.
 _SHORT = 0.02
 
@@ -201,6 +203,9 @@ class Study:
             per_sample = self._measured_seconds(min(LANES, self.samples))
         longest, least = TASK_SECONDS / per_sample, LEAST_SECONDS / per_sample
         size = min(longest, max(self.samples / (TASKS_PER_WORKER * workers), least))
+        # In lanes, eight samples may take little longer than one.
+        lanes = min(LANES, self.samples / workers, _LONGEST_SECONDS / per_sample)
+        size = max(size, lanes)
         return int(2 ** np.floor(np.log2(min(max(size, 1.0), _MOST_CHUNK))))
 
     def _measured_seconds(self, count: int) -> float:
