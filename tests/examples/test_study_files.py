@@ -9,12 +9,13 @@ import xarray as xr
 
 import flexarm as fa
 from default_runs import PROMISED, DefaultRun, record
+from flexarm.model import locate_study
 
 STUDIES = Path(__file__).parents[2] / "examples" / "studies"
 
 
 def test_every_file_is_tested_here():
-    assert {path.stem for path in STUDIES.glob("*.yaml")} == {"drives", "wipe"}
+    assert {path.stem for path in STUDIES.glob("*.yaml")} == {"drives", "random_arms", "wipe"}
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
@@ -87,3 +88,22 @@ def test_softer_links_increase_the_error_along_the_wall(wiped):
     peak = wiped.tip_error_peak.drop_sel(controller=OPEN_LOOP_FORCE)
     assert (peak.sel(plant="soft") > 1.5 * peak.sel(plant="as believed")).all()
     assert np.isfinite(peak).all()
+
+
+def test_random_arms_in_a_small_version():
+    """Four of the twelve drives on two of the 64 arms."""
+    whole, _ = locate_study(STUDIES / "random_arms.yaml")
+    assert len(whole.drives) == 12
+    names = "LQG", "joint PD", "joint PD, rigid", "disturbance observer"
+    drives = {name: whole.drives[name] for name in names}
+    small = fa.Study(whole.replace(drives=drives, samples=whole.samples.replace(count=2)))
+    table = small.run(workers=1, chunk=2, progress=False)
+    found = fa.study_statistics(table, [0.5, 1.0], nominal=small.nominal(progress=False))
+    assert (found.failure_rate == 0.0).all()
+    error = table.tip_error_rms.sel(reference="line")
+    assert (error.sel(plant="changing") > error.sel(plant="constant")).all()
+    for name in names[1:]:
+        assert (error.sel(controller="LQG") < error.sel(controller=name)).all()
+    ratio = found.tip_error_rms_ratio.sel(reference="line", plant="constant", quantile=1.0)
+    # As stated: the controllers with the largest errors change least.
+    assert ratio.sel(controller="joint PD, rigid") < 2.0 < ratio.sel(controller="joint PD") / 5.0
