@@ -1,6 +1,5 @@
 """Friction with bristles: the LuGre model, compared with its equations in SciPy."""
 
-import copy
 from functools import cache
 
 import numpy as np
@@ -8,54 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
+from bristled_joints import PUBLISHED, RUBBING, lugre, turning
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.errors import AccuracyWarning, InputError
 from flexarm.integrate import INTEGRATORS
 from flexarm.observe import channels_of
-
-#: A joint of 0.05 kg m^2 with a strong Stribeck effect.
-INERTIA = 0.05
-NUMBERS = {
-    "coulomb": 0.5,
-    "static": 0.8,
-    "stribeck_rate": 0.05,
-    "bristle_stiffness": 5000.0,
-    "bristle_damping": 15.0,
-}
-#: The example of Canudas de Wit, Olsson, Astrom and Lischinsky (1995), table I.
-PUBLISHED = {
-    "coulomb": 1.0,
-    "static": 1.5,
-    "stribeck_rate": 1e-3,
-    "viscous": 0.4,
-    "bristle_stiffness": 1e5,
-    "bristle_damping": 1e5**0.5,
-}
-
-
-def turning(inertia=INERTIA, numbers=NUMBERS, **joint):
-    """A joint with an inertia and friction, and a rigid link without mass."""
-    link = fa.Link(length=1.0, mass_per_length=1e-12, flexible=False)
-    own = fa.Joint(hub_inertia=inertia, friction=fa.Friction(**numbers), **joint)
-    return fa.Arm(links=[link], joints=[own])
-
-
-def lugre(torque, times, inertia=INERTIA, numbers=NUMBERS, stiffness=0.0):
-    """Return angle, rate and deflection of the bristles (3, times) from the published equations."""
-    n = {"viscous": 0.0, "static": numbers["coulomb"], **numbers}
-    pull, damping = n["bristle_stiffness"], n["bristle_damping"]
-    backward = n.get("coulomb_negative", n["coulomb"])
-
-    def slope(t, y):
-        angle, rate, z = y
-        rise = (n["static"] - n["coulomb"]) * np.exp(-((rate / n["stribeck_rate"]) ** 2))
-        level = (n["coulomb"] if rate > 0.0 else backward) + rise
-        z_dot = rate - pull * abs(rate) * z / level
-        friction = pull * z + damping * z_dot + n["viscous"] * rate
-        return [rate, (torque(t) - stiffness * angle - friction) / inertia, z_dot]
-
-    limits = {"rtol": 1e-10, "atol": 1e-14, "method": "LSODA", "t_eval": times}
-    return solve_ivp(slope, (0.0, times[-1]), [0.0] * 3, **limits).y
 
 
 @cache
@@ -211,9 +166,6 @@ def driven(t):
     return np.array([2.5 * np.cos(9.0 * t), 0.4 * np.sin(14.0 * t)])
 
 
-RUBBING = {**NUMBERS, "viscous": 0.1, "coulomb_negative": 0.7, "bristle_damping": 2.0}
-
-
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_flexible_arm(theory):
     """The arm is that without bristles under the torque of bristles integrated beside it."""
@@ -294,128 +246,3 @@ def test_joint_forces_contain_the_torque_of_bristles():
     """At rest the moment of the joint is zero: the bristles transmit the torque of the motor."""
     result = fa.simulate(turning(), 1.0, torque=[[0.5]] * 2, rate=1.0)
     assert result.joint_moment.values[-1, 0] == pytest.approx(0.0, abs=1e-6)
-
-
-# Other calls -------------------------------------------------------------------------------------
-
-
-def test_plant_keeps_the_deflection():
-    """A plant and its copy continue as the run with the same zero-order-hold torques."""
-    torques = np.array([[0.7], [0.5], [-0.7], [-0.4]])
-    whole = fa.simulate(
-        turning(), 0.08, torque=np.repeat(torques, 20, axis=0), torque_interpolation="hold",
-        rate=1000.0,
-    )  # fmt: skip
-    plant = fa.Plant(turning(), sample_time=0.02)
-    for torque in torques[:2]:
-        plant.step(torque)
-    other = copy.deepcopy(plant)
-    for torque in torques[2:]:
-        plant.step(torque)
-        other.step(torque)
-    assert other.q[0] == plant.q[0]
-    assert plant.q[0] == pytest.approx(whole.joint_angle.values[-1, 0], abs=1e-9)
-    assert abs(plant.q[0]) > 1e-4
-
-
-def test_batch_runs_alone():
-    arm = turning()
-    torque = np.full((21, 1), 0.6)
-    batch = fa.simulate_batch(
-        arm, 0.2, torque=torque, rate=100.0, initial=np.zeros((2, 1)), channels=["joint_angle"]
-    )
-    single = fa.simulate(arm, 0.2, torque=torque, rate=100.0)
-    assert (batch.joint_angle.values[1] == single.joint_angle.values).all()
-
-
-def test_event_and_change_keep_the_deflection():
-    """After a change at an event the joint still holds the torque of its bristles."""
-    event = fa.Event(lambda t, q, qd: t - 0.5, "half")
-    result = fa.simulate(
-        turning(), 1.0, torque=[[0.5]] * 101, rate=100.0, events=[event],
-        changes=[fa.Change("joints[0].friction.viscous", at="half", to=0.2)],
-    )  # fmt: skip
-    assert np.ptp(result.joint_angle.values[48:, 0]) < 1e-8
-
-
-def test_change_that_adds_bristles_is_refused():
-    plain = {**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None}
-    arm = turning(numbers=plain)
-    change = fa.Change("joints[0].friction.bristle_stiffness", at=0.1, to=5000.0)
-    with pytest.raises(InputError, match="bristle_stiffness"):
-        fa.simulate(arm, 0.2, torque=[[0.0]] * 2, changes=[change])
-
-
-def test_derivatives_by_the_numbers_of_bristles():
-    numbers = RUBBING
-    torque = 1.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 0.5, 51))[:, None]
-    options = {"torque": torque, "rate": 100.0, "rtol": 1e-9, "atol": 1e-12}
-    keys = "bristle_stiffness", "bristle_damping", "viscous"
-    paths = [f"joints[0].friction.{key}" for key in keys]
-    found = fa.sensitivities(
-        turning(numbers=numbers), 0.5, parameters=paths, channels=["joint_angle"], **options
-    )
-    for path, key in zip(paths, keys, strict=True):
-        step = 1e-3 * numbers[key]
-        ends = [
-            fa.simulate(turning(numbers={**numbers, key: numbers[key] + side}), 0.5, **options)
-            for side in (step, -step)
-        ]
-        slope = (ends[0].joint_angle - ends[1].joint_angle).values / (2.0 * step)
-        exact = found.joint_angle.sel(parameter=path).values
-        # Central differences: 1e-6 of the third derivative, and errors of the runs over the step.
-        assert np.abs(exact - slope).max() < 1e-3 * np.abs(slope).max() + 1e-9 / step
-
-
-def test_identification_of_bristles():
-    """The numbers of a record with noise of a microradian, from starting values 30 % too small."""
-    true = {**RUBBING, "bristle_stiffness": 2000.0}
-    times = np.arange(501) / 500.0
-    torque = 0.9 * np.sin(3.0 * np.pi * times) + 0.4 * np.sin(20.0 * times)
-    options = {"rate": 500.0, "torque_interpolation": "hold"}
-    data = fa.simulate(turning(numbers=true), 1.0, torque=torque[:, None], **options)
-    noise = 1e-6 * np.random.default_rng(0).standard_normal(data.joint_angle.shape)
-    data["joint_angle"] = data.joint_angle + noise
-    record = fa.MeasuredRecord(data, interpolation="hold", outputs=["joint_angle"])
-    keys = "bristle_stiffness", "bristle_damping"
-    start = {**true, **{key: 0.7 * true[key] for key in keys}}
-    free = [f"joints[0].friction.{key}" for key in keys]
-    found = fa.identify(turning(numbers=start), {"bench": record}, free, progress=False)
-    for path, key in zip(free, keys, strict=True):
-        assert found[path] == pytest.approx(true[key], rel=5e-3)
-    with pytest.raises(InputError, match="prediction_error is not supported with bristles"):
-        fa.identify(turning(), {"bench": record}, free, method="prediction_error")
-
-
-@pytest.mark.parametrize("name", ["rk4", "gauss_6", "generalized_alpha", "cowell_4"])
-def test_other_integrators_refuse_bristles(name):
-    with pytest.raises(InputError, match="'kennedy_carpenter_5' with bristles"):
-        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, integrator=name, step=1e-4)
-
-
-def test_fixed_step_and_gradient_refuse_bristles():
-    with pytest.raises(InputError, match="'auto' without a step"):
-        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, step=1e-4)
-    with pytest.raises(InputError, match="must have no friction with bristles"):
-        fa.goal_gradient(turning(), 0.1, torque=[[0.0]] * 2, weights={"joint_angle": [[1.0]]})
-
-
-def test_functions_of_the_rate_have_the_steady_state():
-    """Inverse dynamics and linear models have the friction without bristles, with a warning."""
-    arm = turning()
-    plain = turning(numbers={**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None})
-    for rate in (0.02, -1.0):
-        assert arm.inverse_dynamics([0.1], [rate], [0.0]) == plain.inverse_dynamics(
-            [0.1], [rate], [0.0]
-        )
-    with pytest.warns(AccuracyWarning, match="bristles"):
-        model = fa.linearize(arm, [0.0])
-    assert (model.A == fa.linearize(plain, [0.0]).A).all()
-
-
-def test_contradictory_numbers():
-    with pytest.raises(InputError, match="requires bristle_stiffness"):
-        fa.Friction(coulomb=0.5, bristle_damping=1.0)
-    for zero in ("coulomb", "coulomb_negative"):
-        with pytest.raises(InputError, match=f"{zero} must be positive with bristles"):
-            fa.Friction(**{"coulomb": 0.5, zero: 0.0}, bristle_stiffness=1e3)
