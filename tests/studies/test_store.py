@@ -82,6 +82,11 @@ def test_results_so_far_can_be_read(study, undisturbed, copied):
     assert so_far.equals(table.isel(sample=so_far.sample.values))
 
 
+def test_store_without_results_has_no_samples(undisturbed, copied):
+    shutil.rmtree(copied / "checksum/c")
+    assert fa.read_study(copied).equals(fa.read_study(undisturbed).isel(sample=[]))
+
+
 def test_disk_that_is_full_stops_and_resumes(study, undisturbed, tmp_path):
     resource = pytest.importorskip("resource", reason="Windows has no limits of files")
     place = tmp_path / "b.zarr"

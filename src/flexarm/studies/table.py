@@ -45,9 +45,9 @@ def table_of(
         table[metric.name] = (DIMS, outcomes.metrics[..., j], labels)
     texts = outcomes.failure.astype(str)
     absent = np.char.startswith(texts, INFEASIBLE)
-    reasons = np.where(absent, np.char.replace(texts, INFEASIBLE, "", count=1), "")
+    reasons = [text.removeprefix(INFEASIBLE) for text in np.where(absent, texts, "").flat]
     table["failure"] = (DIMS, np.where(absent, "", texts), {"long_name": "why a run failed"})
     label = {"long_name": "why the numbers of a run are not possible"}
-    table["infeasible"] = (DIMS, reasons, label)
+    table["infeasible"] = (DIMS, np.array(reasons, dtype=str).reshape(texts.shape), label)
     table["warning"] = (DIMS, outcomes.warning.astype(str), {"long_name": "warnings of a run"})
     return table
