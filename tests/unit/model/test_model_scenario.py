@@ -93,7 +93,7 @@ def test_torque_accepts_an_array():
             [
                 (
                     "drive.kind must be one of 'rigid_inverse_dynamics', 'quasi_static', "
-                    "'flexible_torque', 'tip_inversion', 'torque', 'none', "
+                    "'integral_manifold', 'flexible_torque', 'tip_inversion', 'torque', 'none', "
                     + "".join(f"{kind!r}, " for kind in CONTROLLED).removesuffix(", ")
                     + ", got 'joint_pdd'. Did you mean 'joint_pd'?"
                 )
