@@ -60,7 +60,9 @@ def shown(value: object) -> str:
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         value = value.item()  # type: ignore[attr-defined]
     try:
-        text = "nothing" if value is None else _SHORT.repr(value)
+        plain = type(value).__repr__ is object.__repr__  # an address says nothing
+        text = f"an object of type {type(value).__name__}" if plain else _SHORT.repr(value)
+        text = "nothing" if value is None else text
     except Exception:  # an integer with too many digits to print, or a repr that fails
         text = f"an object of type {type(value).__name__}"
     return " ".join(text.split())

@@ -105,7 +105,7 @@ def test_other_integrators_refuse_bristles(name):
 
 
 def test_fixed_step_and_gradient_refuse_bristles():
-    with pytest.raises(InputError, match="'auto' without a step"):
+    with pytest.raises(InputError, match="step must be omitted with bristles"):
         fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, step=1e-4)
     with pytest.raises(InputError, match="must have no friction with bristles"):
         fa.goal_gradient(turning(), 0.1, torque=[[0.0]] * 2, weights={"joint_angle": [[1.0]]})

@@ -117,11 +117,14 @@ def _refuse_with_bristles(requested: str | Integrator, step: float | None) -> No
     """Raise if a requested integrator does not support friction with bristles."""
     kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
     follows = step is None if kind is None else kind.follows_bristles
+    if kind is None and not follows:
+        hint = "Bristles of a sliding joint need step control; use rtol and atol."
+        raise InputError(Problem("step", "be omitted with bristles", shown(step), hint))
     if not follows:
         names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
-        rule = f"be one of 'auto', {', '.join(names)} with bristles, and 'auto' without a step"
+        rule = f"be one of 'auto', {', '.join(names)} with bristles"
         hint = "Bristles of a sliding joint need step control."
-        raise InputError(Problem("integrator", rule, shown(kind.name if kind else "auto"), hint))
+        raise InputError(Problem("integrator", rule, shown(getattr(kind, "name", kind)), hint))
 
 
 def choose_by_drive(

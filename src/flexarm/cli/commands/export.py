@@ -16,6 +16,7 @@ from flexarm.bridges.rigid_chain.export import (
     export_mjcf,
     export_urdf,
 )
+from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console
 from flexarm.control.base import Controller
 from flexarm.estimation.estimator_controller import EstimatorController
@@ -37,9 +38,11 @@ def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]
     arm, controller, _ = _arm_and_controller(path)
     controller, observer = _separated(controller)
     folder = out if out is not None else path.with_name(f"{path.stem}_c")
-    files = export_c(
-        arm, folder, name=name, parameters=parameters, controller=controller, observer=observer
-    )
+    options: dict[str, Any] = {"name": name, "parameters": parameters}
+    with collected_warnings() as found:
+        files = export_c(arm, folder, **options, controller=controller, observer=observer)
+    for text in found:
+        warn(text)
     screen = console()
     for file in files:
         screen.print(str(file), soft_wrap=True)
@@ -59,16 +62,13 @@ def export_fmu_file(
     """
     arm, controller, (q, qd) = _arm_and_controller(path)
     place = out if out is not None else path.with_suffix(".fmu")
-    written = export_fmu(
-        arm,
-        place,
-        fmi=fmi,
-        name=name,
-        parameters=parameters,
-        controller=controller,
-        initial=q,
-        initial_rate=qd,
-    )
+    options: dict[str, Any] = {"fmi": fmi, "name": name, "parameters": parameters}
+    with collected_warnings() as found:
+        written = export_fmu(
+            arm, place, **options, controller=controller, initial=q, initial_rate=qd
+        )
+    for text in found:
+        warn(text)
     screen = console()
     screen.print(str(written), soft_wrap=True)
     if controller is not None:
