@@ -98,6 +98,21 @@ def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
     assert errors["order 2"][1] < errors["quasi-static"][1] / 80.0
 
 
+def test_order_2_warns_of_motions_that_are_too_fast_for_it():
+    """On the line of 0.6 s, two thirds of the slowest period, the tip error is larger than with 1."""
+    flexible = laboratory_arm()
+    with pytest.warns(fa.AccuracyWarning, match="too fast for order 2"):
+        fa.quasi_static_reference(flexible, line(flexible, 0.6), order=2)
+
+
+def test_a_reference_of_a_reference_bends_by_the_outer_motion():
+    """Its rates are those of its joints; the bent ones may be those of an arm with other modes."""
+    flexible, other = laboratory_arm(), fa.Arm(links=[fa.Link(length=1.2, elements=1, **ROD)] * 2)
+    inner = fa.quasi_static_reference(other, fa.joint_motion(other, [0.2, 0.5], [0.4, 0.7], 1.0))
+    outer = fa.quasi_static_reference(flexible, inner)
+    assert outer.coordinates(np.array([0.5]))[0].shape == (1, flexible.dof)
+
+
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_quasi_static_end_is_the_equilibrium_with_the_tip_at_its_goal(theory):
     heavy = laboratory_arm(gravity=(0.0, -1.62), theory=theory)

@@ -94,6 +94,8 @@ def simulate_separated(
     """
     started = time.perf_counter()
     arm = check_kind("arm", arm, Arm)
+    if arm.assembly.has_bristles:
+        raise InputError(Problem("arm", "must have no friction with bristles"))
     motion = check_motion(motion, arm)
     method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))

@@ -46,8 +46,8 @@ def evaluated_together(
 
     Returns:
         Evaluations by number of the runs that reached their end, equal to those of single runs.
-        Runs with contacts or changes, and runs that failed, are missing. So is a run with which no
-        other one can share the lanes, because ``simulate`` takes half the time.
+        Runs with contacts or changes, and runs that failed, are missing. A run that
+        no other run can join is also missing: ``simulate`` is twice as fast for one run.
     """
     groups: list[tuple[dict[str, Any], list[tuple[Case, dict[str, Any]]]]] = []
     for case in cases:

@@ -72,7 +72,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
         if not arm_fits_lanes(arm):
-            rule = "must have no joint limits in a vector environment"
+            rule = "must have no joint limits or bristles in a vector environment"
             raise InputError(Problem("the arm", rule, hint=_SYNC))
         self.num_envs = check_count("num_envs", num_envs)
         threads = check_workers("threads", threads)

@@ -37,9 +37,7 @@ def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
     rule = "be a number that may change during a run"
     sizes = [(arm.dof, arm.assembly.bodies, arm.assembly.has_bristles) for arm in (before, after)]
     if sizes[0] != sizes[1]:
-        hint = (
-            "The change adds or removes coordinates of the arm, bristles, or an eccentric payload."
-        )
+        hint = "The change adds or removes coordinates, bristles or an eccentric payload."
         raise InputError(Problem("changes", rule, repr(path), hint))
     for one, other in zip(before.assembly.pieces, after.assembly.pieces, strict=True):
         old, new = one.shapes.basis, other.shapes.basis
@@ -78,6 +76,8 @@ def after_change(
     if after.assembly.has_bristles:  # their deflection remains, in proportion to ``root``
         old, new = (arm.assembly.constants.bristles[:, 1] for arm in (before, after))
         changed[1, :, -1] = state[1, :, -1] * new / np.where(old > 0.0, old, 1.0)
+        # Half the square is the energy of the bristles.
+        energy += 0.5 * float(np.sum(changed[1, :, -1] ** 2 - state[1, :, -1] ** 2))
     return ChangedState(changed, energy)
 
 

@@ -17,7 +17,14 @@ from flexarm.arguments import check_count, check_kind, check_positive, check_tim
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
-from flexarm.errors import InputError, Problem, SimulationError, public_call
+from flexarm.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    public_call,
+    warn_caller,
+)
 from flexarm.linear.vibration.modal import modes
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.dynamics.tip_constraint import TipConstraint
@@ -38,6 +45,8 @@ _FLAT = (2.0 * np.pi**2 / 3.0 - 1.0) / 3.0
 _WINDOWS = {1: (1.0,), 2: (_FLAT, _FLAT - 1.0)}
 #: Breaks that rounding separates are one: relative to the duration.
 _APART = 1e-9
+#: Largest change of the bending by the second order, of that of the first, without a warning.
+_SMALL = 0.2
 #: Default averaging window as a fraction of the slowest period.
 _SHARE = 0.25
 
@@ -216,11 +225,29 @@ def quasi_static_reference(
     else:
         window = check_positive("smoothing", smoothing, "s")
     reference = _bent_by(motion, constraint, window, order)
+    times = np.linspace(motion.start_time - window, motion.end_time + window, _INSTANTS)
     if order == 2:
-        reference = _bent_by(reference, constraint, window, order)
-    times = np.linspace(reference.start_time, reference.end_time, _INSTANTS)
+        first, reference = reference, _bent_by(reference, constraint, window, order)
+        _warn_of_growth(motion, first, reference, times)
     warn_of_bending(arm, reference.coordinates(times)[0])
     return reference
+
+
+def _warn_of_growth(
+    motion: Motion, first: QuasiStaticReference, second: QuasiStaticReference, times: FloatArray
+) -> None:
+    """Warn if the second correction is not small compared with the first: a divergent series."""
+    q, bent = first.coordinates(times)[0], second.coordinates(times)[0]
+    joints = first.arm.joint_index
+    change = np.abs(bent - q).max()
+    q[:, joints] -= motion.at(times)[0]
+    if change > _SMALL * np.abs(q - q[0]).max():
+        warn_caller(
+            "the second order changes the bending of the first by more than "
+            f"{100 * _SMALL:.0f} %: the motion is too fast for order 2, which may be less accurate "
+            "than order 1. Use tip_inversion, or move more slowly.",
+            AccuracyWarning,
+        )
 
 
 def _bent_by(
@@ -260,7 +287,7 @@ def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> Fl
     elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     rigid = np.zeros((3, times.size, arm.dof))
     rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
-    _, qd, qdd = moving.coordinates(times) if isinstance(moving, QuasiStaticReference) else rigid
+    _, qd, qdd = rigid if moving is motion else moving.coordinates(times)  # type: ignore[attr-defined]
     added = np.zeros((times.size, arm.dof))
     for _ in range(_NEWTON_STEPS):
         q = rigid[0] + added

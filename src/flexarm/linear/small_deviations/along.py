@@ -18,6 +18,7 @@ from flexarm.arguments import check_choice, check_kind, check_positive, check_ti
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import InputError, Problem, check_array, public_call
+from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
@@ -250,6 +251,7 @@ def linearize_along(
     """
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
+    warn_of_bristles(arm, "the linear model")
     joints = check_choice("joints", joints, JOINTS)
     if times is None:
         frequency = check_positive("rate", rate)

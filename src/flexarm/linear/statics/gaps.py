@@ -25,12 +25,15 @@ def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
 
 def warn_of_bristles(arm: Arm, model: str) -> None:
     """Warn if friction has bristles, which ``model`` does not contain: q and qd do not, either."""
-    for i, joint in enumerate(arm.spec.joints):
-        if joint.friction is not None and joint.friction.bristle_stiffness is not None:
-            warn_caller(
-                f"arm.joints[{i}]: {model} has friction as a function of the rate. Its bristles "
-                f"({joint.friction.bristle_stiffness:g} N m/rad) have a state that q and qd do "
-                "not contain, and act in simulations only. For small motions of a sticking joint, "
-                "replace its friction by stiffness and damping.",
-                AccuracyWarning,
-            )
+    found = [
+        f"arm.joints[{i}]"
+        for i, joint in enumerate(arm.spec.joints)
+        if joint.friction is not None and joint.friction.bristle_stiffness is not None
+    ]
+    if found:
+        warn_caller(
+            f"{', '.join(found)}: {model} has friction as a function of the rate. Bristles have a "
+            "state that q and qd do not contain, and act in simulations only. For small motions "
+            "of a sticking joint, replace its friction by stiffness and damping.",
+            AccuracyWarning,
+        )

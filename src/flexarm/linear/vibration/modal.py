@@ -16,7 +16,7 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.bending import warn_of_bending
 from flexarm.errors import InputError, Problem, check_array, check_result, few, public_call
 from flexarm.linear.statics.equilibrium import Equilibrium
-from flexarm.linear.statics.gaps import warn_of_backlash
+from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles
 from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.statics.tangent import Tangent, tangent
 from flexarm.linear.vibration.curves import displacements
@@ -153,6 +153,7 @@ def modes(
     found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
     warn_of_bending(arm, place)
     warn_of_backlash(arm, place)
+    warn_of_bristles(arm, "the model of the modes")
     return found
 
 
