@@ -175,6 +175,13 @@ LAWS = {
     "own": OwnController,
     "own_with_conditions": WithConditions,
 }
+#: Those that damp vibration around a joint controller.
+DAMPING = [
+    "integral_resonant_control",
+    "output_redefinition",
+    "positive_position_feedback",
+    "wave_based_control",
+]
 REFUSED = {
     "estimator",
     "mpc",
@@ -216,6 +223,7 @@ class InC(fa.Controller):
         self.sample_time = self.library.macros["sample_time"]
         self.readings, self.references = readings, references
         self.memory_now = np.zeros(int(self.library.macros["memory"]))
+        self.added = []
 
     def reset(self):
         self.started = False
@@ -223,6 +231,7 @@ class InC(fa.Controller):
     def update(self, t, measurement, reference):
         given = [np.array(measurement[name]) for name in self.readings]
         given += [np.array(getattr(reference, name)(t)) for name in self.references]
+        given += self.added
         torque = np.zeros(2)
         memory = [self.memory_now] if self.memory_now.size else []
         start = memory and not self.started
@@ -255,10 +264,9 @@ def test_closed_loop(name, readings, references, tmp_path):
     arm, controller = heavy(), LAWS[name]()
     fa.export_c(arm, tmp_path, controller=controller)
     motion = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.5)
-    runs = [
-        fa.simulate(arm, 0.6, controller=one, reference=motion)
-        for one in (controller, InC(tmp_path, readings, references))
-    ]
+    in_c = InC(tmp_path, readings, references)
+    in_c.added = [None] if name in DAMPING else []  # no correction of strains
+    runs = [fa.simulate(arm, 0.6, controller=one, reference=motion) for one in (controller, in_c)]
     # Stable loops do not amplify rounding errors, which add up over 150 samples.
     for channel in ("torque", "joint_angle", "link_tip_deflection"):
         found, wanted = (run[channel].values for run in runs)

@@ -21,7 +21,7 @@ _SIZES = {
     **dict.fromkeys(("nominal_angle", "nominal_torque"), "{JOINTS}"),
     **dict.fromkeys(("rougher_angle", "rougher_rate", "rougher_acceleration"), "{JOINTS}"),
     **dict.fromkeys(("reference_pressing", "rougher_pressing"), "{JOINTS}"),
-    "strain": "{GAUGES}",
+    **dict.fromkeys(("strain", "strain_correction"), "{GAUGES}"),
     "parameters": "{PARAMETERS}",
     "memory": "{MEMORY}",
     **dict.fromkeys(("estimated_q", "estimated_qd"), "{OBSERVER_DOF}"),

@@ -47,6 +47,7 @@ _MEANINGS = {
     "rougher_friction": "its coefficient of friction, another than of the reference; NULL for 1",
     "path_position": "x, y (m) of the path of the tip on the surface",
     "path_speed": "speed along the surface, in the direction (-normal y, normal x), m/s",
+    "strain_correction": "strain along the reference minus static strain; NULL for 0",
     "feedforward": "torque in the middle of the sample that is added, N m; NULL for none",
     "readings": "of the instruments, in the order above",
     "last_torque": "torque of each joint since the last sample, N m",

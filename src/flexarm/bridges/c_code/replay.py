@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -11,13 +12,17 @@ from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.pressed_run import PressedRun, pressed_values
 from flexarm.bridges.c_code.traced_controller import TracedController, nominal_values
+from flexarm.control_design.nominal import strain_matrix
 from flexarm.controllers import LQG
 from flexarm.controllers.force.task_controller import TaskController
+from flexarm.controllers.vibration.strain_damping import StrainDamping
 from flexarm.hardware.measurement import Measurement
-from flexarm.motion import joint_motion
+from flexarm.motion import Motion, joint_motion
 
 #: Angle (rad) by which the joints of the reference turn.
 _TURN = 0.1
+#: Strain of a reference that computes its own bending.
+_STRAIN = 1e-3
 
 
 def replay(
@@ -35,6 +40,9 @@ def replay(
     h, count = traced.sample_time, len(readings["joint_angle"])
     start = readings["joint_angle"][0]
     reference: Any = joint_motion(arm, start, start + _TURN, count * h)
+    damping = next((one for one in _around(planner) if isinstance(one, StrainDamping)), None)
+    if damping is not None:
+        reference = BentRun(arm, reference)
     presses = isinstance(mine, TaskController)
     if presses:
         reference = PressedRun(reference, mine, count)
@@ -46,6 +54,8 @@ def replay(
         row["reference_angle"] = reference.joint_angle(float(t))
         row["reference_rate"] = reference.joint_rate(float(t))
         row["reference_acceleration"] = reference.joint_acceleration(float(t))
+        if damping is not None:
+            row["strain_correction"] = damping.strain_correction(float(t), reference)
         if presses:
             row |= pressed_values(planner, float(t), reference)
         if isinstance(planner, LQG):
@@ -59,8 +69,31 @@ def replay(
     return inputs, np.array(torques)
 
 
+class BentRun:
+    """Reference that computes its own bending: a motion of the joints, and links that vibrate."""
+
+    def __init__(self, arm: Arm, motion: Motion) -> None:
+        self._arm, self._motion = arm, motion
+        self.joint_angle, self.joint_rate = motion.joint_angle, motion.joint_rate
+        self.joint_acceleration = motion.joint_acceleration
+        self._size = _STRAIN / np.abs(strain_matrix(arm)).max()
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q (T, dof) at times (T,), s; rates and accelerations are not used."""
+        phase = 2.0 * np.pi * times / self._motion.duration
+        q = self._size * np.sin(phase[:, None] + np.arange(self._arm.dof))
+        q[:, self._arm.joint_index] = self._motion.joint_angle(times)
+        return [q]
+
+
+def _around(controller: Any) -> Iterator[Any]:
+    """Iterate over a controller, the controller inside it, and so on."""
+    while controller is not None:
+        yield controller
+        controller = getattr(controller, "inner", None)
+
+
 def _feedforward(controller: Any) -> Any:
     """Return the feedforward function of a controller or of the controller inside it."""
-    own = getattr(controller, "feedforward", None)
-    inner = getattr(controller, "inner", None)
-    return own if own is not None or inner is None else _feedforward(inner)
+    found = (getattr(one, "feedforward", None) for one in _around(controller))
+    return next((one for one in found if one is not None), None)

@@ -33,7 +33,7 @@ from flexarm.bridges.c_code.traced_task import (
 )
 from flexarm.bridges.symbolic.branches import branched
 from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, plain
-from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic
+from flexarm.bridges.symbolic.symbol_array import make_symbolic
 from flexarm.control.base import requirements_of
 from flexarm.control_design.nominal import Nominal
 from flexarm.controllers import (
@@ -113,7 +113,9 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
         size, functions = size + long.size, tuple(map(long.around, functions))
     used = {name for function in functions for name in function.inputs}
     at_rest = nominal_values(*rest_motion(controller)) if isinstance(controller, LQG) else {}
-    defaults = {name: value for name, value in (at_rest | FRICTION).items() if name in used}
+    static = {"strain_correction": np.zeros(len(arm.gauges))}
+    every = at_rest | FRICTION | static
+    defaults = {name: value for name, value in every.items() if name in used}
     return TracedController(controller, functions, size, defaults)
 
 
@@ -187,7 +189,7 @@ def _updated(
     long = long_memory(controller, arm.joints)
     if long:
         long.trace(mine, inputs.array)
-    _prescribe(mine, inputs.array("feedforward", arm.joints))
+    _prescribe(mine, inputs, arm)
     return mine.update(0.0 if first else controller.sample_time, measurement, reference)
 
 
@@ -246,15 +248,17 @@ def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
     return {**joints, "tip": (2,), "contact_force": (1, 2), **gauges}
 
 
-def _prescribe(owner: Any, torque: SymbolArray) -> None:
+def _prescribe(owner: Any, inputs: Inputs, arm: Arm) -> None:
     """Replace feedforward torques by an input, and static bending by its value at each sample."""
     if isinstance(owner, JointFollower) and owner.feedforward is not None:
+        torque = inputs.array("feedforward", arm.joints)
         ahead: Any = lambda _: torque  # noqa: E731
         owner._ahead = ahead
-    if isinstance(owner, StrainDamping) and not isinstance(owner._nominal, StaticBending):
-        owner._nominal = StaticBending(owner._nominal)  # type: ignore[assignment]
+    if isinstance(owner, StrainDamping):
+        correction = inputs.array("strain_correction", len(arm.gauges))
+        owner._nominal = StaticBending(owner._nominal, correction)  # type: ignore[assignment]
     if hasattr(owner, "inner"):
-        _prescribe(owner.inner, torque)
+        _prescribe(owner.inner, inputs, arm)
 
 
 def rest_motion(controller: LQG) -> tuple[LQG, Nominal]:

@@ -66,16 +66,22 @@ class NominalInputs:
 
 
 class StaticBending:
-    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance."""
+    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance.
 
-    def __init__(self, planned: Any) -> None:
-        self._planned = planned
+    Args:
+        planned: the nominal motion in advance, or one of this class.
+        correction: symbols of ``StrainDamping.strain_correction``.
+    """
+
+    def __init__(self, planned: Any, correction: SymbolArray) -> None:
+        self._planned = planned._planned if isinstance(planned, StaticBending) else planned
+        self._correction = correction
 
     def at(self, t: float, angle_now: Any, reference: Any) -> Nominal:
         parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
-        return Nominal(
-            *(rows[0] for rows in self._planned.along(*(part(t)[None] for part in parts)))
-        )
+        found = self._planned.along(*(part(t)[None] for part in parts))
+        static = Nominal(*(rows[0] for rows in found))
+        return static._replace(shown=static.shown + self._correction)
 
 
 def preview_nodes(controller: Any) -> Any:

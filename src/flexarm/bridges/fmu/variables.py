@@ -34,6 +34,7 @@ _JOINT_INPUTS = {
     "nominal_torque": ("N m", "torque of the nominal motion"),
 }
 _OTHER_INPUTS = {
+    "strain_correction": ("", "strain along the reference minus static strain"),
     "nominal_reading": ("", "reading of the nominal motion"),
     "nominal_force": ("", "elastic force of the nominal motion at a node of the preview"),
     "contact_force": ("N", "measured force of the contact on the arm, x and y, world axes"),

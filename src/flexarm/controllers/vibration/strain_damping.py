@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_times
 from flexarm.arm import Arm
 from flexarm.control.base import (
     Controller,
@@ -15,6 +16,7 @@ from flexarm.control.base import (
     FloatArray,
     Measurement,
     Reference,
+    check_reference,
     report_of,
     requirements_of,
 )
@@ -24,7 +26,14 @@ from flexarm.control.requirements import JOINTS
 from flexarm.control_design.flexible_model import FlexibleModel
 from flexarm.control_design.nominal import PreviewedReference, strain_matrix
 from flexarm.control_design.posture_grid import Interpolated, PostureGrid
-from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown, warn_caller
+from flexarm.errors import (
+    InputError,
+    Problem,
+    UnstableLoopWarning,
+    public_call,
+    shown,
+    warn_caller,
+)
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
@@ -208,10 +217,38 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
 
     def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
         """Return the strains of a reference that computes them, as a function of time."""
-        # For small deviations from a constant reference it does not matter which strains it has.
-        if isinstance(reference, FrozenReference) or not hasattr(reference, "coordinates"):
+        if not _bends(reference):
             return None
         return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
+
+    @public_call
+    def strain_correction(self, t: ArrayLike, reference: Reference) -> FloatArray:
+        """Return the strains of a reference minus those of the static bending of the links.
+
+        The exported C function computes the static bending at the angles, rates and accelerations
+        of the reference. This is its input for a reference that computes its own bending.
+
+        Args:
+            t: time, or times (T,), s.
+            reference: the reference.
+
+        Returns:
+            Strains (gauges,), or (T, gauges) at times (T,); zero for references without bending.
+
+        Raises:
+            InputError: if the times are not numbers, or the reference lacks a method.
+        """
+        times = check_times("t", t)
+        check_reference(reference)
+        found = np.zeros((times.size, len(self._strains)))
+        if _bends(reference) and times.size:
+            flat = times.reshape(-1)
+            parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
+            motion = [np.array([part(one) for one in flat.tolist()]) for part in parts]
+            static = self._nominal.along(*motion)
+            found = StrainsAlong(reference, self._strains)(flat) - static.shown
+            found -= static.missing @ self._bend.T
+        return found.reshape(*times.shape, -1)
 
     def _warn_of_growth(self, highest: float) -> None:
         """Warn if a mode that is not designed grows around joints that follow exactly.
@@ -259,6 +296,12 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
     def report(self) -> dict[str, float]:
         """Return the report of the inner controller."""
         return report_of(self.inner)
+
+
+def _bends(reference: Reference | None) -> bool:
+    """Return whether the strains of a reference are its own."""
+    # For small deviations from a constant reference it does not matter which strains it has.
+    return hasattr(reference, "coordinates") and not isinstance(reference, FrozenReference)
 
 
 def _of_joints(controller: Any) -> bool:
