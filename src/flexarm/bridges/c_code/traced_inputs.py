@@ -74,7 +74,7 @@ class StaticBending:
     """
 
     def __init__(self, planned: Any, correction: SymbolArray) -> None:
-        self._planned = planned._planned if isinstance(planned, StaticBending) else planned
+        self._planned: Any = planned._planned if isinstance(planned, StaticBending) else planned
         self._correction = correction
 
     def at(self, t: float, angle_now: Any, reference: Any) -> Nominal:
