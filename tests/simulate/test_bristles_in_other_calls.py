@@ -49,6 +49,26 @@ def test_event_and_change_keep_the_deflection():
     assert np.ptp(result.joint_angle.values[48:, 0]) < 1e-8
 
 
+def test_change_of_the_bristles_stiffness_changes_their_energy():
+    """The deflection remains, so the energy of a held joint grows with the stiffness."""
+    change = fa.Change("joints[0].friction.bristle_stiffness", at=0.5, to=1e4)
+    result = fa.simulate(turning(), 1.0, torque=[[0.5]] * 101, rate=100.0, changes=[change])
+    before = result.sel(time=0.49).strain_energy.item()
+    assert before == pytest.approx(0.5 * 0.5**2 / 5000.0, rel=0.05)  # the torque over the stiffness
+    np.testing.assert_allclose(result.change_energy, [before], rtol=0.05)
+
+
+def test_functions_of_q_and_qd_warn_once_for_all_joints():
+    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2,
+                 joints=[fa.Joint(hub_inertia=0.1, friction=fa.Friction(**NUMBERS))] * 2)  # fmt: skip
+    for call in (lambda: fa.modes(arm, [0.1, 0.2], joints="free"), lambda: fa.linearize(arm)):
+        with pytest.warns(AccuracyWarning) as found:
+            call()
+        assert [str(one.message).split(":")[0] for one in found] == ["arm.joints[0], arm.joints[1]"]
+    with pytest.raises(InputError, match="must have no friction with bristles"):
+        fa.simulate_separated(arm, fa.joint_motion(arm, [0.0, 0.5], [0.2, 0.6], 1.0))
+
+
 def test_change_that_adds_bristles_is_refused():
     plain = {**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None}
     arm = turning(numbers=plain)
@@ -119,7 +139,7 @@ def test_functions_of_the_rate_have_the_steady_state():
         assert arm.inverse_dynamics([0.1], [rate], [0.0]) == plain.inverse_dynamics(
             [0.1], [rate], [0.0]
         )
-    with pytest.warns(AccuracyWarning, match="bristles"):
+    with pytest.warns(AccuracyWarning, match="Bristles"):
         model = fa.linearize(arm, [0.0])
     assert (model.A == fa.linearize(plain, [0.0]).A).all()
 
