@@ -360,6 +360,7 @@ PD = fa.JointPD(1.0, 1.0)
         ({"channels": ["tipp"]}, "Did you mean 'tip'"),
         ({"channels": ["strain"]}, "channels has 'strain', which the runs do not have"),
         ({"channels": ["torque_command"]}, "there is no controller"),
+        ({"channels": ["bristle_deflection"]}, "there is no friction with bristles"),
         ({"reductions": {"tip": fa.Reduction("peak", "tip")}}, "names of their own"),
         ({"reductions": {"x": "peak"}}, "reductions['x'] must be a Reduction"),
         ({"stride": 0}, "stride must be a whole number"),

@@ -32,11 +32,12 @@ def test_plant_keeps_the_deflection():
 def test_batch_runs_alone():
     arm = turning()
     torque = np.full((21, 1), 0.6)
-    batch = fa.simulate_batch(
-        arm, 0.2, torque=torque, rate=100.0, initial=np.zeros((2, 1)), channels=["joint_angle"]
-    )
+    channels = ["joint_angle", "bristle_deflection"]
+    plain = turning(numbers={"coulomb": 0.5})
+    batch = fa.simulate_batch([plain, arm], 0.2, torque=torque, rate=100.0, channels=channels)
     single = fa.simulate(arm, 0.2, torque=torque, rate=100.0)
-    assert (batch.joint_angle.values[1] == single.joint_angle.values).all()
+    for name in channels:
+        assert (batch[name].values[1] == single[name].values).all(), name
 
 
 def test_event_and_change_keep_the_deflection():

@@ -44,7 +44,8 @@ class Recorder:
         reductions: by the names of their variables.
         stride: stride of the stored samples.
         counts: numbers of contacts, and of stations on each link.
-        closed: whether the runs have controllers.
+        absent: channels that the runs do not have beyond those of an empty dimension, by name,
+            with what is missing.
 
     Raises:
         InputError: if the runs do not have one of the channels.
@@ -59,7 +60,7 @@ class Recorder:
         reductions: Mapping[str, Reduction],
         stride: int,
         counts: tuple[int, int],
-        closed: bool,
+        absent: Mapping[str, str],
     ) -> None:
         contacts, stations = counts
         self._arm, self._counts = arm, counts
@@ -75,7 +76,7 @@ class Recorder:
             "station": stations,
         }
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
-        self._check({"channels": tuple(channels), **needed}, closed)
+        self._check({"channels": tuple(channels), **needed}, absent)
         stored = times[::stride].size
         self._channels = {
             name: np.full((runs, stored, *self._shape(CHANNELS[name].dims)), np.nan)
@@ -92,14 +93,13 @@ class Recorder:
     def _shape(self, dims: Sequence[str]) -> list[int]:
         return [self._sizes[dim] for dim in dims]
 
-    def _check(self, own: Mapping[str, Sequence[str]], closed: bool) -> None:
+    def _check(self, own: Mapping[str, Sequence[str]], absent: Mapping[str, str]) -> None:
         """Raise if the runs do not have a channel, because of the arm or the arguments."""
         problems = []
         for argument, names in own.items():
             for name in names:
-                missing = next((d for d in CHANNELS[name].dims if not self._sizes[d]), "")
-                if name == "torque_command" and not closed:
-                    missing = "controller"
+                empty = next((d for d in CHANNELS[name].dims if not self._sizes[d]), "")
+                missing = absent.get(name, empty)
                 if missing:
                     rule = f"has {name!r}, which the runs do not have: there is no {missing}"
                     problems.append(Problem(argument, rule))

@@ -167,7 +167,10 @@ def simulate_batch(
     environment = Environment.of(first, *(acting[name] for name in _ACTING[:4]))
     counts = len(environment.contacts), checked.stations
     closed = own.controllers[0] is not None
-    sizes = first, checked.times, names, reduced, stride, counts, closed
+    absent = {} if closed else {"torque_command": "controller"}
+    if not any(one.assembly.has_bristles for one in own.arms):
+        absent["bristle_deflection"] = "friction with bristles"
+    sizes = first, checked.times, names, reduced, stride, counts, absent
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
     size = checked.times.size * 16 * first.assembly.coordinates.size
