@@ -60,8 +60,10 @@ def test_change_of_the_bristles_stiffness_changes_their_energy():
 
 
 def test_functions_of_q_and_qd_warn_once_for_all_joints():
-    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2,
-                 joints=[fa.Joint(hub_inertia=0.1, friction=fa.Friction(**NUMBERS))] * 2)  # fmt: skip
+    joint = fa.Joint(hub_inertia=0.1, friction=fa.Friction(**NUMBERS))
+    arm = fa.Arm(
+        links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2, joints=[joint] * 2
+    )
     for call in (lambda: fa.modes(arm, [0.1, 0.2], joints="free"), lambda: fa.linearize(arm)):
         with pytest.warns(AccuracyWarning) as found:
             call()
