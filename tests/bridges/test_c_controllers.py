@@ -195,6 +195,11 @@ def test_every_controller_is_exported_or_refused():
     assert not names & REFUSED
 
 
+def test_refusal_of_a_filter_names_the_parts_to_export(tmp_path):
+    with pytest.raises(fa.InputError, match="`inner` and `estimator`"):
+        fa.export_c(two_links(), tmp_path, controller=EXAMPLES["estimator"]())
+
+
 @pytest.mark.parametrize("name", sorted(REFUSED))
 def test_refused_by_name_with_the_reason(name, tmp_path):
     controller, folder = EXAMPLES[name](), tmp_path / "new"

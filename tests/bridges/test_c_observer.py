@@ -91,21 +91,61 @@ def test_estimates_and_covariance(tmp_path):
     np.testing.assert_allclose(both, P / np.outer(deviation, deviation), rtol=0, atol=1e-10)
 
 
-def test_filters_that_are_not_exported(tmp_path):
+def unknown_rigidity(arm):
+    path = "links[0].flexural_rigidity"
+    return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], parameters={path: 1.0})
+
+
+def disturbed(arm):
+    return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], disturbance_deviation=0.1)
+
+
+def uncertain(arm):
+    return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], payload_deviation=0.1)
+
+
+@pytest.mark.parametrize(
+    ("create", "words"),
+    [
+        (lambda arm: fa.UnscentedKalmanFilter(arm, [ENCODER]), "ExtendedKalmanFilter.*eigenvect"),
+        (lambda arm: fa.MovingHorizonEstimator(arm, [ENCODER]), "ExtendedKalmanFilter.*optimisa"),
+        (lambda arm: "filter", "be an ExtendedKalmanFilter, got 'filter'"),
+        (unknown_rigidity, r"no parameters.*\. The code estimates .* only"),
+        (disturbed, r"no parameters and no disturbance torques\. The code estimates .* only"),
+        (uncertain, r"at most 0\.0\d+ kg, got 0\.1\. Above it"),
+    ],
+)
+def test_filters_that_are_not_exported(create, words, tmp_path):
     arm, folder = two_links(), tmp_path / "new"
-    instruments = [ENCODER, STRAIN]
-    unscented = fa.UnscentedKalmanFilter(arm, instruments)
-    with pytest.raises(fa.InputError, match=r"be an ExtendedKalmanFilter.*eigenvectors"):
-        fa.export_c(arm, folder, observer=unscented)
-    with pytest.raises(fa.InputError, match="be an ExtendedKalmanFilter, got 'filter'"):
-        fa.export_c(arm, folder, observer="filter")
-    wide = fa.ExtendedKalmanFilter(arm, instruments, payload_deviation=0.1)
-    with pytest.raises(fa.InputError, match=r"at most 0\.0\d+ kg, got 0\.1\. Above it"):
-        fa.export_c(arm, folder, observer=wide)
+    with pytest.raises(fa.InputError, match=words):
+        fa.export_c(arm, folder, observer=create(arm))
+    assert not folder.exists()
+
+
+def test_filter_of_an_arm_with_other_joints(tmp_path):
     one = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=5.0, mass_per_length=0.5)])
     with pytest.raises(fa.InputError, match="1 joint"):
-        fa.export_c(one, folder, observer=fa.ExtendedKalmanFilter(arm, instruments))
-    assert not folder.exists()
+        fa.export_c(one, tmp_path, observer=fa.ExtendedKalmanFilter(two_links(), [ENCODER]))
+
+
+def test_sample_time_after_a_change():
+    """The steps are those of the filter after its next reset, and the filter keeps its estimate."""
+    observer = FILTERS["linear_readings"]()
+    observer.correct(fa.Measurement(strain=[1e-5, 0.0], joint_angle=[0.1, 0.2]))
+    before = observer.q
+    observer.sample_time = 0.02
+    found = exported_observer(observer.arm, observer)
+    assert found.sample_time == 0.02
+    np.testing.assert_array_equal(observer.q, before)
+    steps = found.filter._step.steps
+    observer.reset()
+    assert steps == observer._step.steps > 5
+
+
+def test_filter_of_a_controller_has_its_sample_time():
+    filters = FILTERS["linear_readings"]()
+    law = fa.EstimatorController(filters, fa.JointPD(20.0, 3.0, 0.004))
+    assert exported_observer(filters.arm, law.estimator).sample_time == 0.004
 
 
 def test_widest_payload_is_the_limit(tmp_path):

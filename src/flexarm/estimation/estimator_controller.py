@@ -42,6 +42,7 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
 
     def __post_init__(self) -> None:
         self._commanded: FloatArray | None = None
+        self.estimator.sample_time = self.inner.sample_time
 
     @property
     def sample_time(self) -> float:
@@ -50,7 +51,7 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
 
     @sample_time.setter
     def sample_time(self, value: float) -> None:
-        self.inner.sample_time = value
+        self.inner.sample_time = self.estimator.sample_time = value
 
     def reset(self) -> None:
         """Clear the state of the previous run, including the filter and the inner controller."""

@@ -8,6 +8,7 @@ size of the code does not grow with the cube of the number of states.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,13 +25,20 @@ from flexarm.errors import InputError, Problem, shown
 from flexarm.estimation.extended_kalman import ITERATIONS, ExtendedKalmanFilter
 from flexarm.estimation.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
 from flexarm.estimation.kalman_filter import KalmanFilter
+from flexarm.estimation.moving_horizon import MovingHorizonEstimator
 from flexarm.estimation.payload_hypotheses import split, widest_single
+from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.linear.models.signals import find_outputs
 
 _PAYLOAD = "payload.mass"
 #: Steps of Newton's method for the sag at the start, which a fixed cost requires. Four are exact to
 #: rounding for links that bend by 15 % of their length, linear or of second order.
 _NEWTON_STEPS = 6
+#: Reasons why a filter cannot be exported.
+_REFUSED: dict[type[Any], str] = {
+    UnscentedKalmanFilter: "An unscented filter needs eigenvectors at every sample.",
+    MovingHorizonEstimator: "It solves an optimisation problem at every sample.",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +46,7 @@ class Observer:
     """Functions of a filter.
 
     Attributes:
-        filter: the filter, which is not modified.
+        filter: a copy of the filter at its start.
         functions: ``observer_start`` and ``observer_update``.
     """
 
@@ -72,19 +80,19 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
     """Return the functions of a filter for an arm.
 
     Raises:
-        InputError: if it is not an `ExtendedKalmanFilter`, its arm has other joints, or its payload
-            is so uncertain that it needs several Gaussians.
+        InputError: if it is not an `ExtendedKalmanFilter`, it estimates parameters or disturbance
+            torques, its arm has other joints, or its payload is so uncertain that it needs several
+            Gaussians.
     """
     if not isinstance(observer, ExtendedKalmanFilter):
-        hint = ""
-        if isinstance(observer, KalmanFilter):
-            hint = "An unscented filter needs eigenvectors at every sample."
+        hint = next((why for kind, why in _REFUSED.items() if isinstance(observer, kind)), "")
         raise InputError(
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
     if observer._layout.size > 2 * observer.arm.dof + 1:
         rule = "estimate no parameters and no disturbance torques"
-        raise InputError(Problem("observer", rule))
+        hint = "The code estimates q, qd and the mass of the payload only."
+        raise InputError(Problem("observer", rule, hint=hint))
     if observer.arm.joints != arm.joints:
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
@@ -94,8 +102,10 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
         hint = "Above it the filter is a sum of Gaussians, whose number changes during a run."
         value = shown(observer.payload_deviation)
         raise InputError(Problem("observer", rule, value, hint))
-    writer = _Writer(observer)
-    return Observer(observer, (writer.start(), writer.update()))
+    own = deepcopy(observer)
+    own.reset()  # The steps are those of the present sample time.
+    writer = _Writer(own)
+    return Observer(own, (writer.start(), writer.update()))
 
 
 class _Writer:

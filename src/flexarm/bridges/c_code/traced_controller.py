@@ -57,7 +57,7 @@ from flexarm.loop_analysis.linear_controller import Memory, memory_of
 _PACKAGES = ("flexarm.controllers", "flexarm.control_design")
 #: Reasons why the law of a controller cannot be exported.
 _REFUSED: dict[type[Any], str] = {
-    EstimatorController: "Its filter adds and merges hypotheses.",
+    EstimatorController: "Its parts are exported one by one: `inner` and `estimator`.",
     MPC: "It solves an optimisation problem at every sample.",
 }
 #: Kinds of NumPy's number types that symbols and numbers in a memory have.
