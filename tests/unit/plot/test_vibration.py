@@ -1,5 +1,7 @@
 """Plots of mode shapes, frequency lines and responses show the computed values."""
 
+import sys
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -59,7 +61,9 @@ def test_frequency_lines_equal_the_tracked_modes():
     assert len(over.get_lines()) == 2  # orders belong to a spin rate only
 
 
-def test_responses_equal_gain_and_phase():
+def test_responses_equal_gain_and_phase(monkeypatch):
+    # python-control evaluates by NumPy then; slycot has fewer correct digits.
+    monkeypatch.setitem(sys.modules, "slycot", None)
     model = fa.linearize(ARM, fa.equilibrium(ARM, [0.2, 0.5]), outputs=["tip", "joint_angle"])
     omega = np.array([1.0, 30.0])
     figure = response_figure(model, omega)
