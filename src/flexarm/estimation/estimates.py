@@ -44,6 +44,15 @@ class Layout(NamedTuple):
         """Places of the disturbance torques of the joints."""
         return slice(self.parameters.stop, self.size - 1)
 
+    def acting(self, x: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return the torques (joints,) on the joints, N m: a torque and the disturbance of x."""
+        return torque + x[self.disturbance] if self.disturbed else torque
+
+    def changes(self, x: FloatArray, mass: float, nominal: FloatArray) -> FloatArray:
+        """Return the changes (1 + p,) of payload mass (kg) and parameters from their nominals."""
+        found: FloatArray = np.append(mass, x[self.parameters]) - nominal
+        return found
+
     def derivative(
         self, state: FloatArray, parameters: FloatArray, torque: FloatArray, by_mass: float = 1.0
     ) -> FloatArray:

@@ -290,14 +290,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
 
     def _acting(self, x: FloatArray) -> FloatArray:
         """Return the torques (joints,) that act according to the estimated numbers, N m."""
-        return (
-            self._torque + x[self._layout.disturbance] if self._layout.disturbed else self._torque
-        )
-
-    def _changes(self, x: FloatArray, mass: float) -> FloatArray:
-        """Return the changes (1 + p,) of payload mass and parameters for the step."""
-        found: FloatArray = np.append(mass, x[self._layout.parameters]) - self._nominal
-        return found
+        return self._layout.acting(x, self._torque)
 
     def _mean(self, state: FloatArray, mass: float) -> FloatArray:
         """Return the estimated numbers of a start at [q, qd] and a mass."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexarm.estimation.innovation_test import innovation_covariance
 from flexarm.estimation.kalman_filter import KalmanFilter
 from flexarm.estimation.payload_hypotheses import Hypothesis
 from flexarm.hardware.measurement import FloatArray
@@ -54,12 +55,8 @@ class ExtendedKalmanFilter(KalmanFilter):
             constants = self._step.free.at(self._change(x))
             seen = self._readings.predict(x[layout.states], self._acting(x), constants)
             H = layout.derivative(seen.state, seen.parameters, seen.torque, self._moving(x))
-            # The error of the torque affects both the state and the accelerometers, so their errors
-            # are correlated by N.
             felt = seen.torque * self.torque_noise
-            R = np.diag(self._readings.variance) + felt @ felt.T
-            N = moved @ felt.T
-            S = H @ part.P @ H.T + H @ N + N.T @ H.T + R
+            S, R, N = innovation_covariance(part.P, moved, H, felt, self._readings.variance)
             K = cho_solve(cho_factor(S), (part.P @ H.T + N).T).T
             expected = seen.values + H @ (before - x)
             if iteration == 0:

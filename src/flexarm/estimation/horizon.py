@@ -24,6 +24,12 @@ from flexarm.linear.step_derivatives.sampled_step import SampledStep
 #: Largest number of Gauss-Newton steps, and the largest change of a number relative to its
 #: deviation that ends them.
 _MOST, _SMALL = 10, 1e-8
+#: Change of the last step, relative to the deviations, up to which the estimates have converged:
+#: small compared with the errors of the estimates.
+_TOLERATED = 1e-2
+#: Smallest eigenvalue of a correlation matrix, relative to the largest: it is zero for perfectly
+#: correlated numbers, so the matrix has no inverse.
+_LEAST = 1e-12
 #: Relative increase of the cost by rounding, and the number of halvings of a step that exceeds it.
 _ROUNDING, _HALVINGS = 1e-9, 4
 
@@ -54,8 +60,8 @@ class Link(NamedTuple):
     G: FloatArray  # (s, joints)
 
 
-class Seen(NamedTuple):
-    """Readings, and their derivatives."""
+class Readings(NamedTuple):
+    """Predicted readings, and their derivatives."""
 
     values: FloatArray  # (size,)
     H: FloatArray  # (size, s)
@@ -84,7 +90,8 @@ class ArmModel:
     def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
         """Return x at the next sample under a torque with an error w."""
         layout = self.layout
-        step = self.step.take(x[layout.states], self._acting(x, torque, error), self._changes(x))
+        acting = layout.acting(x, torque + self.noise * error)
+        step = self.step.take(x[layout.states], acting, self._changes(x))
         after, F = x.copy(), np.eye(layout.size)
         after[layout.states] = step.after
         F[layout.states] = layout.derivative(step.state, step.parameters, step.torque)
@@ -92,24 +99,17 @@ class ArmModel:
         G[layout.states] = step.torque * self.noise
         return Link(after, F, G)
 
-    def see(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Seen:
+    def observe(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Readings:
         """Return the readings at a sample to which a torque with an error w has led."""
         layout = self.layout
         constants = self.step.free.at(self._changes(x))
-        acting = self._acting(x, torque, error)
-        seen = self.readings.predict(x[layout.states], acting, constants)
-        H = layout.derivative(seen.state, seen.parameters, seen.torque)
-        return Seen(seen.values, H, seen.torque * self.noise)
-
-    def _acting(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> FloatArray:
-        acting: FloatArray = torque + self.noise * error
-        if self.layout.disturbed:
-            acting = acting + x[self.layout.disturbance]
-        return acting
+        acting = layout.acting(x, torque + self.noise * error)
+        observed = self.readings.predict(x[layout.states], acting, constants)
+        H = layout.derivative(observed.state, observed.parameters, observed.torque)
+        return Readings(observed.values, H, observed.torque * self.noise)
 
     def _changes(self, x: FloatArray) -> FloatArray:
-        found: FloatArray = np.append(x[-1], x[self.layout.parameters]) - self.step.free.values
-        return found
+        return self.layout.changes(x, x[-1], self.step.free.values)
 
 
 class Evaluated(NamedTuple):
@@ -121,7 +121,7 @@ class Evaluated(NamedTuple):
     errors: list[FloatArray]
     last: FloatArray  # (s, v), derivative of x at the last sample
     links: list[Link]
-    seen: list[Seen]
+    observed: list[Readings]
 
 
 class HorizonProblem:
@@ -151,9 +151,11 @@ class HorizonProblem:
         whole = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])
         mean = np.concatenate([arrival.x, np.zeros(joints)])
         own, across = whole[np.ix_(active, active)], whole[np.ix_(rest, active)]
-        gain = np.linalg.solve(own, across.T).T
+        values, vectors = np.linalg.eigh(own / np.outer(scale, scale))
+        values = np.maximum(values, _LEAST * np.max(values, initial=0.0))
+        self._inverse = vectors.T / np.sqrt(values)[:, None]
+        gain = (across / scale) @ self._inverse.T @ self._inverse / scale
         self._root = square_root(whole[np.ix_(rest, rest)] - gain @ across.T)
-        self._inverse = np.linalg.inv(np.linalg.cholesky(own / np.outer(scale, scale)))
         self._first = first = active.size + rest.size
         self._each = joints + self._walking.size
         self.size = first + (len(nodes) - 1) * self._each
@@ -209,7 +211,7 @@ class HorizonProblem:
             self._inverse @ unit[: self._active.size],
             unit[self._active.size : self._first],
         ]
-        xs, errors, links, seen = [x], [error], [], []
+        xs, errors, links, observed = [x], [error], [], []
         for k, node in enumerate(self._nodes):
             if k:
                 at = self._first + (k - 1) * self._each
@@ -225,24 +227,29 @@ class HorizonProblem:
                 xs.append(x)
                 errors.append(error)
                 links.append(link)
-            found = model.see(x, node.torque, error)
-            seen.append(found)
+            found = model.observe(x, node.torque, error)
+            observed.append(found)
             deviation = np.sqrt(model.readings.variance)
             for reading in node.readings:
                 residuals.append((found.values - reading) / deviation)
                 slopes.append((found.H @ X + found.D @ W) / deviation[:, None])
-        return Evaluated(np.concatenate(residuals), np.vstack(slopes), xs, errors, X, links, seen)
+        whole, slope = np.concatenate(residuals), np.vstack(slopes)
+        return Evaluated(whole, slope, xs, errors, X, links, observed)
 
-    def solve(self) -> Evaluated:
-        """Return the least squares within the bounds, by Gauss-Newton steps of SciPy."""
+    def solve(self) -> tuple[Evaluated, bool]:
+        """Return the least squares within the bounds, and whether the search converged.
+
+        By Gauss-Newton steps of SciPy.
+        """
         from scipy.optimize import lsq_linear
 
         v = self.start()
         best = self.evaluate(v)
         for _ in range(_MOST):
             bounds = np.minimum(self.lower - v, 0.0), np.maximum(self.upper - v, 0.0)
-            change = lsq_linear(best.slopes, -best.residuals, bounds, method="bvls", tol=1e-14).x
-            if np.max(np.abs(change)) < _SMALL:
+            found = lsq_linear(best.slopes, -best.residuals, bounds, method="bvls", tol=1e-14)
+            change, largest = found.x, float(np.max(np.abs(found.x)))
+            if largest < _SMALL:
                 break
             limit = (1.0 + _ROUNDING) * float(best.residuals @ best.residuals)
             for _ in range(1 + _HALVINGS):
@@ -253,24 +260,27 @@ class HorizonProblem:
             else:
                 break
             v, best = v + change, trial
-        return best
+        return best, found.status > 0 and largest < _TOLERATED
 
 
-def next_arrival(model: ArmModel, arrival: Arrival, node: Node, seen: Seen, link: Link) -> Arrival:
+def next_arrival(
+    model: ArmModel, arrival: Arrival, node: Node, observed: Readings, link: Link
+) -> Arrival:
     """Return the arrival at the second sample: an extended Kalman filter along the estimates.
 
     Args:
-        node: the first sample, with its estimates. seen, link: their readings and next sample; the
-            torque error in the latter is that of its derivatives.
+        node: the first sample, with its estimates.
+        observed, link: their readings and next sample; the torque error in the latter is that of
+            its derivatives.
     """
     size, joints = arrival.x.size, model.noise.size
     mean = np.concatenate([arrival.x, np.zeros(joints)])
     P = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])
-    H, R = np.hstack([seen.H, seen.D]), np.diag(model.readings.variance)
+    H, R = np.hstack([observed.H, observed.D]), np.diag(model.readings.variance)
     at = np.concatenate([node.x, node.error])
     for reading in node.readings:
         K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-        mean = mean + K @ (reading - seen.values - H @ (mean - at))
+        mean = mean + K @ (reading - observed.values - H @ (mean - at))
         left = np.eye(mean.size) - K @ H
         P = left @ P @ left.T + K @ R @ K.T
     after = link.after + link.F @ (mean[:size] - node.x)

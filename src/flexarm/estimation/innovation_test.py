@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm.arguments import check_number
 from flexarm.errors import InconsistentEstimateWarning, warn_caller
+from flexarm.hardware.measurement import FloatArray
 
 #: Number of samples over which normalised innovations squared are averaged.
 WINDOW = 100
@@ -35,6 +36,23 @@ def band(size: int, probability: float) -> tuple[float, float]:
     inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
     low, high = chi2.ppf([0.5 - 0.5 * inside, 0.5 + 0.5 * inside], size) / size
     return float(low), float(high)
+
+
+def innovation_covariance(
+    P: FloatArray, moved: FloatArray, H: FloatArray, felt: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the covariance S of readings, that of their errors R, and N of state and errors.
+
+    The error of the torque affects both the state and the accelerometers, so their errors are
+    correlated by N (s, readings).
+
+    Args:
+        P: (s, s), covariance of the state. H: (readings, s), derivative by the state.
+        moved, felt: (s, joints), (readings, joints), changes of state and readings by the error of
+            the torque relative to its deviation. variance: (readings,) of the instruments.
+    """
+    N, R = moved @ felt.T, np.diag(variance) + felt @ felt.T
+    return H @ P @ H.T + H @ N + N.T @ H.T + R, R, N
 
 
 class InnovationTest:

@@ -94,4 +94,5 @@ class KalmanFilter(StateEstimator):
 
     def _change(self, x: FloatArray) -> FloatArray:
         """Return the changes (1 + p,) of payload mass and parameters for the step."""
-        return self._changes(x, max(self._moving(x) - self._own, 0.0))
+        mass = max(self._moving(x) - self._own, 0.0)
+        return self._layout.changes(x, mass, self._nominal)

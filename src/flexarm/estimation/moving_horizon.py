@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
 from flexarm.estimation.estimator import MASS, StateEstimator
 from flexarm.estimation.horizon import ArmModel, Arrival, HorizonProblem, Node, next_arrival
+from flexarm.estimation.innovation_test import innovation_covariance
 from flexarm.hardware.measurement import FloatArray
 from flexarm.model.drives.around import MovingHorizonParameters
 
@@ -29,46 +30,50 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
     The covariance is that without bounds, so it is too large while a bound is active.
 
     Raises:
-        InputError: if a number is wrong, a bound is not that of an uncertain number, or the
-            estimator cannot use the instruments.
+        InputError: if a number is wrong, a bound is not that of an uncertain number, bounds do not
+            contain the start, or the estimator cannot use the instruments.
+
+    Warns:
+        AccuracyWarning: if the least squares of a sample do not converge, for the first one only;
+            ``report`` has their number.
 
     References:
         C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE Trans. Automatic Control 48 (2003) 246-258.
     """
 
     def __post_init__(self) -> None:
-        self._bounded = ({MASS: 0.0} if self._uncertain_mass else {}) | dict(
-            self.lower_bounds or {}
-        )
+        self._bounded = {MASS: 0.0} | dict(self.lower_bounds or {})
         super().__post_init__()
         self._check_bounds()
 
-    @property
-    def _uncertain_mass(self) -> bool:
-        return bool(self.payload_deviation or self.payload_drift)
-
     def _check_bounds(self) -> None:
-        known = [*self._layout.paths]
-        known += [MASS] if self._uncertain_mass else []
-        known += [_DISTURBANCE] if self._layout.disturbed else []
+        uncertain = [*self._layout.paths]
+        uncertain += [MASS] if self.payload_deviation or self.payload_drift else []
+        uncertain += [_DISTURBANCE] if self._layout.disturbed else []
+        rule = f"have names of uncertain numbers ({', '.join(uncertain) or 'none here'})"
         problems = []
-        for name, given in (("lower_bounds", self._bounded), ("upper_bounds", self.upper_bounds)):
-            for key in given or {}:
-                if key not in known:
-                    rule = f"have names of uncertain numbers ({', '.join(known) or 'none here'})"
+        for name in ("lower_bounds", "upper_bounds"):
+            for key in getattr(self, name) or {}:
+                if key not in uncertain:
                     problems.append(Problem(name, rule, shown(key)))
         for key, high in (self.upper_bounds or {}).items():
             if not self._bounded.get(key, -np.inf) < high:
                 problems.append(Problem("upper_bounds", f"exceed the lower bound of {key}"))
         if problems:
             raise InputError(*problems)
-        lower, upper = self._limits(self._bounded, -np.inf), self._limits(self.upper_bounds, np.inf)
+        lower, upper = self._limited = (
+            self._limits(self._bounded, -np.inf),
+            self._limits(self.upper_bounds, np.inf),
+        )
         start = np.append(self._nominal[1:], self._nominal[0])
         places = [*range(self._layout.parameters.start, self._layout.parameters.stop), -1]
         for path, place, value in zip((*self._layout.paths, MASS), places, start, strict=True):
             if not lower[place] <= value <= upper[place]:
                 rule = f"contain the value of the arm for {path}"
                 problems.append(Problem("bounds", rule, f"{value:g}"))
+        torques = self._layout.disturbance
+        if np.any(lower[torques] > 0.0) or np.any(upper[torques] < 0.0):
+            problems.append(Problem("bounds", "contain the start of the disturbance", "0"))
         if problems:
             raise InputError(*problems)
 
@@ -89,13 +94,25 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         assert self._step is not None
         noise = self.torque_noise * np.ones(joints)
         self._model = ArmModel(self._step, self._readings, self._layout, noise, walk)
-        self._limited = (
-            self._limits(self._bounded, -np.inf),
-            self._limits(self.upper_bounds, np.inf),
-        )
+        self._sample, self._unconverged = 0, 0
         self._arrival = Arrival(x, covariance, np.zeros((x.size, joints)))
         self._nodes = [Node(np.zeros(joints), x, np.zeros(joints))]
         self._current = self._arrival
+
+    def report(self) -> dict[str, float]:
+        """Return the report of a filter, and the number of samples that did not converge."""
+        return super().report() | {"estimator_unconverged": self._unconverged}
+
+    def _count(self, converged: bool) -> None:
+        """Count a sample that did not converge, and warn of the first one."""
+        if not converged and not self._unconverged:
+            text = (
+                f"{type(self).__name__}: at t = {self._sample * self.sample_time:g} s the least "
+                "squares did not converge, so the estimates may be wrong. Reduce the deviations, "
+                "or correct the arm; report()['estimator_unconverged'] counts the samples."
+            )
+            warn_caller(text, AccuracyWarning)
+        self._unconverged += not converged
 
     def _moments(self) -> tuple[FloatArray, FloatArray]:
         """See ``StateEstimator._moments``."""
@@ -105,12 +122,13 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         """See ``StateEstimator._correct``."""
         x, P, moved = self._current
         node = self._nodes[-1]
-        seen = self._model.see(x, node.torque, np.zeros_like(node.torque))
-        N, R = moved @ seen.D.T, np.diag(self._readings.variance) + seen.D @ seen.D.T
-        S = seen.H @ P @ seen.H.T + seen.H @ N + N.T @ seen.H.T + R
-        self._judge(readings - seen.values, S)
+        expected = self._model.observe(x, node.torque, np.zeros_like(node.torque))
+        S, _, _ = innovation_covariance(P, moved, expected.H, expected.D, self._readings.variance)
+        self._judge(readings - expected.values, S)
         node.readings.append(readings)
-        found = HorizonProblem(self._model, self._arrival, self._nodes, *self._limited).solve()
+        problem = HorizonProblem(self._model, self._arrival, self._nodes, *self._limited)
+        found, converged = problem.solve()
+        self._count(converged)
         for one, estimate, error in zip(self._nodes, found.x, found.errors, strict=True):
             one.x, one.error = estimate, error
         root = np.linalg.solve(np.linalg.qr(found.slopes)[1].T, found.last.T)
@@ -118,6 +136,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
 
     def _predict(self) -> None:
         """See ``StateEstimator._predict``."""
+        self._sample += 1
         last, none = self._nodes[-1], np.zeros(self.arm.joints)
         link = self._model.carry(last.x, self._torque, none)
         P = link.F @ self._current.P @ link.F.T + link.G @ link.G.T + np.diag(self._model.walk)
@@ -125,9 +144,9 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         self._nodes.append(Node(self._torque.copy(), link.after, none))
         if len(self._nodes) > self.horizon:
             first, second = self._nodes[:2]
-            seen = self._model.see(first.x, first.torque, first.error)
+            observed = self._model.observe(first.x, first.torque, first.error)
             ahead = self._model.carry(first.x, second.torque, second.error)
             # The derivatives are those at the estimated error; its mean is zero.
             ahead = ahead._replace(after=ahead.after - ahead.G @ second.error)
-            self._arrival = next_arrival(self._model, self._arrival, first, seen, ahead)
+            self._arrival = next_arrival(self._model, self._arrival, first, observed, ahead)
             del self._nodes[0]

@@ -30,11 +30,11 @@ def record(
         sample_time = 2e-3
 
         def reset(self):
-            self.asked = []
+            self.requested = []
 
         def update(self, t, measurement, reference):
             torque = np.array([3.0 * np.cos(30.0 * t)])
-            self.asked.append(torque)
+            self.requested.append(torque)
             return torque + disturbance + noise * random.standard_normal(1)
 
     controller = Driven()
@@ -50,4 +50,4 @@ def record(
         **initial,
     )
     names = [item.label for item in instruments]
-    return run, np.array(controller.asked), {n: run[f"measured_{n}"].values for n in names}
+    return run, np.array(controller.requested), {n: run[f"measured_{n}"].values for n in names}

@@ -3,6 +3,7 @@
 import driven_link
 import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult, lsq_linear
 
 import flexarm as fa
 from flexarm.model.paths import with_numbers
@@ -100,6 +101,10 @@ def test_wrong_bounds_are_rejected():
         ({"upper_bounds": {"disturbance": 1.0}}, "joints.0..friction.coulomb, payload.mass"),
         ({"lower_bounds": {BOUND: 0.2}, "upper_bounds": {BOUND: 0.1}}, "exceed the lower bound"),
         ({"lower_bounds": {BOUND: 0.5}}, "contain the value of the arm"),
+        (
+            {"disturbance_deviation": 1.0, "lower_bounds": {"disturbance": 0.1}},
+            "contain the start of the disturbance, got 0",
+        ),
         ({"horizon": 0}, "horizon"),
     ):
         with pytest.raises(fa.InputError, match=words):
@@ -120,3 +125,85 @@ def test_samples_without_readings_are_predicted():
         found.append(one.deviations["q"][0])
     assert found[1] < found[2] < found[3] > found[4]
     assert one.q[0] == pytest.approx(0.1, abs=4.0 * found[5])
+
+
+def test_a_mass_that_only_begin_makes_uncertain_is_not_negative():
+    """A payload of 0.001 kg, estimated from noisy readings."""
+    arm = driven_link.one_link()
+    instruments = [driven_link.ENCODER, driven_link.STRAIN]
+    one = fa.MovingHorizonEstimator(arm, instruments, horizon=3, sample_time=2e-3)
+    plant = fa.Arm(with_numbers(arm.spec, {"payload.mass": 0.001}))
+    _, torque, readings = driven_link.record(plant, 1, 0.1, duration=0.1)
+    one.begin(np.zeros(2), np.zeros(2), 0.02, np.diag([1e-3, 2e-3, 0.1, 0.05, 0.1]) ** 2)
+    found = []
+    for k in range(len(torque)):
+        if k:
+            one.predict(torque[k - 1])
+        one.correct(fa.Measurement(**{n: v[k] for n, v in readings.items()}))
+        found.append(one.payload_mass)
+    assert min(found) == 0.0
+
+
+def test_perfectly_correlated_numbers_keep_their_ratio():
+    """The damping is a fixed multiple of the disturbance; the Kalman filter is the reference."""
+    arm, random = driven_link.one_link(0.0), np.random.default_rng(3)
+    path = "joints[0].damping"
+    options = {
+        "torque_noise": 0.1 * SCALE,
+        "parameters": {path: 1e-7},
+        "disturbance_deviation": 0.5 * SCALE,
+        "sample_time": 2e-3,
+    }
+    kinds = fa.ExtendedKalmanFilter, fa.MovingHorizonEstimator
+    filters, horizons = (kind(arm, [ENCODER], **options) for kind in kinds)
+    deviation = np.array([1e-3 * SCALE, 2e-3 * SCALE, 0.1 * SCALE, 0.05 * SCALE, 0, 0, 0])
+    along = np.array([0.0, 0.0, 0.0, 0.0, 1e-7, 0.5 * SCALE, 0.0])
+    for one in (filters, horizons):
+        one.begin(np.zeros(2), np.zeros(2), 0.2, np.diag(deviation**2) + np.outer(along, along))
+    for k in range(30):
+        angle = SCALE * (2e-3 * k) ** 2 + ENCODER.noise * random.normal(size=1)
+        for one in (filters, horizons):
+            one.correct(fa.Measurement(joint_angle=angle))
+        changes = [
+            [(one.parameter_values[path] - 0.1) / 1e-7, one.disturbance[0] / (0.5 * SCALE)]
+            for one in (filters, horizons)
+        ]
+        # Relative to the deviations. The horizon replaces the zero variance by 1e-12.
+        np.testing.assert_allclose(*changes, rtol=0, atol=1e-6)
+        for one in (filters, horizons):
+            one.predict(np.zeros(1))
+    assert abs(changes[1][0]) > 0.1
+    assert changes[1][0] == pytest.approx(changes[1][1], abs=1e-6)
+
+
+def _stalled(*args, **options):
+    return OptimizeResult(lsq_linear(*args, **options) | {"status": -1})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("flexarm.estimation.horizon._MOST", 1),
+        ("flexarm.estimation.horizon._HALVINGS", -1),
+        ("scipy.optimize.lsq_linear", _stalled),
+    ],
+)
+def test_estimates_that_do_not_converge_are_counted_and_reported_once(monkeypatch, name, value):
+    arm = driven_link.one_link()
+    one = fa.MovingHorizonEstimator(arm, [driven_link.ENCODER], horizon=3, sample_time=2e-3)
+    reading = fa.Measurement(joint_angle=np.array([0.1]))
+    one.correct(reading)
+    assert one.report()["estimator_unconverged"] == 0
+    monkeypatch.setattr(name, value)
+    one.predict(np.ones(1))
+    with pytest.warns(fa.AccuracyWarning, match=r"t = 0\.002 s .* did not converge"):
+        one.correct(reading)
+    one.predict(np.ones(1))
+    one.correct(reading)  # no second warning, which would be an error
+    assert one.report()["estimator_unconverged"] == 2
+    monkeypatch.undo()
+    one.predict(np.ones(1))
+    one.correct(reading)
+    assert one.report()["estimator_unconverged"] == 2
+    one.reset()
+    assert one.report()["estimator_unconverged"] == 0
