@@ -79,20 +79,20 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        known = self.estimator
+        estimator = self.estimator
         if self._commanded is not None:
-            known.predict(measurement.get("torque", self._commanded))
-        known.correct(measurement)
-        q, qd, joints = known.q, known.qd, known.arm.joint_index
+            estimator.predict(measurement.get("torque", self._commanded))
+        estimator.correct(measurement)
+        q, qd, joints = estimator.q, estimator.qd, estimator.arm.joint_index
         seen = dict(measurement) | {
             "joint_angle": q[joints],
             "joint_rate": qd[joints],
             "q": q,
             "qd": qd,
-            "payload_mass": np.array([known.payload_mass]),
-            "disturbance": known.disturbance,
+            "payload_mass": np.array([estimator.payload_mass]),
+            "disturbance": estimator.disturbance,
         }
         torque = self.inner.update(t, Measurement(**seen), reference)
-        corrected = np.asarray(torque, dtype=np.float64) - self.compensation * known.disturbance
+        corrected = np.asarray(torque, dtype=np.float64) - self.compensation * estimator.disturbance
         self._commanded = corrected
         return self._commanded.copy()
