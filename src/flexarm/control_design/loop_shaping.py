@@ -22,7 +22,7 @@ _LEAD = 0.25
 #: Damping ratio that stands for an uncertainty of one. With this value and an uncertainty of 0.3
 #: the default design is stable on the three arms of docs/how-to/measure_robustness.py with links
 #: 30 % softer and stiffer, and with twice the payload.
-_DAMPING = 1.0 / 3.0
+DAMPING = 1.0 / 3.0
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
@@ -72,7 +72,7 @@ def shaped_design(
 
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     slope: FloatArray = model.A.copy()
-    slope[arm.dof :, arm.dof :] -= added_damping(arm, model, _DAMPING * given.rigidity_uncertainty)
+    slope[arm.dof :, arm.dof :] -= added_damping(arm, model, DAMPING * given.rigidity_uncertainty)
     bandwidth = np.asarray(given.bandwidth)
     root, shown = shaping(arm, posture, bandwidth)
     plant = bilinear(*held(slope, model.B, sample_time), shown @ model.C, sample_time)

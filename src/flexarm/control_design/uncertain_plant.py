@@ -8,22 +8,22 @@ import numpy as np
 
 from flexarm.arm import Arm, varied
 from flexarm.control_design.linear_design import held
-from flexarm.control_design.loop_shaping import Matrices, added_damping, bilinear, shaping
+from flexarm.control_design.loop_shaping import DAMPING, Matrices, added_damping, bilinear, shaping
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
 
 #: Rank of a change: smallest eigenvalue, relative to the largest. Rounding is 1e-12, and the
-#: smallest eigenvalues of changes of links with a few elements are 1e-4.
-_RANK = 1e-6
+#: smallest eigenvalues of changes of links with a few elements are 1e-4, or 1e-7 with gravity.
+_RANK = 1e-9
+#: Change that is rounding, relative to the largest entry of the matrix.
+_ROUNDING = 1e-10
 #: Sensitivity at low frequencies that the performance weight accepts.
 _SLOW = 0.1
 #: Noise and weight of the shaped output. Without them the synthesis has no solution, because the
 #: rigid motion would neither be disturbed nor penalised; a small weight makes it slow.
 _NOISE, _OUTPUT = 0.1, 0.4
-#: Damping ratio that stands for an uncertainty of one, as in `shaped_design`.
-_DAMPING = 1.0 / 3.0
 #: Bandwidth of the sensitivity relative to that of the loop shape.
 _SENSITIVITY_BANDWIDTH = 0.5
 
@@ -63,13 +63,13 @@ def uncertain_plant(
     Args:
         arm: nominal arm. posture: (joints,) rad. bandwidth: (joints,) rad/s.
         rigidity, payload: relative changes of the rigidity of all links and of the payload.
-        sensitivity: largest accepted sensitivity at the motors, above 1.
+        sensitivity: largest accepted sensitivity of the normalised torques, above 1.
         sample_time: s.
     """
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
-    slope[n:, n:] -= added_damping(arm, model, _DAMPING * rigidity)
+    slope[n:, n:] -= added_damping(arm, model, DAMPING * rigidity)
     root, shown = shaping(arm, posture, bandwidth)
     changes = _changes(arm, posture, model, rigidity, payload)
     pushes = [-np.linalg.solve(model.mass, factor) for _, factor, _ in changes]
@@ -96,20 +96,23 @@ def uncertain_plant(
 def _changes(
     arm: Arm, posture: FloatArray, model: LinearModel, rigidity: float, payload: float
 ) -> list[tuple[str, FloatArray, FloatArray]]:
-    """Return the changes of stiffness and mass as products left right' of factors (dof, k)."""
-    found = []
-    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-    if rigidity and elastic.size:
-        other = varied(arm, flexural_rigidity_factor=1.0 + rigidity)
-        change = np.zeros_like(model.mass)
-        block = np.ix_(elastic, elastic)
-        stiff = linearize(other, equilibrium(other, posture)).stiffness
-        change[block] = (stiff - model.stiffness)[block]
-        found.append(("stiffness", *_factors(change)))
+    """Return the changes of stiffness and mass as products left right' of factors (dof, k).
+
+    With gravity, both matrices depend on both changes, because the arm sags by another amount.
+    """
+    others = []
+    if rigidity and arm.dof > arm.joints:
+        others.append(varied(arm, flexural_rigidity_factor=1.0 + rigidity))
     if payload and arm.spec.payload.mass:
-        other = varied(arm, payload_factor=1.0 + payload)
-        mass = linearize(other, equilibrium(other, posture)).mass
-        found.append(("mass", *_factors(mass - model.mass)))
+        others.append(varied(arm, payload_factor=1.0 + payload))
+    found = []
+    for other in others:
+        there = linearize(other, equilibrium(other, posture))
+        for kind in ("stiffness", "mass"):
+            own = getattr(model, kind)
+            change = getattr(there, kind) - own
+            if np.abs(change).max() > _ROUNDING * np.abs(own).max():
+                found.append((kind, *_factors(change)))
     return found
 
 

@@ -36,8 +36,8 @@ from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import Hardware, Instrument, Motors
 
-#: Controllers by name. The drives of files have the same names as kinds. `MuSynthesis` is left out:
-#: files must be readable without slycot, an optional library that it needs.
+#: Controllers by name. The drives of files have the same names as kinds. `MuSynthesis` is not among
+#: them: files must run in every installation, and slycot, which it needs, is under the GPL.
 CONTROLLERS: dict[str, type[Controller]] = {
     controller.name: controller
     for controller in (

@@ -36,8 +36,8 @@ class RobustController(NamedTuple):
 
     Attributes:
         A, B, C, D: state-space matrices.
-        mu: largest upper bound of the structured singular value.
-        gamma: H-infinity norm of the loop with the scalings of this controller.
+        mu: largest upper bound of the structured singular value at the frequencies.
+        gamma: H-infinity norm that the synthesis of this controller was given as a bound.
         history: largest upper bound of mu after each iteration.
     """
 
@@ -78,7 +78,7 @@ def dk_iteration(
         start: controller of the first scalings; None for scalings of one.
 
     Raises:
-        InputError: if slycot is not installed, or the first synthesis has no solution.
+        InputError: if slycot is not installed, or the first synthesis fails.
     """
     size = sum(blocks)
     scalings: list[FloatArray] = [np.zeros(1)] * (len(blocks) - 1)
@@ -91,8 +91,8 @@ def dk_iteration(
             K, gamma = _synthesis(_scaled(plant, scalings, blocks), size, omega, suboptimality)
         except ArithmeticError as error:
             if best is None:
-                hint = "Reduce the bandwidth or the uncertainty."
-                rule = "has no H-infinity controller: " + " ".join(str(error).split())[:120]
+                hint = "Reduce the bandwidth, the uncertainty or the number of elements."
+                rule = "permit an H-infinity synthesis: " + " ".join(str(error).split())[:120]
                 raise InputError(Problem("arm", rule, hint=hint)) from None
             break
         loop = closed_loop(plant, size, K, omega)
@@ -116,17 +116,17 @@ def closed_loop(plant: Matrices, size: int, K: Matrices, omega: FloatArray) -> C
 def _synthesis(
     plant: Matrices, size: int, omega: FloatArray, suboptimality: float
 ) -> tuple[Matrices, float]:
-    """Return an H-infinity controller and its norm, by SB10AD of SLICOT.
+    """Return an H-infinity controller and the bound on its norm, by SB10AD of SLICOT.
 
     Raises:
-        ArithmeticError: if there is no solution, or none that has the reported norm.
+        ArithmeticError: if SLICOT fails, or no loop has the reported norm, because of rounding.
     """
     try:
         from slycot import sb10ad
         from slycot.exceptions import SlycotError
     except ImportError:
         raise library_missing("slycot", "robust") from None
-    reason = "no controller has the norm that SLICOT reports"
+    reason = "rounding errors of SLICOT are too large for this model"
     valid: list[tuple[float, Matrices]] = []
     for A, B, C, D in (_balanced(plant), plant):
         sizes = len(A), B.shape[1], len(C), B.shape[1] - size, len(C) - size
@@ -206,9 +206,9 @@ def _fitted(
                 return found
 
             first = [np.average(wanted[:, k], weights=share)]
-            spread = middle + np.linspace(-1.0, 1.0, 2 * each)
+            corners = middle + np.linspace(-1.0, 1.0, 2 * each)
             box: Any = tuple(zip(*limits, strict=True))
-            fits.append(least_squares(missed, [*first, *spread], bounds=box).x)
+            fits.append(least_squares(missed, [*first, *corners], bounds=box).x)
         starts.append(np.concatenate(fits))
         options = {"maxfev": _EVALUATIONS * starts[0].size, "xatol": 1e-3, "fatol": 1e-4}
         begin = min(starts, key=peak)

@@ -1,12 +1,15 @@
 """H-infinity and mu synthesis against a published example, norms of the loop, and varied arms."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from linear_arm import POSTURE
 from test_loop_margins import robust_arm
 
 import flexarm as fa
-from flexarm.control_design.loop_shaping import added_damping, in_series
+from flexarm.control_design.linear_design import held
+from flexarm.control_design.loop_shaping import added_damping, in_series, shaping
 from flexarm.control_design.uncertain_plant import uncertain_plant
 from flexarm.loop_analysis.dk_iteration import _diagonal, _magnitude, dk_iteration
 from flexarm.loop_analysis.sampled_loop import response
@@ -79,35 +82,54 @@ def test_scalings_have_their_magnitude_and_inverse():
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(8), both.shape), atol=1e-12)
 
 
-@pytest.mark.parametrize("changes", [(1.3, 1.0), (1.0, 1.5), (0.7, 0.5)])
-def test_uncertain_plant_contains_the_varied_arms(changes):
-    """Constant blocks of +-1 give the response of the varied arm, except for the held forces."""
-    arm = robust_arm(gravity=HORIZONTAL)
-    step, bandwidth = 1e-4, np.full(2, 8.0)
-    options = {"sensitivity": 2.0, "sample_time": step}
-    posture = np.array(POSTURE)
-    plant = uncertain_plant(arm, posture, bandwidth, rigidity=0.3, payload=0.5, **options)
-    signs = [np.sign(each - 1.0) for each in changes]
-    delta = np.repeat(signs, plant.blocks[:2])
+# With links 30 % softer and gravity, links sag by a tenth of their length.
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
+@pytest.mark.parametrize(
+    ("gravity", "step", "error"),
+    # The forces of the uncertainty are constant over a sample: an error of 30 rad/s times half of
+    # it. With gravity, stiffness and mass depend on the changes in second order, too.
+    [(0.0, 1e-4, 2e-3), (0.0, 1e-3, 2e-2), (-9.81, 1e-4, 1e-2)],
+)
+@pytest.mark.parametrize("signs", [(1, 0), (0, 1), (-1, -1)])
+def test_uncertain_plant_contains_the_varied_arms(signs, gravity, step, error):
+    """Constant blocks of +-1 give the response of the varied arm with the damping of the design."""
+    arm, rigidity, payload = robust_arm(gravity=(0.0, gravity)), 0.1, 0.2
+    bandwidth, posture = np.full(2, 8.0), np.array(POSTURE)
+    plant = uncertain_plant(
+        arm,
+        posture,
+        bandwidth,
+        rigidity=rigidity,
+        payload=payload,
+        sensitivity=2.0,
+        sample_time=step,
+    )
+    of_each = (len(plant.blocks) - 1) // 2
+    delta = np.repeat(np.repeat(signs, of_each), plant.blocks[:-1])
     omega = np.array([0.5, 3.0, 12.0, 30.0])
     whole = response(*plant.whole[:3], 1j * omega) + plant.whole[3]
     n, m = len(delta), 2
     P_dd, P_du = whole[:, :n, :n], whole[:, :n, -m:]
     P_yd, P_yu = whole[:, -m:, :n], whole[:, -m:, -m:]
     found = P_yu + (P_yd * delta) @ np.linalg.solve(np.eye(n) - P_dd * delta, P_du)
-    other = fa.varied(arm, flexural_rigidity_factor=changes[0], payload_factor=changes[1])
-    outputs = ["joint_angle", "joint_rate"]
-    model = fa.linearize(other, fa.equilibrium(other, posture), outputs=outputs)
-    # The design model has damping ratios that are larger by 0.1, with the nominal frequencies.
-    nominal = fa.linearize(arm, fa.equilibrium(arm, posture), outputs=outputs)
-    n = arm.dof
-    damping = nominal.mass @ added_damping(arm, nominal, 0.1) - nominal.mass @ nominal.A[n:, n:]
-    slope = model.A.copy()
-    slope[n:, n:] = -np.linalg.solve(model.mass, damping)
-    wanted = plant.shown @ response(slope, model.B @ plant.root, model.C, 1j * omega)
-    # The forces of the uncertainty are constant over a sample of 0.1 ms: 30 rad/s times half of it.
+    factors = 1.0 + rigidity * signs[0], 1.0 + payload * signs[1]
+    model = damped(arm, factors, rigidity)
+    output, torque = plant.shown @ model.C, model.B @ plant.root
+    wanted = response(model.A, torque, output, 1j * omega)
     largest = np.abs(wanted).max(axis=(1, 2), keepdims=True)
-    np.testing.assert_allclose(found / largest, wanted / largest, rtol=0, atol=2e-3)
+    np.testing.assert_allclose(found / largest, wanted / largest, rtol=0, atol=error)
+
+
+def damped(arm, factors, uncertainty):
+    """Return the model of a varied arm with the damping matrix of the design model."""
+    outputs = ["joint_angle", "joint_rate"]
+    other = fa.varied(arm, flexural_rigidity_factor=factors[0], payload_factor=factors[1])
+    model = fa.linearize(other, fa.equilibrium(other, POSTURE), outputs=outputs)
+    nominal = fa.linearize(arm, fa.equilibrium(arm, POSTURE), outputs=outputs)
+    n, slope = arm.dof, model.A.copy()
+    extra = added_damping(arm, nominal, uncertainty / 3.0)
+    slope[n:, n:] = -np.linalg.solve(model.mass, nominal.mass @ (extra - nominal.A[n:, n:]))
+    return SimpleNamespace(A=slope, B=model.B, C=model.C)
 
 
 @pytest.fixture(scope="module")
@@ -115,14 +137,73 @@ def design():
     return fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=2)
 
 
-def test_bounds_are_those_of_the_loop(design):
+@pytest.mark.parametrize("signs", [(0, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)])
+def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
+    """For arms within the uncertainty, the norm of w_P times the normalised sensitivity."""
+    arm, h = robust_arm(gravity=HORIZONTAL), design.sample_time
+    assert design.mu == min(design.history) < 1.0
+    model = damped(arm, (1.0 + 0.1 * signs[0], 1.0 + 0.2 * signs[1]), 0.1)
+    A, B = held(model.A, model.B, h)
+    root, _ = shaping(arm, np.array(POSTURE), design.bandwidth)
+    omega = np.geomspace(1e-3, 0.99 * np.pi / h, 800)
+    z = np.exp(1j * omega * h)
+    plant = response(A, B, model.C, z)
+    control = response(design.A, design.B, design.C, z) + design.D
+    back = np.linalg.solve(root, control @ plant @ root)
+    loop = np.block([[A + B @ design.D @ model.C, B @ design.C], [design.B @ model.C, design.A]])
+    assert np.abs(np.linalg.eigvals(loop)).max() < 1.0
+    s = 2j / h * np.tan(0.5 * omega * h)
+    corner = 0.5 * 8.0
+    weight = np.abs((s / 2.0 + corner) / (s + 0.1 * corner))
+    peak = (weight * np.linalg.norm(np.linalg.inv(np.eye(2) - back), 2, axis=(1, 2))).max()
+    # The forces of the uncertainty are constant over a sample: 1 % near the first resonance.
+    assert 0.5 * design.mu < peak < 1.01 * design.mu
+
+
+def test_varied_arms_have_margins(design):
+    """Their links have less damping than the design model, for which mu is a guarantee."""
+    plants = [robust_arm(*each, HORIZONTAL) for each in ((1.0, 0.1), (0.9, 0.08), (1.1, 0.12))]
+    margins = fa.loop_margins(design, plants)
+    assert float(margins.growth.max()) < -0.1
+    assert float(margins.disk_margin.min()) > 0.3
+
+
+def test_bounds_that_are_not_reached_give_a_warning():
     arm = robust_arm(gravity=HORIZONTAL)
-    assert design.mu == min(design.history) < 1.2
-    plants = [arm, *(robust_arm(*each, HORIZONTAL) for each in ((0.9, 0.08), (1.1, 0.12)))]
-    m = fa.loop_margins(design, plants)
-    assert float(m.growth.max()) < -0.1
-    # The links of these arms have less damping than the model; the guarantee of mu is for it.
-    assert float(m.disk_margin.min()) > 0.3
+    with pytest.warns(fa.FlexarmWarning, match="mu is .*: above 1, neither"):
+        fa.MuSynthesis(arm, POSTURE, iterations=1, scaling_order=0, rigidity_uncertainty=0.5)
+
+
+def test_uncertainties_without_effect_give_a_warning():
+    rigid = robust_arm(payload=0.0, gravity=HORIZONTAL).rigid()
+    with pytest.warns(fa.FlexarmWarning) as found:
+        fa.MuSynthesis(rigid, POSTURE, iterations=1, scaling_order=0)
+    texts = [str(each.message) for each in found]
+    assert any("payload_uncertainty has no effect: the arm has no payload" in x for x in texts)
+    assert any("rigidity_uncertainty has no effect" in x for x in texts)
+
+
+def test_numerical_failures_are_reported_as_such(monkeypatch):
+    monkeypatch.setattr("flexarm.loop_analysis.dk_iteration._TRUSTED", 0.0)
+    with pytest.raises(fa.InputError, match="permit an H-infinity synthesis: rounding errors"):
+        fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=1, scaling_order=0)
+
+
+@pytest.mark.parametrize("gravity", [0.0, -9.81])
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
+def test_three_joints(gravity):
+    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.6, "damping": {"kind": "modal"}}
+    rod["damping"] |= {"ratio": 0.01}
+    joint = fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02)
+    arm = fa.Arm(
+        links=[fa.Link(length=each, elements=1, **rod) for each in (1.4, 1.0, 0.7)],
+        joints=[fa.Joint(hub_inertia=0.1), joint, joint],
+        payload=fa.Payload(mass=0.1),
+        gravity=(0.0, gravity),
+    )
+    posture = [0.3, 0.8, 0.5]
+    found = fa.MuSynthesis(arm, posture, iterations=1, scaling_order=0)
+    assert float(fa.loop_margins(found, arm, [posture]).growth.max()) < -0.05
 
 
 def test_run_and_export(design):

@@ -18,7 +18,7 @@ from flexarm.control.requirements import JOINTS
 from flexarm.control_design.loop_shaping import coprime_controller, sampled_growth
 from flexarm.control_design.uncertain_plant import UncertainPlant, uncertain_plant
 from flexarm.controllers.joint.follower import JointFollower
-from flexarm.errors import UnstableLoopWarning, warn_caller
+from flexarm.errors import FlexarmWarning, UnstableLoopWarning, warn_caller
 from flexarm.loop_analysis.dk_iteration import dk_iteration
 from flexarm.model.drives.linear import MuSynthesisParameters
 
@@ -38,22 +38,27 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
     Without uncertainty it is an H-infinity controller. The synthesis needs slycot (extra
     ``robust``). Without a reference the controller keeps the angles of its first measurement.
 
+    It has no integral action, and its slowest pole is near 1/20 of the bandwidth. With gravity, add
+    the gravity torque by ``feedforward``; otherwise the arm sags.
+
     Attributes:
-        mu: largest upper bound of the structured singular value. Below one, the sensitivity at the
-            motors is at most ``sensitivity`` for all arms within the uncertainty.
-        gamma: H-infinity norm of the loop with the scalings of the last synthesis.
+        mu: largest upper bound of the structured singular value on a grid of frequencies. Below
+            one, the sensitivity at the motors is at most ``sensitivity`` for all arms within the
+            uncertainty. Its norm is that of torques normalised by the inertia, not of N m.
+        gamma: bound on the H-infinity norm of the scaled loop in the synthesis of this controller.
         history: largest upper bound after each iteration.
         A, B, C, D: sampled state-space matrices from the errors of the joint angles (rad) and rates
             (rad/s) to the torques (N m); ``loop_models`` exports them with names.
 
     Raises:
-        InputError: if a shape or number is wrong, slycot is not installed, or there is no
-            controller.
+        InputError: if a shape or number is wrong, slycot is not installed, or the synthesis fails.
         EquilibriumError: if the arm has no equilibrium at the posture.
 
     Warns:
         UnstableLoopWarning: if the loop with the arm itself, without the damping that stands for
             ``rigidity_uncertainty``, is unstable.
+        FlexarmWarning: if ``mu`` exceeds one, or an uncertainty has no effect, because the arm has
+            no payload or no flexible link.
     """
 
     memory = ("_state",)
@@ -66,6 +71,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         super().__post_init__()
         given = np.zeros(self.arm.joints) if self.posture is None else np.array(self.posture)
         self.posture = given
+        self._warn_of_no_effect()
         with one_warning() as bent:
             plant = uncertain_plant(
                 self.arm,
@@ -106,6 +112,24 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
                 "bandwidth or rigidity_uncertainty, or give the links damping."
             )
             warn_caller(text, UnstableLoopWarning)
+        if self.mu > 1.0:
+            text = (
+                f"mu is {self.mu:.3g}: above 1, neither stability nor sensitivity is guaranteed "
+                "for all arms within the uncertainty. Reduce the bandwidth or the uncertainties, "
+                "or increase iterations, scaling_order or sensitivity."
+            )
+            warn_caller(text, FlexarmWarning)
+
+    def _warn_of_no_effect(self) -> None:
+        """Warn of uncertainties of parameters that the arm does not have."""
+        arm = self.arm
+        for name, without, missing in (
+            ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
+            ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
+        ):
+            if without and getattr(self, name):
+                text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
+                warn_caller(text, FlexarmWarning)
 
     def _frequencies(self, plant: UncertainPlant) -> FloatArray:
         """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""

@@ -228,7 +228,6 @@ class LoopShapingKeys(LoopShapingParameters):
 class MuSynthesisParameters(ControllerParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
-    name = "mu_synthesis"
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
         default=None, description="Joint angles of the design; zero by default (rad)."
     )
@@ -247,7 +246,9 @@ class MuSynthesisParameters(ControllerParameters):
         default=0.2, description="Relative change of the payload, at most 1."
     )
     sensitivity: Annotated[Finite, Field(gt=1, le=100), BeforeValidator(plain)] = Field(
-        default=2.0, description="Largest accepted sensitivity at the motors, above 1."
+        default=2.0,
+        description="Largest accepted sensitivity at the motors, in torques normalised by the "
+        "inertia, above 1.",
     )
     iterations: Count = Field(default=3, description="Number of syntheses.")
     scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = Field(
