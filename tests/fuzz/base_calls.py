@@ -364,10 +364,8 @@ METHODS["PrescribedPerformance"] = (
     METHODS["PrescribedPerformance"][0],
     {**_UPDATE, "angle_bound": {"t": [0.0, 1.0]}},
 )
-METHODS["MuSynthesis"] = (
-    cache(lambda: fa.MuSynthesis(arm(), start, iterations=1, scaling_order=0)),
-    _UPDATE,
-)
+_SYNTHESIS = FUNCTIONS["MuSynthesis"]
+METHODS["MuSynthesis"] = (cache(lambda: fa.MuSynthesis(**_SYNTHESIS | {"arm": arm()})), _UPDATE)
 METHODS["NonlinearMPC"][1].update(feedback=_UPDATE["update"], prepare={})
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
