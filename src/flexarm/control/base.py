@@ -121,6 +121,9 @@ def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArr
         self: Controller, t: float, measurement: Measurement, reference: Reference | None
     ) -> FloatArray:
         # The tests are cheap because they run at every sample time. NaN fails the comparison.
+        # A law that is exported is evaluated over symbols.
+        if type(t) is not float and getattr(t, "symbolic", False):
+            return update(self, t, measurement, reference)
         if type(t) is not float or not -_LATEST < t < _LATEST:
             t = check_number("t", t, _counts, f"be a time within {_LATEST:g} s")
         if not isinstance(measurement, Measurement):

@@ -186,6 +186,11 @@ class Memory:
                 raise MemoryNameError(_problem(controller, rule, shown(value)))
             self._places.append((owner, name, np.shape(value)))
 
+    @property
+    def shapes(self) -> list[tuple[str, tuple[int, ...]]]:
+        """Names of the attributes, without their owners, and their shapes."""
+        return [(name, shape) for _, name, shape in self._places]
+
     def read(self) -> FloatArray:
         """Return the numbers (n,)."""
         values = [np.ravel(getattr(owner, name)) for owner, name, _ in self._places]

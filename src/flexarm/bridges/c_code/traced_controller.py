@@ -16,6 +16,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.kept_attributes import check_kept, check_sizes
 from flexarm.bridges.c_code.long_memory import long_memory
 from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.c_code.traced_inputs import (
@@ -32,7 +33,7 @@ from flexarm.bridges.c_code.traced_task import (
     follow_symbols,
 )
 from flexarm.bridges.symbolic.branches import branched
-from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, plain
+from flexarm.bridges.symbolic.scalars import SymbolError, plain
 from flexarm.bridges.symbolic.symbol_array import make_symbolic
 from flexarm.control.base import requirements_of
 from flexarm.control_design.nominal import Nominal
@@ -51,7 +52,7 @@ from flexarm.controllers.joint.follower import JointFollower
 from flexarm.controllers.vibration.strain_damping import StrainDamping
 from flexarm.errors import InputError, Problem
 from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.linear_controller import Memory, memory_of
+from flexarm.loop_analysis.linear_controller import Memory, MemoryNameError, memory_of
 
 #: Packages whose objects belong to a controller.
 _PACKAGES = ("flexarm.controllers", "flexarm.control_design")
@@ -96,15 +97,17 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     """
     names = _readings(arm, controller)
     new: Any = deepcopy(controller)
+    # A reset computes with numbers, so it comes first.
+    new.reset()
     try:
-        # A reset computes with numbers, so it comes first.
-        new.reset()
         if isinstance(controller, TaskController):
             new._task = SymbolicTask(controller.arm)
         make_symbolic(new, _PACKAGES)
         started, first = _law("controller_start", new, controller, arm, names)
         _, later = _law("controller_update", started, controller, arm, names)
-    except (SymbolError, TypeError) as error:
+    except MemoryNameError:
+        raise
+    except Exception as error:  # a user's code over symbols may raise any
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
         raise _refusal(controller, f"Its update {cause}{error}.") from None
     size, long = _memory(started).read().size, long_memory(controller, arm.joints)
@@ -136,7 +139,7 @@ def _law(
         if not first:
             kept = _memory(mine)
             kept.write(inputs.array("memory", kept.read().size))
-        torque = _updated(mine, controller, arm, names, inputs, first)
+        torque = _updated(mine, controller, arm, names, inputs)
         after.append(mine)
         memory = _memory(mine).read()
         outputs = {"memory_out": memory, "torque": torque} if memory.size else {"torque": torque}
@@ -148,34 +151,16 @@ def _law(
         }
 
     outputs = branched(update)
-    _check_undeclared(controller, after)
+    if casadi.depends_on(casadi.vertcat(*outputs.values()), inputs.symbols.pop("time")):
+        raise SymbolError("depends on the time t; count samples in its memory instead")
+    declared = {*(_declared(controller) or ()), *getattr(controller, "start_memory", ())}
+    check_kept(None if first else before, after, declared, _PACKAGES)
+    check_sizes([_memory(one) for one in (after if first else [before, *after])])
     return after[0], (name, inputs.symbols, outputs)
 
 
-def _check_undeclared(controller: Any, after: list[Any]) -> None:
-    """Raise if paths leave different numbers in an attribute that the memory does not declare."""
-    declared = {*(_declared(controller) or ()), *getattr(controller, "start_memory", ())}
-    for found in zip(*(sorted(_kept(one).items()) for one in after), strict=False):
-        path = found[0][0]
-        if path not in declared and any(other != found[0] for other in found):
-            raise SymbolError(
-                f"changes {path!r} in a condition, but its memory does not declare it"
-            )
-
-
-def _kept(owner: Any, prefix: str = "") -> dict[str, Any]:
-    """Return the numbers that an object keeps, by their paths; None for symbols."""
-    found: dict[str, Any] = {}
-    for name, value in vars(owner).items():
-        if value is None or isinstance(value, bool | int | float | Scalar):
-            found[prefix + name] = "symbol" if isinstance(value, Scalar) else repr(value)
-        elif type(value).__module__.startswith(_PACKAGES) and hasattr(value, "__dict__"):
-            found |= _kept(value, f"{prefix}{name}.")
-    return found
-
-
 def _updated(
-    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: Inputs, first: bool
+    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: Inputs
 ) -> Any:
     """Update a symbolic copy of a controller; return the torque."""
     sizes = reading_sizes(arm)
@@ -190,7 +175,7 @@ def _updated(
     if long:
         long.trace(mine, inputs.array)
     _prescribe(mine, inputs, arm)
-    return mine.update(0.0 if first else controller.sample_time, measurement, reference)
+    return mine.update(inputs.array("time")[()], measurement, reference)
 
 
 def _readings(arm: Arm, controller: Any) -> list[str]:
@@ -210,6 +195,10 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     if long and long.size > _MOST_MEMORY:
         reason = f"It has a memory of {long.size} numbers, more than {_MOST_MEMORY}."
         raise _refusal(controller, reason)
+    inner = getattr(controller, "inner", None)
+    if isinstance(inner, TaskController):
+        reason = f"{type(inner).__name__} inside it controls the tip. Export that one alone."
+        raise _refusal(controller, reason)
     presses = isinstance(controller, TaskController)
     pressed: Any = PressedInputs(Inputs(), arm.joints) if presses else None
     needed = requirements_of(controller, arm, pressed)
@@ -220,7 +209,6 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     unknown = [name for name in needed.measured if name not in sizes]
     if unknown:
         raise _refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
-    inner = getattr(controller, "inner", None)
     more = _readings(arm, inner) if inner is not None else []
     return list(dict.fromkeys([*(needed.measured or ("joint_angle", "joint_rate")), *more]))
 

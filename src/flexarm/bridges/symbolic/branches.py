@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -29,14 +30,28 @@ class _Decisions:
     taken: list[bool] = field(default_factory=list)
 
     def decide(self, condition: Any) -> bool:
-        """Return the truth value of a condition; equal conditions have the same one."""
+        """Return the truth value of a condition; equal conditions have the same one.
+
+        Of a condition and its negation, such as ``x > 0`` and ``x <= 0``, one is true.
+        """
         for known, value in zip(self.conditions, self.taken, strict=True):
             if casadi.is_equal(known, condition, _DEPTH):
                 return value
+            if casadi.is_equal(known, _negated(condition), _DEPTH):
+                return not value
         k = len(self.taken)
         self.conditions.append(condition)
         self.taken.append(self.given[k] if k < len(self.given) else True)
         return self.taken[k]
+
+
+def _negated(condition: Any) -> Any:
+    """Return the opposite of a comparison; another condition is returned unchanged."""
+    if condition.op() == casadi.OP_LT:
+        return condition.dep(1) <= condition.dep(0)
+    if condition.op() == casadi.OP_LE:
+        return condition.dep(1) < condition.dep(0)
+    return condition
 
 
 class _Path(NamedTuple):
@@ -62,7 +77,7 @@ def branched(evaluate: Callable[[], Mapping[str, Any]]) -> dict[str, Any]:
 
     Raises:
         SymbolError: if there are more than `MOST_PATHS` paths, or the sizes of the results differ
-            between paths.
+            between paths, or two evaluations have different conditions after the same decisions.
     """
     found: list[tuple[_Decisions, Mapping[str, Any]]] = []
     given: Sequence[bool] | None = ()
@@ -70,7 +85,7 @@ def branched(evaluate: Callable[[], Mapping[str, Any]]) -> dict[str, Any]:
         if len(found) == MOST_PATHS:
             raise SymbolError(f"has more than {MOST_PATHS} paths through its conditions")
         decisions = _Decisions(given)
-        with _deciding(decisions.decide):
+        with _ONE_AT_A_TIME, _deciding(decisions.decide):
             found.append((decisions, evaluate()))
         given = _next(decisions.taken)
     return dict(found[0][1]) if len(found) == 1 else _merged(found)
@@ -101,9 +116,13 @@ def _merged(found: Sequence[tuple[_Decisions, Mapping[str, Any]]]) -> dict[str, 
 def _joined(paths: Sequence[_Path], depth: int) -> list[Any]:
     """Return the results of paths with the same first ``depth`` decisions."""
     first = paths[0]
-    if depth == len(first.taken):
+    if depth == len(first.taken) and len(paths) == 1:
         return first.results
-    condition = first.conditions[depth]
+    conditions = [casadi.vertcat(*one.conditions[depth : depth + 1]) for one in paths]
+    condition = conditions[0]
+    same = all(one.shape == (1, 1) and casadi.is_equal(one, condition) for one in conditions)
+    if not same or len({one.taken[depth] for one in paths}) < 2:
+        raise SymbolError("has other conditions when it is evaluated again")
     yes, no = (
         _joined([one for one in paths if one.taken[depth] is side], depth + 1)
         for side in (True, False)
@@ -126,6 +145,8 @@ def _of_symbols(plain: Callable[..., Any], pair: Callable[[Any, Any], Any]) -> C
     return function
 
 
+#: Evaluations replace built-in functions, which all threads share.
+_ONE_AT_A_TIME = threading.RLock()
 _MIN, _MAX = builtins.min, builtins.max
 _LEAST, _MOST = _of_symbols(_MIN, least), _of_symbols(_MAX, most)
 

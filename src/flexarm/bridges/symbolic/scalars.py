@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,7 @@ class Scalar:
     """
 
     __slots__ = ("library", "value")
+    symbolic: ClassVar[bool] = True
 
     def __init__(self, value: Any, library: Any) -> None:
         self.value = value
@@ -158,6 +159,38 @@ class Scalar:
     def tanh(self) -> Scalar:
         """Hyperbolic tangent."""
         return self._new(self.library.tanh(self.value))
+
+    def tan(self) -> Scalar:
+        """Tangent."""
+        return self._new(self.library.tan(self.value))
+
+    def arcsin(self) -> Scalar:
+        """Inverse sine."""
+        return self._new(self.library.arcsin(self.value))
+
+    def arccos(self) -> Scalar:
+        """Inverse cosine."""
+        return self._new(self.library.arccos(self.value))
+
+    def arctan(self) -> Scalar:
+        """Inverse tangent."""
+        return self._new(self.library.arctan(self.value))
+
+    def sinh(self) -> Scalar:
+        """Hyperbolic sine."""
+        return self._new(self.library.sinh(self.value))
+
+    def cosh(self) -> Scalar:
+        """Hyperbolic cosine."""
+        return self._new(self.library.cosh(self.value))
+
+    def log(self) -> Scalar:
+        """Natural logarithm."""
+        return self._new(self.library.log(self.value))
+
+    def arctan2(self, x: Any) -> Scalar:
+        """Angle of the point (x, self)."""
+        return self._new(self.library.arctan2(self.value, plain(x)))
 
     def arctanh(self) -> Scalar:
         """Inverse hyperbolic tangent."""

@@ -106,9 +106,21 @@ def _choice(condition: Any, yes: Any, no: Any) -> Any:
     return Scalar(library.if_else(condition.value, plain(yes), plain(no)), library)
 
 
+def _sign(value: Any) -> Any:
+    if not isinstance(value, Scalar):
+        return np.sign(value)
+    return Scalar(value.library.sign(value.value), value.library)
+
+
+#: Functions of numbers that are also methods of `Scalar`.
+_METHODS = (
+    *(np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan),
+    *(np.sinh, np.cosh, np.tanh, np.arctanh, np.exp, np.log, np.sqrt),
+)
 _NUMBERS: dict[str, Callable[[Any, Any], Any]] = {
     "fmin": min,
     "fmax": max,
+    "arctan2": np.arctan2,
     "logic_or": lambda a, b: bool(a) or bool(b),
     "logic_and": lambda a, b: bool(a) and bool(b),
 }
@@ -126,5 +138,7 @@ _ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "greater_equal": operator.ge,
     "bitwise_or": _of_library("logic_or"),
     "bitwise_and": _of_library("logic_and"),
-    **{function.__name__: function for function in (np.sin, np.cos, np.exp, np.sqrt, np.tanh)},
+    "arctan2": _of_library("arctan2"),
+    "sign": _sign,
+    **{function.__name__: function for function in _METHODS},
 }
