@@ -1,0 +1,53 @@
+"""Exports of an arm whose friction has bristles: they warn, or refuse and name the friction."""
+
+import pytest
+
+import flexarm as fa
+from bridges.c_code_tools import make
+from bristled_joints import RUBBING
+from flexarm.errors import AccuracyWarning
+
+
+def rubbing():
+    link = fa.Link(length=0.5, mass_per_length=0.4, flexural_rigidity=15.0, modes=2)
+    joints = [fa.Joint(hub_inertia=0.01, friction=fa.Friction(**RUBBING)), fa.Joint()]
+    return fa.Arm(links=[link, link], joints=joints)
+
+
+def to_jax(arm, folder):
+    pytest.importorskip("jax", reason="JAX is not installed: fa.to_jax was not tried")
+    fa.to_jax(arm)
+
+
+#: Exports that have the friction as a function of the rate.
+WARNING = {
+    "casadi": lambda arm, folder: fa.to_casadi(arm),
+    "jax": to_jax,
+    "c": lambda arm, folder: fa.export_c(arm, folder / "c"),
+    "fmu": lambda arm, folder: fa.export_fmu(arm, folder / "arm.fmu"),
+    "matlab": lambda arm, folder: fa.export_mat(arm, folder / "arm.mat"),
+}
+REFUSING = {
+    "mjcf": lambda arm, folder: fa.export_mjcf(arm, folder / "arm.xml"),
+    "urdf": lambda arm, folder: fa.export_urdf(arm, folder / "arm.urdf"),
+    "exudyn": lambda arm, folder: fa.export_exudyn(arm, folder / "arm.py"),
+}
+
+
+@pytest.mark.parametrize("name", WARNING)
+def test_exports_warn(name, tmp_path):
+    with pytest.warns(AccuracyWarning, match="bristles"):
+        WARNING[name](rubbing(), tmp_path)
+
+
+@pytest.mark.parametrize("name", REFUSING)
+def test_exports_refuse(name, tmp_path):
+    with pytest.raises(fa.InputError, match="friction"):
+        REFUSING[name](rubbing(), tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.errors.FlexarmWarning")
+def test_c_code_passes_its_test(tmp_path):
+    fa.export_c(rubbing(), tmp_path)
+    done = make(tmp_path, "test")
+    assert done.returncode == 0, done.stdout + done.stderr
