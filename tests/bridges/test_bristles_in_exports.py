@@ -36,7 +36,7 @@ REFUSING = {
 
 @pytest.mark.parametrize("name", WARNING)
 def test_exports_warn(name, tmp_path):
-    with pytest.warns(AccuracyWarning, match="bristles"):
+    with pytest.warns(AccuracyWarning, match="Bristles"):
         WARNING[name](rubbing(), tmp_path)
 
 

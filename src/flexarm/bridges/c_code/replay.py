@@ -10,8 +10,8 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.laws.traced_controller import TracedController, nominal_values
 from flexarm.bridges.c_code.pressed_run import PressedRun, pressed_values
-from flexarm.bridges.c_code.traced_controller import TracedController, nominal_values
 from flexarm.control_design.nominal import strain_matrix
 from flexarm.controllers import LQG
 from flexarm.controllers.force.task_controller import TaskController

@@ -8,7 +8,7 @@ import casadi
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.bridges.c_code.traced_inputs import Inputs, ReferenceInputs
+from flexarm.bridges.c_code.laws.traced_inputs import Inputs, ReferenceInputs
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import objects, plain

@@ -17,21 +17,21 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.kept_attributes import check_kept, check_sizes
-from flexarm.bridges.c_code.long_memory import long_memory
-from flexarm.bridges.c_code.named_function import NamedFunction, named
-from flexarm.bridges.c_code.traced_inputs import (
+from flexarm.bridges.c_code.laws.long_memory import long_memory
+from flexarm.bridges.c_code.laws.traced_inputs import (
     Inputs,
     NominalInputs,
     ReferenceInputs,
     StaticBending,
     preview_nodes,
 )
-from flexarm.bridges.c_code.traced_task import (
+from flexarm.bridges.c_code.laws.traced_task import (
     FRICTION,
     PressedInputs,
     SymbolicTask,
     follow_symbols,
 )
+from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.symbolic.branches import branched
 from flexarm.bridges.symbolic.scalars import SymbolError, plain
 from flexarm.bridges.symbolic.symbol_array import make_symbolic
@@ -159,9 +159,7 @@ def _law(
     return after[0], (name, inputs.symbols, outputs)
 
 
-def _updated(
-    mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: Inputs
-) -> Any:
+def _updated(mine: Any, controller: Controller, arm: Arm, names: list[str], inputs: Inputs) -> Any:
     """Update a symbolic copy of a controller; return the torque."""
     sizes = reading_sizes(arm)
     measurement = Measurement(**{name: inputs.array(name, *sizes[name]) for name in names})

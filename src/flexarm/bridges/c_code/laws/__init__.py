@@ -1,0 +1,1 @@
+"""Laws of controllers as functions of symbols."""
