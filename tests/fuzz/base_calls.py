@@ -366,6 +366,14 @@ METHODS["PrescribedPerformance"] = (
 )
 _SYNTHESIS = FUNCTIONS["MuSynthesis"]
 METHODS["MuSynthesis"] = (cache(lambda: fa.MuSynthesis(**_SYNTHESIS | {"arm": arm()})), _UPDATE)
+_STRAINS = {"strain_correction": {"t": 0.2, "reference": motion}}
+for _law in (
+    "IntegralResonantControl",
+    "OutputRedefinition",
+    "PositivePositionFeedback",
+    "WaveBasedControl",
+):
+    METHODS[_law] = (METHODS[_law][0], {**_UPDATE, **_STRAINS})
 METHODS["NonlinearMPC"][1].update(feedback=_UPDATE["update"], prepare={})
 METHODS["RepetitiveControl"] = (
     METHODS["RepetitiveControl"][0],
