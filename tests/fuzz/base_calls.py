@@ -366,22 +366,15 @@ METHODS["PrescribedPerformance"] = (
 )
 _SYNTHESIS = FUNCTIONS["MuSynthesis"]
 METHODS["MuSynthesis"] = (cache(lambda: fa.MuSynthesis(**_SYNTHESIS | {"arm": arm()})), _UPDATE)
-_STRAINS = {"strain_correction": {"t": 0.2, "reference": motion}}
-for _law in (
-    "IntegralResonantControl",
-    "OutputRedefinition",
-    "PositivePositionFeedback",
-    "WaveBasedControl",
-):
-    METHODS[_law] = (METHODS[_law][0], {**_UPDATE, **_STRAINS})
+_STRAINS = {**_UPDATE, "strain_correction": {"t": 0.2, "reference": motion}}
+for _law in {"PositivePositionFeedback", "WaveBasedControl", "OutputRedefinition"}:
+    METHODS[_law] = METHODS[_law][0], _STRAINS
+METHODS["IntegralResonantControl"] = METHODS["IntegralResonantControl"][0], _STRAINS
 METHODS["NonlinearMPC"][1].update(feedback=_UPDATE["update"], prepare={})
-METHODS["RepetitiveControl"] = (
-    METHODS["RepetitiveControl"][0],
-    {**_UPDATE, "harmonic_rates": {"plant": arm, "posture": start}},
-)
+_RATES = {"harmonic_rates": {"plant": arm, "posture": start}}
+METHODS["RepetitiveControl"] = METHODS["RepetitiveControl"][0], {**_UPDATE, **_RATES}
 
-#: Results that only flexarm creates, and the abstract controller, whose methods are those of every
-#: controller.
+#: Results that only flexarm creates, and the abstract controller, whose methods all others have.
 MADE_BY_FLEXARM = {
     "ControllerDesign",
     "Equilibrium",
