@@ -186,6 +186,19 @@ def test_numbers_that_move_points_or_readings_are_rejected(path):
         FreeParameters(one_link(), [path])
 
 
+@pytest.mark.parametrize(
+    "path", ["links[0].gauges[0].station", "joints[0].friction.bristle_stiffness"]
+)
+def test_numbers_without_effect_on_the_filter_are_rejected(path):
+    """Their estimates and deviations would never change."""
+    arm = one_link()
+    joint = arm.spec.joints[0]
+    bristled = joint.friction.replace(bristle_stiffness=5000.0, bristle_damping=5.0)
+    other = fa.Arm(arm.spec.replace(joints=[joint.replace(friction=bristled)]))
+    with pytest.raises(fa.InputError, match="have an effect on the model of a filter"):
+        FreeParameters(other, [path])
+
+
 def test_wrong_parameters_are_rejected():
     arm = one_link()
     for options, words in (

@@ -102,6 +102,11 @@ def _check(arm: Arm, path: str, name: str) -> None:
     found, rows = constants_at(arm, {path: other}, float)
     before, gauges = arm.assembly.constants, constants_at(arm, {}, float)[1]
     moved = rows - gauges, found.length - before.length, found.S - before.S
+    alike = all(np.array_equal(one, two) for one, two in zip(before, found, strict=True))
+    # Without an effect here, a number is a place of a gauge; q and qd do not contain bristles.
+    if ".bristle_" in path or (alike and not np.any(rows - gauges)):
+        rule = "have an effect on the model of a filter"
+        raise InputError(Problem(name, rule, shown(path)))
     if _same(changed.assembly.constants, found) and not any(np.any(part) for part in moved):
         return
     rule = (
