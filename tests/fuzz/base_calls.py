@@ -356,10 +356,6 @@ for _name in ("LQG", "MPC", "NonlinearMPC", "Composite"):
         },
     )
 
-METHODS["OutputRedefinition"] = (
-    METHODS["OutputRedefinition"][0],
-    {**_UPDATE, "damping_weights": {}},
-)
 METHODS["PrescribedPerformance"] = (
     METHODS["PrescribedPerformance"][0],
     {**_UPDATE, "angle_bound": {"t": [0.0, 1.0]}},
@@ -367,9 +363,12 @@ METHODS["PrescribedPerformance"] = (
 _SYNTHESIS = FUNCTIONS["MuSynthesis"]
 METHODS["MuSynthesis"] = (cache(lambda: fa.MuSynthesis(**_SYNTHESIS | {"arm": arm()})), _UPDATE)
 _STRAINS = {**_UPDATE, "strain_correction": {"t": 0.2, "reference": motion}}
-for _law in {"PositivePositionFeedback", "WaveBasedControl", "OutputRedefinition"}:
+for _law in ("PositivePositionFeedback", "WaveBasedControl", "IntegralResonantControl"):
     METHODS[_law] = METHODS[_law][0], _STRAINS
-METHODS["IntegralResonantControl"] = METHODS["IntegralResonantControl"][0], _STRAINS
+METHODS["OutputRedefinition"] = (
+    METHODS["OutputRedefinition"][0],
+    {**_STRAINS, "damping_weights": {}},
+)
 METHODS["NonlinearMPC"][1].update(feedback=_UPDATE["update"], prepare={})
 _RATES = {"harmonic_rates": {"plant": arm, "posture": start}}
 METHODS["RepetitiveControl"] = METHODS["RepetitiveControl"][0], {**_UPDATE, **_RATES}

@@ -37,25 +37,25 @@ class TabulatedMotion(Motion):
     @public_call
     def joint_angle(self, t: ArrayLike) -> Floats:
         """Return the relative joint angles (n,) or (T, n), rad."""
-        return self._derivative(t, 0)
+        return self._derivative(check_times("t", t), 0)
 
     @public_call
     def joint_rate(self, t: ArrayLike) -> Floats:
         """Return the joint rates (n,) or (T, n), rad/s."""
-        return self._derivative(t, 1)
+        return self._derivative(check_times("t", t), 1)
 
     @public_call
     def joint_acceleration(self, t: ArrayLike) -> Floats:
         """Return the joint accelerations (n,) or (T, n), rad/s^2."""
-        return self._derivative(t, 2)
+        return self._derivative(check_times("t", t), 2)
 
     def at(self, times: Floats) -> JointState:
         """See `Motion.at`."""
-        return JointState(*(self._derivative(times, order) for order in range(3)))
+        checked = check_times("times", times)
+        return JointState(*(self._derivative(checked, order) for order in range(3)))
 
-    def _derivative(self, t: ArrayLike, order: int) -> Floats:
+    def _derivative(self, times: Floats, order: int) -> Floats:
         ends = self._table.x[0], self._table.x[-1]
-        times = check_times("t", t)
         found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
         return found
 

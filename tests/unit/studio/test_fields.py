@@ -236,3 +236,15 @@ def test_record_that_the_studio_does_not_know_has_starting_values_and_fields():
     assert found["magnet.gains"].other == (("magnet", "gains", FORM), "list")
     assert found["magnet.place[1]"].range.high == 2.4
     assert found["magnet.<table>"].value == "times, current\n1, 1\n2, 2"
+
+
+def test_the_kind_of_a_filter_is_a_choice():
+    """A kind with several words is no discriminator: the record is one, and offers them all."""
+    project = paper_project().edited(("drive", "kind"), "estimator")
+    assert project.record.drive.estimator.kind == "extended"
+    kind = fields_of(project)["drive.estimator.kind"]
+    words = {word for _, group in kind.choices for word, _ in group}
+    assert words == {"extended", "unscented", "moving_horizon"}
+    for word in ("moving_horizon", "extended"):
+        project = project.edited(kind.path, word)
+        assert project.record.drive.estimator.kind == word

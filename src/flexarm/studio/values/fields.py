@@ -36,7 +36,7 @@ from flexarm.studio.values.edits import (
     way_of,
 )
 from flexarm.studio.values.field import Choices, Entry, Field, Group, Part
-from flexarm.studio.values.forms import Form, Forms, field_forms
+from flexarm.studio.values.forms import Form, Forms, field_forms, kind_of
 from flexarm.studio.values.ranges import Sizes, range_of, unit_of
 from flexarm.studio.values.table_text import table_text
 
@@ -175,8 +175,7 @@ class FieldMaker:
         """Yield the fields of a record: first those that files usually have."""
         usual, more = _USUAL.get(type(record)), []
         fields = type(record).model_fields
-        # A kind that is required is a choice like others, not what distinguishes the record.
-        hidden = {KIND} if KIND in fields and not fields[KIND].is_required() else set()
+        hidden = {KIND} if kind_of(type(record)) is not None else set()
         if isinstance(record, Link):
             now = way_of(record)
             hidden |= {name for way, names in WAYS.items() if way != now for name in names}

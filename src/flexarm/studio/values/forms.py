@@ -43,8 +43,7 @@ class Form:
     @property
     def kind(self) -> str | None:
         """The ``kind`` of a record that is distinguished by it."""
-        field = self.type.model_fields.get("kind") if self.name == "record" else None
-        return None if field is None or field.is_required() else str(field.default)
+        return kind_of(self.type) if self.name == "record" else None
 
     @property
     def per_joint(self) -> bool:
@@ -106,6 +105,14 @@ class Forms:
         if now is None or len(names) != 2 or not set(names) <= set(_SWITCHED) or self.kinds:
             return ""
         return next((form.name for form in self.given if form is not now), "")
+
+
+def kind_of(record: type[Record]) -> str | None:
+    """Return the kind that distinguishes a record; None without one, or where it is a choice."""
+    field = record.model_fields.get("kind")
+    if field is None or field.is_required() or len(get_args(field.annotation)) > 1:
+        return None
+    return str(field.default)
 
 
 def _name_of(value: Any) -> str:

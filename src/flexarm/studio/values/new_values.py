@@ -26,7 +26,7 @@ from flexarm.model.scenarios.prescribed import FollowingJoint, HeldJoint, Tabula
 from flexarm.model.scenarios.shaping import SmoothingSpec
 from flexarm.model.wording import Path
 from flexarm.studio.values.drive_starts import drive_of_kind
-from flexarm.studio.values.forms import Form, Forms, forms_of
+from flexarm.studio.values.forms import Form, Forms, forms_of, kind_of
 from flexarm.studio.values.starts import ends_of, motion_of_kind, short
 
 #: Largest static deflection of the arm by the force of a new load, relative to its length, and
@@ -76,8 +76,8 @@ def new_record(scenario: Scenario, record: type[Record], old: Any = None) -> dic
     bounds.
     """
     fields = record.model_fields
-    named = "kind" in fields and not fields["kind"].is_required()
-    found = {"kind": fields["kind"].default} if named else {}
+    kind = kind_of(record)
+    found = {} if kind is None else {"kind": kind}
     found |= _STARTS[record](scenario, old) if record in _STARTS else {}
     for name, field in fields.items():
         if field.is_required() and name not in found:
