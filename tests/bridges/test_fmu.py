@@ -290,6 +290,7 @@ def test_closed_loop(version, kind, tmp_path):
         "joint_pd_feedforward",
         "strain_feedback",
         "joint_pid",
+        "loop_shaping_scheduled",
         "hybrid_force",
         "positive_position_feedback",
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.bridges.c_code.laws.gain_table import around, gain_table
 from flexarm.bridges.c_code.laws.traced_controller import TracedController, nominal_values
 from flexarm.bridges.c_code.pressed_run import PressedRun, pressed_values
 from flexarm.control_design.nominal import strain_matrix
@@ -21,6 +21,8 @@ from flexarm.motion import Motion, joint_motion
 
 #: Angle (rad) by which the joints of the reference turn.
 _TURN = 0.1
+#: Mean speed (rad/s) of the reference through a grid of postures.
+_SPEED = 1.0
 #: Strain of a reference that computes its own bending.
 _STRAIN = 1e-3
 
@@ -29,6 +31,9 @@ def replay(
     arm: Arm, traced: TracedController, readings: dict[str, FloatArray]
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Update a controller with recorded readings, along a motion of all joints.
+
+    The motion passes the grid of postures of a controller with a schedule, and the recorded angles
+    are moved with it.
 
     Returns:
         The inputs of the exported function (samples, size) by name, and the torques (samples,
@@ -39,8 +44,11 @@ def replay(
     planner = deepcopy(mine)  # of the nominal motion; a second call would advance that of ``mine``
     h, count = traced.sample_time, len(readings["joint_angle"])
     start = readings["joint_angle"][0]
+    table = gain_table(mine)
     reference: Any = joint_motion(arm, start, start + _TURN, count * h)
-    damping = next((one for one in _around(planner) if isinstance(one, StrainDamping)), None)
+    if table:
+        reference = SlowRun(arm, table.ends, count * h)
+    damping = next((one for one in around(planner) if isinstance(one, StrainDamping)), None)
     if damping is not None:
         reference = BentRun(arm, reference)
     presses = isinstance(mine, TaskController)
@@ -49,6 +57,8 @@ def replay(
     rows, torques = [], []
     for k, t in enumerate(np.arange(count) * h):
         row = {name: values[k] for name, values in readings.items()}
+        if table:
+            row["joint_angle"] = row["joint_angle"] - start + reference.joint_angle(float(t))
         given = Measurement(**row)
         torques.append(np.array(mine.update(float(t), given, reference), dtype=np.float64))
         row["reference_angle"] = reference.joint_angle(float(t))
@@ -69,6 +79,35 @@ def replay(
     return inputs, np.array(torques)
 
 
+class SlowRun:
+    """Reference that passes a grid of postures in few samples, at the torques of a slow motion.
+
+    Args:
+        arm: the arm. ends: (2, joints) rad, the first and the last posture of the grid.
+        duration: s, from before the first posture until after the last one.
+    """
+
+    vectorized = True
+
+    def __init__(self, arm: Arm, ends: FloatArray, duration: float) -> None:
+        first, last = ends[0] - _TURN, ends[1] + _TURN
+        self.duration = self.end_time = duration
+        self._motion = joint_motion(arm, first, last, np.max(last - first) / _SPEED)
+        self._ratio = self._motion.duration / duration
+
+    def joint_angle(self, t: FloatArray) -> FloatArray:
+        """Return the joint angles, rad."""
+        return self._motion.joint_angle(self._ratio * t)
+
+    def joint_rate(self, t: FloatArray) -> FloatArray:
+        """Return the joint rates of the slow motion, rad/s."""
+        return self._motion.joint_rate(self._ratio * t)
+
+    def joint_acceleration(self, t: FloatArray) -> FloatArray:
+        """Return the joint accelerations of the slow motion, rad/s^2."""
+        return self._motion.joint_acceleration(self._ratio * t)
+
+
 class BentRun:
     """Reference that computes its own bending: a motion of the joints, and links that vibrate."""
 
@@ -86,14 +125,7 @@ class BentRun:
         return [q]
 
 
-def _around(controller: Any) -> Iterator[Any]:
-    """Iterate over a controller, the controller inside it, and so on."""
-    while controller is not None:
-        yield controller
-        controller = getattr(controller, "inner", None)
-
-
 def _feedforward(controller: Any) -> Any:
     """Return the feedforward function of a controller or of the controller inside it."""
-    found = (getattr(one, "feedforward", None) for one in _around(controller))
+    found = (getattr(one, "feedforward", None) for one in around(controller))
     return next((one for one in found if one is not None), None)

@@ -20,14 +20,14 @@ from flexarm.controllers import RBFAdaptive, RepetitiveControl
 from flexarm.controllers.uncertain.repetitive import PeriodHistory
 from flexarm.kernels.controller_terms.adaptation import network_torque
 
-_Call = Callable[[Any], dict[str, Any]]
+_Call = Callable[..., dict[str, Any]]
 
 
 class LongMemory(ABC):
-    """Memory of a controller that the traced update does not contain.
+    """Numbers of a controller that the traced update does not contain: a memory, or a table.
 
     Attributes:
-        size: number of numbers.
+        size: number of numbers in the memory.
     """
 
     size: int
@@ -38,11 +38,16 @@ class LongMemory(ABC):
 
     @abstractmethod
     def stored(self, mine: Any) -> list[Any]:
-        """Return the results of the last update for the memory."""
+        """Return the results of the last update on which the memory or the view depends."""
 
     @abstractmethod
     def _advance(self, call: _Call, memory: Any) -> tuple[dict[str, Any], Any]:
-        """Return the results of the update and the next memory; ``call`` has the view as input."""
+        """Return the results of the update and the next memory.
+
+        Args:
+            call: function of the view, and of the names of results; by default all of them.
+            memory: column of numbers.
+        """
 
     def around(self, core: NamedFunction) -> NamedFunction:
         """Return a function with this memory, after the numbers in the memory of ``core``."""
@@ -58,9 +63,10 @@ class LongMemory(ABC):
             memory = symbols["memory"][own:]
             given |= {"memory": symbols["memory"][:own]} if own else {}
 
-        def call(view: Any) -> dict[str, Any]:
+        def call(view: Any, *results: str) -> dict[str, Any]:
+            function = inner.factory("part", inner.name_in(), results) if results else inner
             # Functions of C return columns as rows.
-            return {name: row.T for name, row in inner(**given, view=view).items()}
+            return {name: row.T for name, row in function(**given, view=view).items()}
 
         found, memory = self._advance(call, memory)
         kept = [found["memory_out"]] if "memory_out" in inner.name_out() else []
@@ -143,7 +149,7 @@ class Network(LongMemory):
         own = self._own
         joints, count, signals = own._weights.shape
         given = casadi.vertsplit(
-            call(casadi.MX.zeros(joints))["stored"],
+            call(casadi.MX.zeros(joints), "stored")["stored"],
             [0, joints, joints + signals, 2 * joints + signals],
         )
         every = self._gaussian().map("gaussians", "serial", count, [0, 1, 2], [0])

@@ -17,7 +17,8 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.kept_attributes import check_kept, check_sizes
-from flexarm.bridges.c_code.laws.long_memory import long_memory
+from flexarm.bridges.c_code.laws.gain_table import gain_table
+from flexarm.bridges.c_code.laws.long_memory import LongMemory, long_memory
 from flexarm.bridges.c_code.laws.traced_inputs import (
     Inputs,
     NominalInputs,
@@ -110,7 +111,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
     except Exception as error:  # a user's code over symbols may raise any
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
         raise _refusal(controller, f"Its update {cause}{error}.") from None
-    size, long = _memory(started).read().size, long_memory(controller, arm.joints)
+    size, long = _memory(started).read().size, _beside(controller, arm.joints)
     functions = _functions(controller, [first, later] if size or long else [later])
     if long:
         size, functions = size + long.size, tuple(map(long.around, functions))
@@ -132,7 +133,7 @@ def _law(
         update.
     """
     first, inputs, after = name == "controller_start", Inputs(), []
-    long = long_memory(controller, arm.joints)
+    long = _beside(controller, arm.joints)
 
     def update() -> dict[str, Any]:
         mine = deepcopy(before)
@@ -169,7 +170,7 @@ def _updated(mine: Any, controller: Controller, arm: Arm, names: list[str], inpu
         follow_symbols(mine, inputs)
     if isinstance(controller, LQG):
         mine._motion = NominalInputs(inputs, controller)
-    long = long_memory(controller, arm.joints)
+    long = _beside(controller, arm.joints)
     if long:
         long.trace(mine, inputs.array)
     _prescribe(mine, inputs, arm)
@@ -185,8 +186,6 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, "It iterates the sag of the links. Use sag=False.")
     if isinstance(controller, LQG) and "tip" in controller.design_requirements.integrated:
         raise _refusal(controller, "It integrates the error of the tip. Integrate joint_angle.")
-    if len(getattr(controller, "designs", ())) > 1:
-        raise _refusal(controller, "It interpolates gains over the posture. Use one posture.")
     if _declared(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
     long = long_memory(controller, arm.joints)
@@ -194,6 +193,9 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         reason = f"It has a memory of {long.size} numbers, more than {_MOST_MEMORY}."
         raise _refusal(controller, reason)
     inner = getattr(controller, "inner", None)
+    if long and gain_table(inner):
+        reason = "A controller inside it interpolates gains over the posture. Use one posture."
+        raise _refusal(controller, reason)
     if isinstance(inner, TaskController):
         reason = f"{type(inner).__name__} inside it controls the tip. Export that one alone."
         raise _refusal(controller, reason)
@@ -209,6 +211,11 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
     more = _readings(arm, inner) if inner is not None else []
     return list(dict.fromkeys([*(needed.measured or ("joint_angle", "joint_rate")), *more]))
+
+
+def _beside(controller: Any, joints: int) -> LongMemory | None:
+    """Return the numbers of a controller that the traced update does not contain, or None."""
+    return long_memory(controller, joints) or gain_table(controller)
 
 
 def _declared(controller: Any) -> tuple[str, ...] | None:

@@ -1,0 +1,89 @@
+"""Controllers that cannot be exported to C, and the reasons."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from bridges.test_c_controllers import LAWS, OwnController, heavy
+from conformance.controller_examples import EXAMPLES, two_links
+from flexarm.controllers import CONTROLLERS
+
+REFUSED = {
+    "estimator",
+    "mpc",
+    "nonlinear_mpc",
+}
+
+
+def test_every_controller_is_exported_or_refused():
+    names = {type(make_one()).name for key, make_one in LAWS.items() if key[:3] != "own"}
+    assert names | REFUSED == set(CONTROLLERS)
+    assert not names & REFUSED
+
+
+def test_refusal_of_a_filter_names_the_parts_to_export(tmp_path):
+    with pytest.raises(fa.InputError, match="`inner` and `estimator`"):
+        fa.export_c(two_links(), tmp_path, controller=EXAMPLES["estimator"]())
+
+
+@pytest.mark.parametrize("name", sorted(REFUSED))
+def test_refused_by_name_with_the_reason(name, tmp_path):
+    controller, folder = EXAMPLES[name](), tmp_path / "new"
+    kind = type(controller).__name__
+    with pytest.raises(fa.InputError, match=rf"closed form, got {kind}\. It"):
+        fa.export_c(two_links(), folder, controller=controller)
+    assert not folder.exists()
+
+
+def test_laws_that_symbols_cannot_follow(tmp_path):
+    arm = heavy()
+
+    class Switches(OwnController):
+        memory = ()
+        on = False
+
+        def update(self, t, measurement, reference):
+            self.on = bool(self.on or measurement["joint_angle"][0] > 0.0)
+            return np.ones(2) if self.on else np.zeros(2)
+
+    class Counts(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            angle = measurement["joint_angle"][0]
+            return np.full(2, sum(angle > 0.1 * k and 1.0 for k in range(9)))
+
+    class Rounds(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            return np.full(2, float(measurement["joint_angle"][0]))
+
+    class Forgets(OwnController):
+        memory = ()
+
+    class Searches(OwnController):
+        memory = ()
+
+        def update(self, t, measurement, reference):
+            return np.linalg.solve(np.eye(2), measurement["joint_angle"])
+
+    reasons = {
+        Switches: "changes 'on' in a condition",
+        Counts: "more than 256 paths",
+        Rounds: "the number of a symbol",
+        Forgets: "memory",
+        Searches: "symbols",
+    }
+    for kind, reason in reasons.items():
+        with pytest.raises(fa.InputError, match=f"got {kind.__name__}.*{reason}"):
+            fa.export_c(arm, tmp_path / "new", controller=kind())
+    with pytest.raises(fa.InputError, match="sag"):
+        fa.export_c(arm, tmp_path / "new", controller=EXAMPLES["joint_pid"]())
+    scheduled = LAWS["loop_shaping_scheduled"]()
+    with pytest.raises(fa.InputError, match="inside it interpolates gains"):
+        fa.export_c(arm, tmp_path / "new", controller=fa.RepetitiveControl(scheduled, 0.4, 0.1))
+    one = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=5.0, mass_per_length=0.5)])
+    with pytest.raises(fa.InputError, match="1 joint"):
+        fa.export_c(one, tmp_path / "new", controller=LAWS["computed_torque"]())
+    assert not (tmp_path / "new").exists()
