@@ -84,7 +84,7 @@ LAWS = {
     "joint_pd": lambda: joint_pd(),
     "joint_pd_feedforward": lambda: fa.JointPD(*PD, SAMPLE_TIME, feedforward),
     "joint_pid": lambda: fa.JointPID(
-        *PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.2, 0.1], sample_time=SAMPLE_TIME
+        *PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.9, 0.15], sample_time=SAMPLE_TIME
     ),
     "strain_feedback": EXAMPLES["strain_feedback"],
     "computed_torque": lambda: fa.ComputedTorque(heavy(), 0.3, 0.5, sample_time=SAMPLE_TIME),
@@ -131,7 +131,15 @@ LAWS = {
     "disturbance_observer": lambda: fa.DisturbanceObserver(heavy(), joint_pd(), 0.2),
     "lqg": lambda: fa.LQG(heavy(), [0.4, 0.1], sample_time=SAMPLE_TIME),
     "lqg_integral": lambda: fa.LQG(
-        heavy(), [0.4, 0.1], integral=True, torque_limit=[0.3, 0.1], sample_time=SAMPLE_TIME
+        heavy(), [0.4, 0.1], integral=True, torque_limit=[30.0, 3.0], sample_time=SAMPLE_TIME
+    ),
+    "lqg_tip_integral": lambda: fa.LQG(
+        heavy(),
+        [0.4, 0.1],
+        measured={"joint_angle": 1e-4, "strain": 2e-5, "tip": 1e-3},
+        integral="tip",
+        torque_limit=[35.0, 1.5],
+        sample_time=SAMPLE_TIME,
     ),
     "lqg_scheduled": lambda: fa.LQG(
         heavy(), schedule=[None, [-1.0, -0.1, 0.5, 1.6]], sample_time=SAMPLE_TIME

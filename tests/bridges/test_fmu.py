@@ -302,18 +302,21 @@ def test_other_controllers(name, tmp_path):
         assert np.abs(found[channel] - wanted).max() < 1e-8 * np.abs(wanted).max()
 
 
-def test_lqg_holds_its_posture_without_inputs(tmp_path):
+@pytest.mark.parametrize("name", ["lqg", "lqg_scheduled", "lqg_tip_integral"])
+def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
     """Inputs for the nominal motion are at rest by default, in the posture of the design."""
-    arm, controller = heavy(), LAWS["lqg"]()
+    arm, controller = heavy(), LAWS[name]()
     q = arm.rest(controller.posture + 0.01)
     path = fa.export_fmu(arm, tmp_path / "lqg.fmu", controller=controller, initial=q)
     assert validate_fmu(str(path)) == []
     h, steps = controller.sample_time, 100
     found = fmpy.simulate_fmu(str(path), fmi_type="CoSimulation", stop_time=steps * h, step_size=h)
     still = fa.joint_motion(arm, controller.posture, controller.posture, steps * h)
+    read = [fa.Instrument(one) for one in ("joint_angle", "strain", "tip")]
     run = fa.simulate(
-        arm, steps * h, controller=controller, reference=still, initial=q, rate=1.0 / h, rtol=1e-10
-    )
+        arm, steps * h, controller=controller, reference=still, initial=q, rate=1.0 / h, rtol=1e-10,
+        hardware=fa.Hardware(instruments=read),
+    )  # fmt: skip
     for name in ("joint_angle[1]", "joint_angle[2]", "strain[1]"):
         wanted = values(run, name)
         # A tolerance of 1e-7 per step, amplified by the gains of the filter.

@@ -59,6 +59,7 @@ _MEANINGS = {
     "nominal_angle": "joint angles of the nominal motion, rad; NULL for rest",
     "nominal_torque": "torque of the nominal motion, N m; NULL for rest",
     "nominal_reading": "readings of the nominal motion; NULL for rest",
+    "nominal_tip": "x, y (m) of the nominal tip, of straight links on a reference; NULL for rest",
     "nominal_force": "its elastic forces without actuator at the preview's nodes; NULL for rest",
 }
 _RULES = """\

@@ -36,6 +36,7 @@ _JOINT_INPUTS = {
 _OTHER_INPUTS = {
     "strain_correction": ("", "strain along the reference minus static strain"),
     "nominal_reading": ("", "reading of the nominal motion"),
+    "nominal_tip": ("m", "x and y of the nominal tip, of straight links along a reference"),
     "nominal_force": ("", "elastic force of the nominal motion at a node of the preview"),
     "contact_force": ("N", "measured force of the contact on the arm, x and y, world axes"),
     "reference_force": ("N", "contact force on the surface; 0 for motion without contact"),

@@ -170,6 +170,7 @@ def _updated(mine: Any, controller: Controller, arm: Arm, names: list[str], inpu
         follow_symbols(mine, inputs)
     if isinstance(controller, LQG):
         mine._motion = NominalInputs(inputs, controller)
+        mine._desired_tip = lambda _: inputs.array("nominal_tip", 2)
     long = _beside(controller, arm.joints)
     if long:
         long.trace(mine, inputs.array)
@@ -184,8 +185,6 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         raise _refusal(controller, _REFUSED[kind])
     if isinstance(controller, JointPID) and controller.sag:
         raise _refusal(controller, "It iterates the sag of the links. Use sag=False.")
-    if isinstance(controller, LQG) and "tip" in controller.design_requirements.integrated:
-        raise _refusal(controller, "It integrates the error of the tip. Integrate joint_angle.")
     if _declared(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
     long = long_memory(controller, arm.joints)
@@ -268,6 +267,7 @@ def nominal_values(controller: LQG, nominal: Nominal) -> dict[str, FloatArray]:
         "nominal_angle": np.array(nominal.angle),
         "nominal_torque": np.array(nominal.torque),
         "nominal_reading": np.array(nominal.shown),
+        "nominal_tip": controller._desired_tip(nominal),
         "nominal_force": np.array(force).ravel(),
     }
 

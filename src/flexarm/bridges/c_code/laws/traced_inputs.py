@@ -61,7 +61,7 @@ class NominalInputs:
         """Do nothing."""
 
     def at(self, *_: Any) -> Nominal:
-        still: Any = None  # the coordinates: only for an integral of the tip, which is refused
+        still: Any = None  # the coordinates: only for the nominal tip, which is an input
         return Nominal(self._angle, still, still, self._torque, self.missing[0], self._shown)
 
 
