@@ -86,6 +86,9 @@ LAWS = {
     "joint_pid": lambda: fa.JointPID(
         *PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.9, 0.15], sample_time=SAMPLE_TIME
     ),
+    "joint_pid_sag": lambda: fa.JointPID(
+        *PD, [2.0, 1.0], arm=heavy(), sag=True, sample_time=SAMPLE_TIME
+    ),
     "strain_feedback": EXAMPLES["strain_feedback"],
     "computed_torque": lambda: fa.ComputedTorque(heavy(), 0.3, 0.5, sample_time=SAMPLE_TIME),
     "computed_torque_feedforward": lambda: fa.ComputedTorque(
@@ -244,6 +247,7 @@ class InC(fa.Controller):
         ),
         ("joint_pid", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         ("loop_shaping_scheduled", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
+        ("joint_pid_sag", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         ("strain_feedback", ["joint_angle", "joint_rate", "strain"], ["joint_angle", "joint_rate"]),
         ("repetitive", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         (
@@ -320,6 +324,7 @@ def test_controllers_around_each_other(tmp_path):
     for controller in (
         fa.RepetitiveControl(damped, 10 * SAMPLE_TIME, [2.0, 0.8], cutoff=80.0),
         fa.PositivePositionFeedback(heavy(), scheduled, damping_ratio=0.2),
+        fa.DisturbanceObserver(heavy(), LAWS["joint_pid_sag"](), 0.2),
     ):
         fa.export_c(heavy(), tmp_path, controller=controller)
         done = make(tmp_path, "test")

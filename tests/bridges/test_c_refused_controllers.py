@@ -78,8 +78,6 @@ def test_laws_that_symbols_cannot_follow(tmp_path):
     for kind, reason in reasons.items():
         with pytest.raises(fa.InputError, match=f"got {kind.__name__}.*{reason}"):
             fa.export_c(arm, tmp_path / "new", controller=kind())
-    with pytest.raises(fa.InputError, match="sag"):
-        fa.export_c(arm, tmp_path / "new", controller=EXAMPLES["joint_pid"]())
     scheduled = LAWS["loop_shaping_scheduled"]()
     with pytest.raises(fa.InputError, match="inside it interpolates gains"):
         fa.export_c(arm, tmp_path / "new", controller=fa.RepetitiveControl(scheduled, 0.4, 0.1))

@@ -38,7 +38,7 @@ class SaggingArm:
 
     def reset(self) -> None:
         """Reset the sag to zero."""
-        self._state[:] = 0.0
+        self._bend = np.zeros(len(self._compliance))
         self._known = False
 
     def gravity_torque(self, angle: FloatArray) -> FloatArray:
@@ -52,7 +52,8 @@ class SaggingArm:
 
     def _correct(self) -> FloatArray:
         """Return the torque at the current sag, and correct the sag."""
+        self._state[0][self._places] = self._bend
         force = self._kernels.inverse_dynamics(self._state, self._still)
         torque: FloatArray = force[self._bodies, 0]
-        self._state[0][self._places] -= self._compliance @ force[self._places]
+        self._bend = self._bend - self._compliance @ force[self._places]
         return torque

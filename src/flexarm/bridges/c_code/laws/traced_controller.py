@@ -17,7 +17,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.kept_attributes import check_kept, check_sizes
-from flexarm.bridges.c_code.laws.gain_table import gain_table
+from flexarm.bridges.c_code.laws.gain_table import around, gain_table
 from flexarm.bridges.c_code.laws.long_memory import LongMemory, long_memory
 from flexarm.bridges.c_code.laws.traced_inputs import (
     Inputs,
@@ -183,8 +183,6 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     kind = next((kind for kind in _REFUSED if isinstance(controller, kind)), None)
     if kind is not None:
         raise _refusal(controller, _REFUSED[kind])
-    if isinstance(controller, JointPID) and controller.sag:
-        raise _refusal(controller, "It iterates the sag of the links. Use sag=False.")
     if _declared(controller) is None:
         raise _refusal(controller, "It does not declare its memory.")
     long = long_memory(controller, arm.joints)
@@ -221,16 +219,21 @@ def _declared(controller: Any) -> tuple[str, ...] | None:
     """Return the memory of a controller without its long one; None if it is not declared."""
     if type(controller) is RBFAdaptive:
         return Adaptive.memory[1:]
-    if type(controller) is not RepetitiveControl:
-        return memory_of(controller)
-    inside = memory_of(controller.inner)
-    return None if inside is None else tuple(f"inner.{name}" for name in inside)
+    if type(controller) is RepetitiveControl:
+        inside = _declared(controller.inner)
+        return None if inside is None else tuple(f"inner.{name}" for name in inside)
+    own = memory_of(controller)
+    # JointPID does not declare the sag, because its derivatives by itself can be rounding errors.
+    sagging = (isinstance(one, JointPID) and one.sag for one in around(controller))
+    sag = ("inner." * depth + "_weight._bend" for depth, one in enumerate(sagging) if one)
+    return None if own is None else (*own, *sag)
 
 
 def _memory(controller: Any) -> Memory:
     """Return the memory of a symbolic controller without its long one."""
-    more = _declared(controller) if memory_of(controller) is None else None
-    return Memory(controller, _KINDS, more or ())
+    own = memory_of(controller) or ()
+    more = [name for name in _declared(controller) or () if name not in own]
+    return Memory(controller, _KINDS, more)
 
 
 def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
