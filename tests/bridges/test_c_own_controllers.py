@@ -210,6 +210,54 @@ class Unbound(Own):
         return torque
 
 
+class Halves(Own):
+    memory = ()
+
+    def update(self, t, measurement, reference):
+        value = measurement.joint_angle[0]
+        while value > 0.1:
+            value = 0.5 * value
+        return np.array([value, value])
+
+
+class Searches(Own):
+    """Of each condition, one side leaves the loop."""
+
+    memory = ()
+
+    def update(self, t, measurement, reference):
+        value = measurement.joint_angle[0]
+        while True:
+            value = 0.5 * value
+            if value < 0.1:
+                return np.array([value, value])
+
+
+class Repeats(Own):
+    """The condition stays the same."""
+
+    memory = ()
+
+    def update(self, t, measurement, reference):
+        while measurement.joint_angle[0] > 0.1:
+            pass
+        return measurement.joint_angle
+
+
+class Three(Own):
+    memory = ()
+
+    def update(self, t, measurement, reference):
+        return np.full(3, measurement.joint_angle[0])
+
+
+class Number(Own):
+    memory = ()
+
+    def update(self, t, measurement, reference):
+        return measurement.joint_angle[0]
+
+
 REASONS = {
     Waves: "depends on the time t",
     Waits: "depends on the time t",
@@ -224,6 +272,11 @@ REASONS = {
     Indexes: "with numbers what symbols cannot",
     Items: "item",
     Unbound: "torque",
+    Halves: "too many conditions on one path",
+    Searches: "too many conditions on one path",
+    Repeats: "too many conditions on one path",
+    Three: r"returns torques of shape \(3,\) instead of \(2,\)",
+    Number: r"returns torques of shape \(\) instead of \(2,\)",
 }
 
 

@@ -163,6 +163,7 @@ run: {duration: 0.5}
     assert "with the controller AdaptiveForce" in found.output
     # Packets of the plant contain no contact force.
     assert not (out / "arm_udp.c").exists()
+    assert "udp:" not in (out / "Makefile").read_text()
     done = make(out, "test")
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -149,5 +149,5 @@ def _texts(export: Exported) -> dict[str, str]:
         f"{name}_recording.h": recorded_arrays(export, recording),
         f"{name}_test.c": program(export, recording),
         **udp,
-        "Makefile": makefile(export),
+        "Makefile": makefile(export, bool(udp)),
     }

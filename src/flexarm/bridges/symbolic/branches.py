@@ -17,6 +17,8 @@ from flexarm.bridges.symbolic.symbol_array import least, most
 
 #: Largest number of paths through the conditions of a function.
 MOST_PATHS = 256
+#: Largest number of different conditions on one path, and of all its conditions.
+_MOST_DIFFERENT, _MOST_CONDITIONS = 100, 10_000
 #: Depth to which two conditions are compared; they often refer to the same symbols.
 _DEPTH = 2
 
@@ -28,16 +30,27 @@ class _Decisions:
     given: Sequence[bool]
     conditions: list[Any] = field(default_factory=list)
     taken: list[bool] = field(default_factory=list)
+    count: int = 0
 
     def decide(self, condition: Any) -> bool:
         """Return the truth value of a condition; equal conditions have the same one.
 
         Of a condition and its negation, such as ``x > 0`` and ``x <= 0``, one is true.
+
+        Raises:
+            SymbolError: if there are too many: a loop until a symbol is small has no end.
         """
+        self.count += 1
+        if len(self.taken) == _MOST_DIFFERENT or self.count > _MOST_CONDITIONS:
+            raise SymbolError(
+                "has too many conditions on one path, such as a loop until a value is small; "
+                "repeat it a fixed number of times instead"
+            )
+        negated = _negated(condition)
         for known, value in zip(self.conditions, self.taken, strict=True):
             if casadi.is_equal(known, condition, _DEPTH):
                 return value
-            if casadi.is_equal(known, _negated(condition), _DEPTH):
+            if casadi.is_equal(known, negated, _DEPTH):
                 return not value
         k = len(self.taken)
         self.conditions.append(condition)

@@ -175,7 +175,11 @@ def _updated(mine: Any, controller: Controller, arm: Arm, names: list[str], inpu
     if long:
         long.trace(mine, inputs.array)
     _prescribe(mine, inputs, arm)
-    return mine.update(inputs.array("time")[()], measurement, reference)
+    torque = mine.update(inputs.array("time")[()], measurement, reference)
+    if np.shape(torque) != (arm.joints,):
+        found = np.shape(torque)
+        raise SymbolError(f"returns torques of shape {found} instead of ({arm.joints},)")
+    return torque
 
 
 def _readings(arm: Arm, controller: Any) -> list[str]:
