@@ -107,6 +107,24 @@ def test_feedforward_of_rigid_torque_reduces_the_error():
     assert errors[1] < 0.2 * errors[0]
 
 
+@pytest.mark.parametrize(
+    ("torque", "found"),
+    [
+        ([0.3], r"shape \(2,\), got numbers of shape \(1,\)"),
+        (0.3, r"shape \(2,\), got a number"),
+        ([0.3, np.nan], "finite"),
+    ],
+)
+def test_feedforward_with_a_torque_for_each_joint(torque, found):
+    """Without the check, one torque would act on all joints; also inside another controller."""
+    arm = flexible_arm()
+    inner = fa.JointPD(*GAINS, feedforward=lambda t: torque, sample_time=SAMPLE_TIME)
+    shaped = fa.LoopShaping(arm.rigid(), feedforward=lambda t: torque, sample_time=SAMPLE_TIME)
+    for controller in (inner, fa.DisturbanceObserver(arm, inner, 2.0), shaped):
+        with pytest.raises(fa.InputError, match=rf"feedforward\(0.0025\).* must be .*{found}"):
+            fa.simulate(arm, 0.01, controller=controller)
+
+
 def test_plant_is_simulated_instead_of_the_believed_arm():
     """The controller is designed for a rigid arm and drives the flexible one."""
     plant = flexible_arm()

@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 from flexarm.arguments import check_kind, check_number
 from flexarm.arm import Arm
 from flexarm.control.requirements import ControllerRequirements
-from flexarm.errors import InputError, Problem, public_call, shown, warn_deprecated
+from flexarm.errors import (
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_deprecated,
+)
 from flexarm.hardware.measurement import FloatArray, Measurement
 
 __all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
@@ -143,9 +150,25 @@ def _checked_requirements(
     def checked(self: Controller, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         if reference is not None:
             check_reference(reference)
-        return requirements(self, check_kind("arm", arm, Arm), reference)
+        found = requirements(self, check_kind("arm", arm, Arm), reference)
+        if found.joints in (None, arm.joints):
+            _check_feedforward(self, arm.joints)
+        return found
 
     return checked
+
+
+def _check_feedforward(controller: Any, joints: int) -> None:
+    """Raise if a feedforward function does not return torques (joints,) at the first sample."""
+    function = getattr(controller, "feedforward", None)
+    if function is None:
+        return
+    t = 0.5 * controller.sample_time
+    try:
+        torque = function(t)
+    except Exception:  # the run reports it, with the time
+        return
+    check_array(f"feedforward({t:g})", torque, (joints,))
 
 
 #: Times beyond this (s) are rejected, because samples are counted in integers.

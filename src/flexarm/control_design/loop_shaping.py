@@ -65,7 +65,8 @@ def shaped_design(
         given: the controller, with its parameters as attributes.
 
     Raises:
-        InputError: if the Riccati equations have no stabilising solution.
+        InputError: if a bandwidth is not below the Nyquist frequency, or the Riccati equations have
+            no stabilising solution.
         EquilibriumError: if the arm has no equilibrium at the posture.
     """
     from scipy.signal import cont2discrete
@@ -74,7 +75,7 @@ def shaped_design(
     slope: FloatArray = model.A.copy()
     slope[arm.dof :, arm.dof :] -= added_damping(arm, model, DAMPING * given.rigidity_uncertainty)
     bandwidth = np.asarray(given.bandwidth)
-    root, shown = shaping(arm, posture, bandwidth)
+    root, shown = shaping(arm, posture, bandwidth, sample_time)
     plant = bilinear(*held(slope, model.B, sample_time), shown @ model.C, sample_time)
     weight = _weight(root, np.asarray(given.integral))
     A, B, C, D, margin, best = coprime_controller(*in_series(plant, weight), given.suboptimality)
@@ -85,8 +86,19 @@ def shaped_design(
     return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
 
-def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
+def shaping(
+    arm: Arm, posture: FloatArray, bandwidth: FloatArray, sample_time: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141).
+
+    Raises:
+        InputError: if a bandwidth is not below the Nyquist frequency.
+    """
+    largest, nyquist = float(np.max(bandwidth)), np.pi / sample_time
+    if largest >= nyquist:
+        rule = f"be below the Nyquist frequency of sample_time {sample_time:g} s, {nyquist:.4g}"
+        hint = "Reduce the bandwidth or the sample time."
+        raise InputError(Problem("bandwidth", f"{rule} rad/s", f"{largest:g}", hint))
     half = np.asarray(np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)), dtype=np.float64)
     root = half * np.sqrt(bandwidth)
     shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])

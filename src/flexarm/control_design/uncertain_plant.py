@@ -65,12 +65,15 @@ def uncertain_plant(
         rigidity, payload: relative changes of the rigidity of all links and of the payload.
         sensitivity: largest accepted sensitivity of the normalised torques, above 1.
         sample_time: s.
+
+    Raises:
+        InputError: if a bandwidth is not below the Nyquist frequency.
     """
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
     slope[n:, n:] -= added_damping(arm, model, DAMPING * rigidity)
-    root, shown = shaping(arm, posture, bandwidth)
+    root, shown = shaping(arm, posture, bandwidth, sample_time)
     changes = _changes(arm, posture, model, rigidity, payload)
     pushes = [-np.linalg.solve(model.mass, factor) for _, factor, _ in changes]
     push = np.hstack([np.zeros((n, 0)), *pushes])

@@ -174,3 +174,11 @@ def test_design_that_does_not_stabilise_the_arm_itself_warns():
 def test_rigidity_uncertainty_is_a_fraction(kind):
     with pytest.raises(fa.InputError, match="rigidity_uncertainty must be at most 1, got 30"):
         kind(robust_arm(), POSTURE, rigidity_uncertainty=30)
+
+
+@pytest.mark.parametrize("bandwidth", [1e6, [8.0, 785.4]])
+@pytest.mark.parametrize("kind", [fa.LoopShaping, fa.MuSynthesis])
+def test_bandwidth_above_the_nyquist_frequency(kind, bandwidth):
+    with pytest.raises(fa.InputError, match="bandwidth must be below the Nyquist frequency") as got:
+        kind(robust_arm(), POSTURE, bandwidth, sample_time=0.004)
+    assert "sample_time 0.004 s, 785.4 rad/s, got" in str(got.value)

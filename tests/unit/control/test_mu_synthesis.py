@@ -144,7 +144,7 @@ def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     assert design.mu == min(design.history) < 1.0
     model = damped(arm, (1.0 + 0.1 * signs[0], 1.0 + 0.2 * signs[1]), 0.1)
     A, B = held(model.A, model.B, h)
-    root, _ = shaping(arm, np.array(POSTURE), design.bandwidth)
+    root, _ = shaping(arm, np.array(POSTURE), design.bandwidth, design.sample_time)
     omega = np.geomspace(1e-3, 0.99 * np.pi / h, 800)
     z = np.exp(1j * omega * h)
     plant = response(A, B, model.C, z)

@@ -38,7 +38,8 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
         designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
 
     Raises:
-        InputError: if a shape or number is wrong, or the Riccati equations have no solution.
+        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist frequency
+            of ``sample_time``, or the Riccati equations have no solution.
         EquilibriumError: if the arm has no equilibrium at a posture.
 
     Warns:

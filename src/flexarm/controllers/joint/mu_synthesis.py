@@ -51,7 +51,8 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             (rad/s) to the torques (N m); ``loop_models`` exports them with names.
 
     Raises:
-        InputError: if a shape or number is wrong, slycot is not installed, or the synthesis fails.
+        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist
+            frequency of ``sample_time``, slycot is not installed, or the synthesis fails.
         EquilibriumError: if the arm has no equilibrium at the posture.
 
     Warns:
