@@ -34,8 +34,15 @@ def turning(inertia=INERTIA, numbers=NUMBERS, **joint):
     return fa.Arm(links=[link], joints=[own])
 
 
-def lugre(torque, times, inertia=INERTIA, numbers=NUMBERS, stiffness=0.0):
-    """Return angle, rate and deflection of the bristles (3, times) from the published equations."""
+def nothing(angle, rate):
+    return 0.0
+
+
+def lugre(torque, times, inertia=INERTIA, numbers=NUMBERS, push=nothing, start=(0.0, 0.0, 0.0)):
+    """Return angle, rate and deflection of the bristles (3, times) from the published equations.
+
+    ``push`` is the torque (N m) of a spring, stop or surface, a function of angle and rate.
+    """
     n = {"viscous": 0.0, "static": numbers["coulomb"], **numbers}
     pull, damping = n["bristle_stiffness"], n["bristle_damping"]
     backward = n.get("coulomb_negative", n["coulomb"])
@@ -46,7 +53,7 @@ def lugre(torque, times, inertia=INERTIA, numbers=NUMBERS, stiffness=0.0):
         level = (n["coulomb"] if rate > 0.0 else backward) + rise
         z_dot = rate - pull * abs(rate) * z / level
         friction = pull * z + damping * z_dot + n["viscous"] * rate
-        return [rate, (torque(t) - stiffness * angle - friction) / inertia, z_dot]
+        return [rate, (torque(t) + push(angle, rate) - friction) / inertia, z_dot]
 
     limits = {"rtol": 1e-10, "atol": 1e-14, "method": "LSODA", "t_eval": times}
-    return solve_ivp(slope, (0.0, times[-1]), [0.0] * 3, **limits).y
+    return solve_ivp(slope, (times[0], times[-1]), start, **limits).y
