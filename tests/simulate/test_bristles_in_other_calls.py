@@ -101,6 +101,17 @@ def test_derivatives_by_the_numbers_of_bristles():
         assert np.abs(exact - slope).max() < 1e-3 * np.abs(slope).max() + 1e-9 / step
 
 
+def test_derivatives_of_the_deflection_are_refused():
+    """The message does not take a channel that exists for a spelling error."""
+    with pytest.raises(InputError) as refused:
+        fa.sensitivities(
+            turning(), 0.1, ["joints[0].friction.coulomb"], channels=["bristle_deflection"]
+        )
+    text = str(refused.value)
+    assert "must be a channel that follows from q and qd, got 'bristle_deflection'" in text
+    assert "Known: joint_angle" in text
+
+
 def test_identification_of_bristles():
     """The numbers of a record with noise of a microradian, from starting values 30 % too small."""
     true = {**RUBBING, "bristle_stiffness": 2000.0}

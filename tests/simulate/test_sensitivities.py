@@ -290,7 +290,7 @@ def test_a_number_whose_terms_are_omitted():
 
 
 def test_wrong_channels():
-    with pytest.raises(fa.InputError, match="follows from the states"):
+    with pytest.raises(fa.InputError, match="follows from q and qd"):
         fa.sensitivities(bench_arm(), 0.01, ["payload.mass"], channels=["joint_force"])
     with pytest.raises(
         fa.InputError, match=r"channels\[1\] .*'torque'\. Known: joint_angle, .*, tip, "

@@ -263,7 +263,7 @@ def test_a_controller_of_the_user():
         ),
         (
             {"hardware": fa.Hardware(instruments=[fa.Instrument("torque")])},
-            "channel that follows from the states",
+            "channel that follows from q and qd",
         ),
         ({"integrator": "rk4", "step": None}, "step is required for rk4"),
         ({"torque": np.zeros((2, 2))}, "cannot be combined with a controller"),

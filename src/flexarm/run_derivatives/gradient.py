@@ -65,7 +65,7 @@ def goal_gradient(
         arm: the arm.
         duration: s, positive.
         weights: for each channel in the goal, the derivatives of the goal by its samples, with the
-            shape of the channel in the result of ``simulate``. Channels that follow from the states
+            shape of the channel in the result of ``simulate``. Channels that follow from q and qd
             are possible.
         torque: samples (samples, joints), N m.
 

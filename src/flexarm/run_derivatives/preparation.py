@@ -13,6 +13,7 @@ import numpy as np
 from flexarm.actions.environment import Environment
 from flexarm.arguments import check_list_of
 from flexarm.arm import Arm
+from flexarm.engine.channels import CHANNELS
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import event_log
 from flexarm.engine.impacts import Checkpoints, run_through_impacts
@@ -26,7 +27,7 @@ from flexarm.run_derivatives.recorded_loop import RecordedLoop
 from flexarm.simulation.preparation import RunOptions, start_of, torque_history
 from flexarm.simulation.run import check_objects, simulate
 
-#: Channels that follow from the states alone.
+#: Channels that follow from q and qd alone.
 _OF_STATES = (
     *("joint_angle", "joint_rate", "joint_twist", "link_angle", "link_rate"),
     *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
@@ -129,7 +130,7 @@ def refuse_unsupported(given: Mapping[str, Any]) -> None:
 
 
 def channels_of_states(arm: Arm) -> list[str]:
-    """Return the names of the channels of an arm that follow from its states."""
+    """Return the names of the channels of an arm that follow from q and qd."""
     return [name for name in _OF_STATES if name != "strain" or arm.gauges]
 
 
@@ -137,18 +138,20 @@ def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list
     """Return the names of channels; None: of all that are possible.
 
     Raises:
-        InputError: if a channel does not exist or does not follow from the states.
+        InputError: if a channel does not exist or does not follow from q and qd.
     """
     possible = channels_of_states(arm)
     if given is None:
         return possible
     names = check_list_of(argument, given, str)
+    known = f"Known: {', '.join(possible)}."
     problems = [
         Problem(
             f"{argument}[{k}]",
-            "be a channel that follows from the states",
+            "be a channel that follows from q and qd",
             repr(name),
-            suggestion(name, possible),
+            # No similar name if the channel exists: it is not a spelling error.
+            known if name in CHANNELS else suggestion(name, possible),
         )
         for k, name in enumerate(names)
         if name not in possible

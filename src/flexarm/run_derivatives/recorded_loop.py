@@ -82,7 +82,7 @@ class RecordedLoop(ClosedLoop):
                 hint = "Rounded readings have no derivative. Leave it out, or add noise instead."
                 problems.append(Problem(f"{name}.resolution", rule, hint=hint))
             if item.output not in self._signals:
-                rule = "be a channel that follows from the states, for derivatives of runs"
+                rule = "be a channel that follows from q and qd, for derivatives of runs"
                 problems.append(Problem(f"{name}.signal", rule, shown(item.signal)))
         if problems:
             raise InputError(*problems)

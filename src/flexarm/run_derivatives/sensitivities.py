@@ -80,7 +80,7 @@ def sensitivities(
             ``initial[0]`` (of q) and ``initial_rate[0]`` (of qd); and numbers of other arguments:
             ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
-        channels: names of channels that follow from the states; None: all of them.
+        channels: names of channels that follow from q and qd; None: all of them.
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
