@@ -280,7 +280,7 @@ def test_both_unsupported_arguments_are_reported_at_once():
         gymnasium.make_vec(REACH, hardware=fa.Hardware(), plant=lambda rng: laboratory_arm())
 
 
-def test_arms_with_joint_limits_and_contacts_need_the_mode_sync():
+def test_arms_with_joint_limits_bristles_and_contacts_need_the_mode_sync():
     limits = fa.JointLimits(lower=-0.5, upper=0.7, stiffness=100.0)
     spec = laboratory_arm().spec
     stopped = fa.Arm(
@@ -288,6 +288,10 @@ def test_arms_with_joint_limits_and_contacts_need_the_mode_sync():
     )
     with pytest.raises(fa.InputError, match=r"no joint limits.*mode='sync'"):
         gymnasium.make_vec(REACH, arm=stopped, torque_limit=5.0)
+    friction = fa.Friction(coulomb=0.1, bristle_stiffness=100.0)
+    bristled = spec.replace(joints=[spec.joints[0].replace(friction=friction), spec.joints[1]])
+    with pytest.raises(fa.InputError, match=r"combined with bristles \(arm.joints\[0\]\).*'sync'"):
+        gymnasium.make_vec(REACH, arm=fa.Arm(bristled), torque_limit=5.0)
     envs = gymnasium.make_vec(REACH, 2, "sync", arm=stopped, torque_limit=5.0)
     assert envs.reset(seed=0)[0].shape == (2, 14)
     assert isinstance(gymnasium.make_vec(FORCE, num_envs=2), gymnasium.vector.SyncVectorEnv)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from flexarm.actions.environment import EMPTY
 from flexarm.arm import Arm
 from flexarm.batch.lane_arrays import arms_of_runs, factors_of
-from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
-from flexarm.errors import InputError, Problem, SimulationError
+from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
@@ -48,7 +47,7 @@ class LanePlants:
     any number of plants and threads.
 
     Args:
-        arm: the simulated arm.
+        arm: the simulated arm, one that `arm_fits_lanes` accepts.
         count: number of plants.
         sample_time: s from one step to the next.
         threads: that advance the plants.
@@ -56,16 +55,9 @@ class LanePlants:
     Attributes:
         state: (count, 2, n, 1 + m) of the plants at their current times.
         tick: (count,) number of completed steps of each since its start.
-
-    Raises:
-        InputError: if lanes do not support the arm.
     """
 
     def __init__(self, arm: Arm, count: int, sample_time: float, threads: int) -> None:
-        if not arm_fits_lanes(arm):
-            raise InputError(
-                Problem("arm", "must have no joint limits or bristles to be stepped in lanes")
-            )
         self.arm, self._sample_time = arm, sample_time
         n, m = arm.assembly.bodies, arm.assembly.modes
         self.state = np.zeros((count, 2, n, 1 + m))

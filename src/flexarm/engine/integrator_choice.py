@@ -20,6 +20,7 @@ from flexarm.integrate import (
     RungeKutta4,
 )
 from flexarm.integrate.base import FloatArray, Tolerance
+from flexarm.linear.statics.gaps import refuse_bristles
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
 #: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method
@@ -96,8 +97,7 @@ def choose_integrator(
             bristles and the requested integrator does not support them.
     """
     check_integrator(requested, step, touch > 0.0)
-    if arm.assembly.has_bristles:
-        _refuse_with_bristles(requested, step)
+    _refuse_with_bristles(requested, step, arm)
     if isinstance(requested, Integrator):
         return Choice(requested, "given by the user")
     if requested == "auto":
@@ -113,18 +113,16 @@ def choose_integrator(
     return Choice(INTEGRATORS[requested](step=step), "named by the user")
 
 
-def _refuse_with_bristles(requested: str | Integrator, step: float | None) -> None:
-    """Raise if a requested integrator does not support friction with bristles."""
+def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
+    """Raise if friction has bristles and a requested integrator does not support them."""
     kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    follows = step is None if kind is None else kind.follows_bristles
-    if kind is None and not follows:
+    if kind is None and step is not None:
         hint = "Bristles of a sliding joint need step control; use rtol and atol."
-        raise InputError(Problem("step", "be omitted with bristles", shown(step), hint))
-    if not follows:
+        refuse_bristles(arm, "step", hint=hint)
+    if kind is not None and not kind.follows_bristles:
         names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
-        rule = f"be one of 'auto', {', '.join(names)} with bristles"
-        hint = "Bristles of a sliding joint need step control."
-        raise InputError(Problem("integrator", rule, shown(getattr(kind, "name", kind)), hint))
+        hint = f"Bristles of a sliding joint need step control; use one of {', '.join(names)}."
+        refuse_bristles(arm, "integrator", shown(kind.name), hint)
 
 
 def choose_by_drive(

@@ -50,6 +50,7 @@ from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space, check_free
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
+from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Motors
 from flexarm.model.identification.parameters import FreeParameter
 
@@ -228,9 +229,8 @@ def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatA
         if torque_noise is not None:
             raise InputError(Problem("torque_noise", "requires method='prediction_error'"))
         return None
-    if arm.assembly.has_bristles:
-        hint = "The filter has no state for their deflection."
-        raise InputError(Problem("prediction_error", "is not supported with bristles", hint=hint))
+    hint = "The filter has no state for their deflection."
+    refuse_bristles(arm, "method", repr(method), hint)
     if loss != "linear":
         raise InputError(Problem("loss", f"{loss} cannot be combined with prediction_error"))
     if torque_noise is None:

@@ -22,6 +22,7 @@ from flexarm.errors import (
     warn_caller,
 )
 from flexarm.integrate import Integrator
+from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of
 from flexarm.run_derivatives.adjoint import goal_gradient_of
@@ -87,9 +88,7 @@ def goal_gradient(
     """
     refuse_unsupported(unsupported)
     check_kind("arm", arm, Arm)
-    if arm.assembly.has_bristles:
-        hint = "fa.sensitivities supports them."
-        raise InputError(Problem("arm", "must have no friction with bristles", hint=hint))
+    refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))
     if not names:

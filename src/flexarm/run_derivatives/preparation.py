@@ -21,6 +21,7 @@ from flexarm.engine.progress import Meter
 from flexarm.errors import InputError, Problem, nearest, suggestion
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.run_derivatives.inputs import inputs_of_run
 from flexarm.run_derivatives.parameters import Parameters, Samples
 from flexarm.run_derivatives.recorded_loop import RecordedLoop
@@ -66,9 +67,8 @@ def simulated(
     names = "tip_force", "loads", "base_acceleration", "contacts"
     environment = Environment.of(arm, *(given[name] for name in names))
     log = event_log(arm, given.get("events", ()))
-    if log is not None and arm.assembly.has_bristles:
-        rule = "are not supported with bristles in derivatives of runs"
-        raise InputError(Problem("events", rule))
+    if log is not None:
+        refuse_bristles(arm, "events", hint="Their times have no derivatives then.")
     run = options.new_run(arm, state, environment, log, meter, prescribed=prescribed)
     placed = run.loads.placed.contacts
     refuse_deep_start(arm, state, placed)

@@ -31,6 +31,7 @@ from flexarm.linear.small_deviations.along import Separation, linearize_along
 from flexarm.linear.small_deviations.collocation import stage_times, step_edges
 from flexarm.linear.small_deviations.deviations import DeviationPath, break_times, solve_deviations
 from flexarm.linear.small_deviations.smooth import SmoothMatrices
+from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
@@ -94,8 +95,7 @@ def simulate_separated(
     """
     started = time.perf_counter()
     arm = check_kind("arm", arm, Arm)
-    if arm.assembly.has_bristles:
-        raise InputError(Problem("arm", "must have no friction with bristles"))
+    refuse_bristles(arm, "the separation", hint="fa.simulate supports them.")
     motion = check_motion(motion, arm)
     method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))

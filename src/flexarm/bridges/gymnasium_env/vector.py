@@ -22,6 +22,7 @@ from flexarm.bridges.gymnasium_env.reach import ReachEnv
 from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.observe import channels_of
 from flexarm.processes import check_workers
 
@@ -71,8 +72,9 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         _check_supported(arguments)
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
+        refuse_bristles(arm, "a vector environment", hint=_SYNC)
         if not arm_fits_lanes(arm):
-            rule = "must have no joint limits or bristles in a vector environment"
+            rule = "must have no joint limits in a vector environment"
             raise InputError(Problem("the arm", rule, hint=_SYNC))
         self.num_envs = check_count("num_envs", num_envs)
         threads = check_workers("threads", threads)

@@ -1,10 +1,10 @@
-"""Warnings about properties of joints that a linear model does not contain."""
+"""Warnings and errors about properties of joints that a model or a function does not contain."""
 
 from __future__ import annotations
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import AccuracyWarning, FlexarmWarning, warn_caller
+from flexarm.errors import AccuracyWarning, FlexarmWarning, InputError, Problem, warn_caller
 
 
 def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
@@ -25,15 +25,34 @@ def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
 
 def warn_of_bristles(arm: Arm, model: str) -> None:
     """Warn if friction has bristles, which ``model`` does not contain: q and qd do not, either."""
-    found = [
-        f"arm.joints[{i}]"
-        for i, joint in enumerate(arm.spec.joints)
-        if joint.friction is not None and joint.friction.bristle_stiffness is not None
-    ]
-    if found:
+    if arm.assembly.has_bristles:
         warn_caller(
-            f"{', '.join(found)}: {model} has friction as a function of the rate. Bristles have a "
+            f"{_bristled(arm)}: {model} has friction as a function of the rate. Bristles have a "
             "state that q and qd do not contain, and act in simulations only. For small motions "
             "of a sticking joint, replace its friction by stiffness and damping.",
             AccuracyWarning,
         )
+
+
+def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
+    """Raise if friction has bristles.
+
+    Args:
+        name: the argument, or the computation, that does not support bristles.
+        value: of the argument, if others are possible.
+
+    Raises:
+        InputError: if the friction of any joint has bristles.
+    """
+    if arm.assembly.has_bristles:
+        rule = f"{value} cannot be combined with bristles ({_bristled(arm)})".lstrip()
+        raise InputError(Problem(name, rule, hint=hint))
+
+
+def _bristled(arm: Arm) -> str:
+    """Return the paths of the joints whose friction has bristles."""
+    return ", ".join(
+        f"arm.joints[{i}]"
+        for i, joint in enumerate(arm.spec.joints)
+        if joint.friction is not None and joint.friction.bristle_stiffness is not None
+    )

@@ -14,6 +14,7 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import check_array, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
+from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.complex_step import stepper_of
 from flexarm.linear.step_derivatives.parameters import constants_by
 
@@ -67,11 +68,15 @@ def step_jacobian(
         InputError: if an argument has the wrong shape or value, the method is not a one-step
             method, or a parameter is not supported.
 
+    Warns:
+        AccuracyWarning: friction has bristles, which a step of q and qd does not contain.
+
     The derivatives by parameters are at constant modal coordinates, not constant nodal ones.
     Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
     arm = check_kind("arm", arm, Arm)
+    warn_of_bristles(arm, "the step")
     h = check_positive("step", step)
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
