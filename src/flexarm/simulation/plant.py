@@ -146,7 +146,8 @@ class Plant:
 
         Args:
             initial: q (dof,), by default straight links and all joint angles zero.
-            initial_rate: qd (dof,), zero by default.
+            initial_rate: qd (dof,), zero by default. Bristles of friction start without deflection,
+                so q and qd alone do not restore a plant with them; `copy.deepcopy` does.
             seed: of the instruments' noise, instead of the hardware's seed.
 
         Raises:

@@ -105,7 +105,8 @@ def simulate(
             the result is the torque that this requires. Cannot be combined with a controller.
         initial: q (dof,), by default straight links at the start of the reference, or of
             ``torque`` if that is computed from a motion, else all angles zero.
-        initial_rate: qd (dof,), zero by default.
+        initial_rate: qd (dof,), zero by default. Bristles of friction start without deflection:
+            with them, q and qd at the end of a run do not continue it. A `Plant` does.
         tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
         loads: forces and moments anywhere on the simulated arm; no controller includes them in its
             model.
