@@ -170,7 +170,7 @@ def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> Floa
     try:
         X: FloatArray = solve_continuous_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError):
-        rule = "have modes that the joint angles detect and the torques control"
+        rule = "must have modes that the joint angles detect and the torques control"
         hint = "Give the links damping, or fewer elements; or choose another sample_time."
         raise InputError(Problem("arm", rule, hint=hint)) from None
     return (X + X.T) / 2.0

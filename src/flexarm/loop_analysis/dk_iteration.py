@@ -82,17 +82,19 @@ def dk_iteration(
     """
     size = sum(blocks)
     scalings: list[FloatArray] = [np.zeros(1)] * (len(blocks) - 1)
-    if start is not None:
-        scalings = _fitted(closed_loop(plant, size, start, omega), blocks, omega, order, band)
+    loop = None if start is None else closed_loop(plant, size, start, omega)
     best: RobustController | None = None
     history: list[float] = []
     for _ in range(iterations):
+        if loop is not None:
+            scalings = _fitted(loop, blocks, omega, order, band)
         try:
             K, gamma = _synthesis(_scaled(plant, scalings, blocks), size, omega, suboptimality)
         except ArithmeticError as error:
             if best is None:
                 hint = "Reduce the bandwidth, the uncertainty or the number of elements."
-                rule = "permit an H-infinity synthesis: " + " ".join(str(error).split())[:120]
+                reason = " ".join(str(error).split())[:120].rstrip(".")
+                rule = f"does not permit an H-infinity synthesis: {reason}"
                 raise InputError(Problem("arm", rule, hint=hint)) from None
             break
         loop = closed_loop(plant, size, K, omega)
@@ -100,7 +102,6 @@ def dk_iteration(
         history.append(float(bounds.max()))
         if best is None or history[-1] < best.mu:
             best = RobustController(*K, history[-1], gamma, ())
-        scalings = _fitted(loop, blocks, omega, order, band)
     assert best is not None
     return best._replace(history=tuple(history))
 

@@ -177,8 +177,7 @@ def test_rigidity_uncertainty_is_a_fraction(kind):
 
 
 @pytest.mark.parametrize("bandwidth", [1e6, [8.0, 785.4]])
-@pytest.mark.parametrize("kind", [fa.LoopShaping, fa.MuSynthesis])
-def test_bandwidth_above_the_nyquist_frequency(kind, bandwidth):
+def test_bandwidth_above_the_nyquist_frequency(bandwidth):
     with pytest.raises(fa.InputError, match="bandwidth must be below the Nyquist frequency") as got:
-        kind(robust_arm(), POSTURE, bandwidth, sample_time=0.004)
+        fa.LoopShaping(robust_arm(), POSTURE, bandwidth, sample_time=0.004)
     assert "sample_time 0.004 s, 785.4 rad/s, got" in str(got.value)

@@ -185,8 +185,36 @@ def test_uncertainties_without_effect_give_a_warning():
 
 def test_numerical_failures_are_reported_as_such(monkeypatch):
     monkeypatch.setattr("flexarm.loop_analysis.dk_iteration._TRUSTED", 0.0)
-    with pytest.raises(fa.InputError, match="permit an H-infinity synthesis: rounding errors"):
+    with pytest.raises(fa.InputError, match=r"arm does not permit .* synthesis: rounding errors"):
         fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=1, scaling_order=0)
+
+
+@pytest.mark.parametrize(
+    ("given", "bandwidths", "times"),
+    [
+        ({"bandwidth": 1e-6}, "0.01 to 500", r"10 to 5e\+05 s"),
+        ({"bandwidth": [8.0, 1e6]}, "0.01 to 500", "differ too much"),
+        ({"sample_time": 1e-6}, r"10 to 5e\+05", "1.25e-06 to 0.0625 s"),
+        ({"sample_time": 0.0626}, "0.00016 to 7.99", "1.25e-06 to 0.0625 s"),
+        ({"sample_time": 1e6}, "1e-11 to 5e-07", "1.25e-06 to 0.0625 s"),
+    ],
+)
+def test_bandwidth_that_does_not_fit_the_sample_time_is_refused(given, bandwidths, times):
+    """Whatever the order of the scalings, whose band of frequencies both limit."""
+    rule = rf"bandwidth must be {bandwidths} rad/s at this sample_time, got .*{times}"
+    with pytest.raises(fa.InputError, match=rule):
+        fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, **given)
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
+@pytest.mark.parametrize("bandwidth", [[8.0, 8.0], [8.0, 0.8]])
+@pytest.mark.parametrize("end", ["least", "largest"])
+def test_designs_at_the_ends_of_the_useful_range(bandwidth, end):
+    sample_time = 1.001e-5 / min(bandwidth) if end == "least" else 0.499 / max(bandwidth)
+    given = {"bandwidth": bandwidth, "sample_time": sample_time}
+    arm = robust_arm(gravity=HORIZONTAL)
+    found = fa.MuSynthesis(arm, POSTURE, **given, iterations=1, scaling_order=2)
+    assert 0.5 < found.mu < 10.0
 
 
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
@@ -204,6 +232,20 @@ def test_three_joints(gravity):
     posture = [0.3, 0.8, 0.5]
     found = fa.MuSynthesis(arm, posture, iterations=1, scaling_order=0)
     assert float(fa.loop_margins(found, arm, [posture]).growth.max()) < -0.05
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
+def test_another_sample_time_is_another_design():
+    arm, few = robust_arm(gravity=HORIZONTAL), {"iterations": 1, "scaling_order": 0}
+    changed = fa.MuSynthesis(arm, POSTURE, **few)
+    changed.sample_time = 0.004
+    wanted = fa.MuSynthesis(arm, POSTURE, **few, sample_time=0.004)
+    assert changed.sample_time == 0.004
+    assert changed.mu == wanted.mu
+    np.testing.assert_array_equal(changed.A, wanted.A)
+    with pytest.raises(fa.InputError, match=r"sample_time: bandwidth must be 1e-05 to 0.5 rad/s"):
+        changed.sample_time = 1.0
+    assert changed.sample_time == 0.004
 
 
 def test_run_and_export(design):

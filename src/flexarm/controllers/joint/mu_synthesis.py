@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from flexarm.arguments import check_positive
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import ControllerRequirements, FloatArray, Measurement, Reference
@@ -18,7 +19,15 @@ from flexarm.control.requirements import JOINTS
 from flexarm.control_design.loop_shaping import coprime_controller, sampled_growth
 from flexarm.control_design.uncertain_plant import UncertainPlant, uncertain_plant
 from flexarm.controllers.joint.follower import JointFollower
-from flexarm.errors import FlexarmWarning, UnstableLoopWarning, warn_caller
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    UnstableLoopWarning,
+    few,
+    public_call,
+    warn_caller,
+)
 from flexarm.loop_analysis.dk_iteration import dk_iteration
 from flexarm.model.drives.linear import MuSynthesisParameters
 
@@ -26,6 +35,9 @@ from flexarm.model.drives.linear import MuSynthesisParameters
 _ROUNDING = 1e-4
 #: Ratio of the norm to the least one: the optimal controller has poles that are too fast to sample.
 _SUBOPTIMALITY = 1.05
+#: Least and largest angle between samples at the bandwidth, rad: below, rounding errors dominate;
+#: above, with fewer than 13 samples in a period, the scalings have no frequencies between them.
+_LEAST_ANGLE, _LARGEST_ANGLE = 1e-5, 0.5
 #: Frequencies of the bounds in rad/s, relative to the bandwidth or to half the sampling rate.
 _LOWEST, _LOW, _DENSE, _FASTEST = 1e-4, 0.05, 70, 100.0
 
@@ -51,8 +63,8 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             (rad/s) to the torques (N m); ``loop_models`` exports them with names.
 
     Raises:
-        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist
-            frequency of ``sample_time``, slycot is not installed, or the synthesis fails.
+        InputError: if a shape or number is wrong, ``bandwidth`` does not fit ``sample_time``,
+            slycot is not installed, or the synthesis fails.
         EquilibriumError: if the arm has no equilibrium at the posture.
 
     Warns:
@@ -70,24 +82,55 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        given = np.zeros(self.arm.joints) if self.posture is None else np.array(self.posture)
-        self.posture = given
+        joints = self.arm.joints
+        self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
+        # The constructor leaves the number in the dictionary of the object, under the property.
+        sample_time = vars(self).pop("sample_time")
+        self._check_bandwidth(sample_time)
         self._warn_of_no_effect()
+        self._design_for(sample_time)
+
+    @property  # type: ignore[misc]
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self._sample_time
+
+    @sample_time.setter
+    @public_call
+    def sample_time(self, value: float) -> None:
+        self._check_bandwidth(check_positive("sample_time", value))
+        self._design_for(float(value))
+
+    def _check_bandwidth(self, sample_time: float) -> None:
+        """Raise if the bandwidth is too low or too high for a sample time (s)."""
+        bandwidth = np.asarray(self.bandwidth)
+        low, high = _LEAST_ANGLE / sample_time, _LARGEST_ANGLE / sample_time
+        if low <= bandwidth.min() and bandwidth.max() <= high:
+            return
+        rule = f"be {low:.3g} to {high:.3g} rad/s at this sample_time"
+        least, most = _LEAST_ANGLE / bandwidth.min(), _LARGEST_ANGLE / bandwidth.max()
+        hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
+        hint = hint if least < most else "Its values differ too much."
+        raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
+
+    def _design_for(self, sample_time: float) -> None:
+        """Design the controller for a sample time (s)."""
+        self._sample_time = sample_time
         with one_warning() as bent:
             plant = uncertain_plant(
                 self.arm,
-                given,
+                np.asarray(self.posture),
                 np.asarray(self.bandwidth),
                 rigidity=self.rigidity_uncertainty,
                 payload=self.payload_uncertainty,
                 sensitivity=self.sensitivity,
-                sample_time=self.sample_time,
+                sample_time=sample_time,
             )
         warn_of_first(bent)
-        self._design(plant)
+        self._synthesise(plant)
         self.reset()
 
-    def _design(self, plant: UncertainPlant) -> None:
+    def _synthesise(self, plant: UncertainPlant) -> None:
         from scipy.signal import cont2discrete
 
         found = dk_iteration(
