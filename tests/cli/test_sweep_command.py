@@ -53,6 +53,15 @@ def test_sweep_prints_statistics_and_keeps_results(path, tmp_path):
     assert table["payload.mass"].values.tolist() == [0.1, 0.2, -1.0]
 
 
+@pytest.mark.parametrize("key", ["payload.mass", "links[0].flexural_rigidity"])
+def test_set_finds_keys_that_are_paths(path, key):
+    path.write_text(STUDY.replace("payload.mass", f'"{key}"'))
+    done = call("check", path, "--set", f"vary.{key}.values=[0.3]")
+    assert done.exit_code == 0, done.output
+    done = call("check", path, "--set", f"vary.{key}.value=[0.3]")
+    assert f"vary.{key}.value is not a known key" in done.output.replace("\n", " ")
+
+
 def test_a_study_without_variation_gives_a_notice(path):
     varied = STUDY.split("vary:")[0]
     path.write_text(f"{varied}run: {{duration: 0.05, rate: 200}}\n")

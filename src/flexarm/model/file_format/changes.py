@@ -58,18 +58,35 @@ def change_of(option: str, text: str) -> Change:
 def changed(document: Document, changes: Sequence[Change]) -> Document:
     """Return a document with other values; `Document.where` names the changes.
 
-    Changes inside an arm that the document names by its file are kept for that file.
+    Keys of the document that are paths themselves, such as those of ``vary``, are found in the path
+    of a change. Changes inside an arm that the document names by its file are kept for that file.
 
     Raises:
         ModelError: if a path leads through a value that has no keys or entries, or to an entry of a
             list that does not exist.
     """
     value = document.value
+    changes = [replace(change, path=_with_keys(value, change.path)) for change in changes]
     for change in changes:
         elsewhere = change.path[:1] == ("arm",) and isinstance(value.get("arm"), str)
         if not elsewhere or len(change.path) == 1:
             value = _with(value, change, ())
     return document.changed(value, changes)
+
+
+def _with_keys(value: Any, path: Path) -> Path:
+    """Return a path in which the keys of a value that contain dots or indices are one part each."""
+    whole: Path = ()
+    while path:
+        lengths = range(len(path), 1, -1) if isinstance(value, dict) else ()
+        taken = next((k for k in lengths if path_text(path[:k]) in value), 1)
+        part = path[0] if taken == 1 else path_text(path[:taken])
+        whole, path = (*whole, part), path[taken:]
+        try:
+            value = value[part]
+        except (KeyError, IndexError, TypeError):
+            return (*whole, *path)
+    return whole
 
 
 def _with(value: Any, change: Change, walked: Path) -> Any:
