@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
-from bristled_joints import PUBLISHED, RUBBING, lugre, turning
+from bristled_joints import NUMBERS, PUBLISHED, RUBBING, lugre, turning
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.integrate import INTEGRATORS
 from flexarm.observe import channels_of
@@ -47,6 +47,22 @@ def test_reversals():
     assert np.abs(result.joint_angle.values[:, 0] - angle).max() < 1e-6
     assert np.abs(result.joint_rate.values[:, 0] - rate).max() < 1e-5
     assert np.abs(result.bristle_deflection.values[:, 0] - z).max() < 1e-6
+
+
+#: Largest difference of the angle (rad) without bristles, by smoothing rate: decision 0033.
+DIFFERENCES = {0.01: 0.032, 0.008: 0.022, 0.005: 0.027, 1e-5: 0.053}
+
+
+@pytest.mark.parametrize("smoothing_rate", DIFFERENCES)
+def test_function_of_the_rate_differs(smoothing_rate):
+    own = {"bristle_stiffness": None, "bristle_damping": 0.0, "smoothing_rate": smoothing_rate}
+    plain = turning(numbers={**NUMBERS, **own})
+    result = fa.simulate(plain, 2.0, torque=lambda t: [alternating(t)], rate=1000.0)
+    bristled = run(alternating, 2.0).joint_angle.values
+    assert np.ptp(bristled) == pytest.approx(0.53, abs=0.005)
+    # The numbers are rounded to three digits.
+    difference = np.abs(result.joint_angle.values - bristled).max()
+    assert difference == pytest.approx(DIFFERENCES[smoothing_rate], abs=0.0005)
 
 
 @pytest.mark.parametrize(
