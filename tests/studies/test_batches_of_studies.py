@@ -121,6 +121,7 @@ def test_samples_are_simulated_in_lanes(monkeypatch):
     assert len(runs) == 48
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("seconds", "samples", "workers", "chunk"),
     # Eight samples at most, in tasks of at most a minute, and a task for each worker.
@@ -130,6 +131,24 @@ def test_tasks_of_long_runs_fill_the_lanes(seconds, samples, workers, chunk, mon
     study = fa.Study(content(samples))
     monkeypatch.setattr(fa.Study, "_measured_seconds", lambda *_: seconds)
     assert study._measured_chunk(workers) == chunk
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        {"limits": {"lower": -2.0, "upper": 2.0, "stiffness": 100.0}},
+        {"friction": {"coulomb": 0.1, "bristle_stiffness": 100.0}},
+    ],
+    ids=["stops", "bristles"],
+)
+def test_tasks_of_arms_without_lanes_are_short(joint, monkeypatch):
+    """Without lanes, eight samples take eight times as long as one."""
+    given = content(64)
+    arm = given["arm"]
+    joints = [arm["joints"][0] | joint, *arm["joints"][1:]]
+    study = fa.Study(given | {"arm": arm | {"joints": joints}})
+    monkeypatch.setattr(fa.Study, "_measured_seconds", lambda *_: 5.0)
+    assert study._measured_chunk(2) == 1
 
 
 def test_single_samples_are_not_executed_in_lanes(monkeypatch):

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexarm.arguments import check_count, check_flag, check_path
 from flexarm.arm import Arm
+from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.engine.progress import Meter
 from flexarm.errors import (
     FlexarmWarning,
@@ -203,9 +204,9 @@ class Study:
             per_sample = self._measured_seconds(min(LANES, self.samples))
         longest, least = TASK_SECONDS / per_sample, LEAST_SECONDS / per_sample
         size = min(longest, max(self.samples / (TASKS_PER_WORKER * workers), least))
-        # In lanes, eight samples may take little longer than one.
-        lanes = min(LANES, self.samples / workers, _LONGEST_SECONDS / per_sample)
-        size = max(size, lanes)
+        if any(map(arm_fits_lanes, self._prepared.plants.values())):
+            # In lanes, eight samples may take little longer than one.
+            size = max(size, min(LANES, self.samples / workers, _LONGEST_SECONDS / per_sample))
         return int(2 ** np.floor(np.log2(min(max(size, 1.0), _MOST_CHUNK))))
 
     def _measured_seconds(self, count: int) -> float:
