@@ -151,6 +151,19 @@ def test_tasks_of_arms_without_lanes_are_short(joint, monkeypatch):
     assert study._measured_chunk(2) == 1
 
 
+@pytest.mark.parametrize(("seconds", "compiling", "runs"), [(60.0, 0.0, 1), (9.0, 60.0, 2)])
+def test_long_samples_are_measured_once(seconds, compiling, runs, monkeypatch):
+    """The clocks are those of a sample of that duration, which compiles when it runs first."""
+    study, done = fa.Study(content()), []
+    monkeypatch.setattr(study._executor, "outcomes", lambda *_: done.append(0))
+    clock = {"compile_seconds": lambda: compiling * bool(done)}
+    clock["perf_counter"] = lambda: seconds * len(done) + clock["compile_seconds"]()
+    monkeypatch.setattr("flexarm.studies.study.time.perf_counter", clock["perf_counter"])
+    monkeypatch.setattr("flexarm.studies.study.compile_seconds", clock["compile_seconds"])
+    assert study._measured_seconds(1) == seconds
+    assert len(done) == runs
+
+
 def test_single_samples_are_not_executed_in_lanes(monkeypatch):
     monkeypatch.delattr(batches, "simulate_batch")  # a call raises
     found = executor(drives={"PD": PD}).outcomes(3, 4)

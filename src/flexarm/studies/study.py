@@ -22,6 +22,7 @@ from flexarm.errors import (
     shown,
     warn_caller,
 )
+from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.checks import checked_arguments
@@ -49,8 +50,9 @@ TASK_SECONDS, TASKS_PER_WORKER, LEAST_SECONDS = 1.0, 8, 0.2
 _MOST_CHUNK = 4096
 #: Longest task (s) of samples that take long: up to it, samples are given out to fill the lanes.
 _LONGEST_SECONDS = 60.0
-#: Duration of a sample (s) below which more of them are measured.
-_SHORT = 0.02
+#: Duration of a sample (s) below which more of them are measured, and duration of a measurement
+#: above which the time to load compiled code makes little difference.
+_SHORT, _LONG = 0.02, 10.0
 
 
 class Study:
@@ -211,10 +213,14 @@ class Study:
 
     def _measured_seconds(self, count: int) -> float:
         """Return the duration of a sample, s, if ``count`` of them are executed together."""
-        self._executor.outcomes(0, count)  # compiles
-        started = time.perf_counter()
-        self._executor.outcomes(0, count)
-        return max((time.perf_counter() - started) / count, 1e-6)
+        seconds = 0.0
+        for _ in range(2):  # the first execution loads compiled code, or compiles it
+            started = time.perf_counter() - compile_seconds()
+            self._executor.outcomes(0, count)
+            seconds = time.perf_counter() - compile_seconds() - started
+            if seconds > _LONG:
+                break
+        return max(seconds / count, 1e-6)
 
     def _in_memory(
         self, chunk: int, client: Any, workers: int, progress: bool | None
