@@ -156,6 +156,14 @@ LAWS = {
     "loop_shaping_scheduled": lambda: fa.LoopShaping(
         heavy(), schedule=[[0.1, 0.4], [-0.15, -0.05, 0.3]], sample_time=SAMPLE_TIME
     ),
+    "mu_synthesis": lambda: example(
+        "mu_synthesis",
+        arm=heavy(),
+        bandwidth=8.0,
+        rigidity_uncertainty=0.02,
+        sensitivity=10.0,
+        feedforward=lambda: feedforward,
+    ),
     "hybrid_force": lambda: fa.HybridForce(
         heavy(), frequency=1.5, force_proportional=0.2, sample_time=SAMPLE_TIME
     ),

@@ -8,6 +8,8 @@ from functools import partial
 from inspect import Parameter, signature
 from typing import Any
 
+import pytest
+
 import flexarm as fa
 from flexarm.controllers import CONTROLLERS
 
@@ -59,6 +61,16 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "loop_shaping": {"posture": [0.4, 0.1], "bandwidth": 8.0, "integral": 0.8},
     "lqg": {**_BOUNDS, "integral": True},
     "mpc": {**_BOUNDS, "horizon": 10},
+    # Of this arm without payload and damping; with scalings the design takes seconds.
+    "mu_synthesis": {
+        "posture": [0.4, 0.1],
+        "bandwidth": 4.0,
+        "rigidity_uncertainty": 0.05,
+        "payload_uncertainty": 0.0,
+        "sensitivity": 4.0,
+        "iterations": 1,
+        "scaling_order": 0,
+    },
     "output_redefinition": {"inner": joint_pd, "weight": -0.5},
     "nonlinear_mpc": {**_BOUNDS, "horizon": 8},
     "neural_force": {"frequency": 1.5, "features": 10},
@@ -99,6 +111,8 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "wave_based_control": {"inner": joint_pd},
 }
 
+_WITHOUT_SLYCOT = "MuSynthesis was not tried, it needs: pip install 'flexarm[robust]'"
+
 
 def complete(name: str) -> dict[str, Any]:
     """Return the arguments of a controller, with its arm and its sample time if it has them."""
@@ -111,6 +125,8 @@ def complete(name: str) -> dict[str, Any]:
 
 def example(name: str, **changes: Any) -> Any:
     """Return a new controller, with changes of its arguments."""
+    if name == "mu_synthesis":
+        pytest.importorskip("slycot", reason=_WITHOUT_SLYCOT)
     given = {**complete(name), **changes}.items()
     return CONTROLLERS[name](**{key: v() if callable(v) else v for key, v in given})
 

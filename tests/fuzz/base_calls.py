@@ -146,7 +146,6 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "design": {"arm": spinning, "task": "hold", "computing": "low", "duration": 0.1},
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "loop_models": {"controller": controller, "plant": arm, "posture": start},
-    "MuSynthesis": {"arm": arm, "posture": start, "iterations": 1, "scaling_order": 0},
     "robustness": {"controller": controller, "plants": arm, "posture": start},
     "Arm": {
         "links": [LINK],
@@ -360,8 +359,6 @@ METHODS["PrescribedPerformance"] = (
     METHODS["PrescribedPerformance"][0],
     {**_UPDATE, "angle_bound": {"t": [0.0, 1.0]}},
 )
-_SYNTHESIS = FUNCTIONS["MuSynthesis"]
-METHODS["MuSynthesis"] = (cache(lambda: fa.MuSynthesis(**_SYNTHESIS | {"arm": arm()})), _UPDATE)
 _STRAINS = {**_UPDATE, "strain_correction": {"t": 0.2, "reference": motion}}
 for _law in ("PositivePositionFeedback", "WaveBasedControl", "IntegralResonantControl"):
     METHODS[_law] = METHODS[_law][0], _STRAINS

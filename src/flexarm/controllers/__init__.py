@@ -14,6 +14,7 @@ from flexarm.controllers.joint.computed_torque import ComputedTorque
 from flexarm.controllers.joint.joint_pd import JointPD
 from flexarm.controllers.joint.joint_pid import JointPID
 from flexarm.controllers.joint.loop_shaping import LoopShaping
+from flexarm.controllers.joint.mu_synthesis import MuSynthesis
 from flexarm.controllers.joint.prescribed_performance import PrescribedPerformance
 from flexarm.controllers.joint.strain_feedback import StrainFeedback
 from flexarm.controllers.linear.composite import Composite
@@ -36,8 +37,7 @@ from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import Hardware, Instrument, Motors
 
-#: Controllers by name. The drives of files have the same names as kinds. `MuSynthesis` is not among
-#: them: files must run in every installation, and slycot, which it needs, is under the GPL.
+#: Controllers by name. The drives of files have the same names as kinds.
 CONTROLLERS: dict[str, type[Controller]] = {
     controller.name: controller
     for controller in (
@@ -56,6 +56,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
         LQG,
         LoopShaping,
         MPC,
+        MuSynthesis,
         OutputRedefinition,
         NonlinearMPC,
         NeuralForce,
@@ -94,6 +95,7 @@ __all__ = [
     "Measurement",
     "Motors",
     "MovingHorizonEstimator",
+    "MuSynthesis",
     "NeuralForce",
     "NonlinearMPC",
     "OutputRedefinition",

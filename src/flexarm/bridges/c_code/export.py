@@ -53,10 +53,11 @@ def export_c(
         name: prefix of functions and files: lower-case letters, digits and underscores.
         parameters: paths of numbers that become arguments, as in ``to_casadi``.
         controller: controller whose law is closed: `JointPD`, `JointPID`, `StrainFeedback`,
-            `ComputedTorque`, `SlidingMode`, `Adaptive`, `RBFAdaptive`, `LQG`, `Composite` and
-            `LoopShaping` for one posture, `DisturbanceObserver`, `RepetitiveControl` or a
-            controller that damps vibration around one of these, a controller of forces; or your
-            own, if ``update`` computes with NumPy and ``memory`` is declared.
+            `ComputedTorque`, `SlidingMode`, `Adaptive`, `RBFAdaptive`, `LQG`, `Composite`,
+            `LoopShaping` and `MuSynthesis` for one posture, `DisturbanceObserver`,
+            `RepetitiveControl` or a controller that damps vibration around one of these, a
+            controller of forces; or your own, if ``update`` computes with NumPy and ``memory`` is
+            declared.
         observer: filter whose ``predict`` and ``correct`` become one function, for a payload whose
             standard deviation is at most a tenth of the mass that moves with the tip.
 

@@ -228,6 +228,7 @@ class LoopShapingKeys(LoopShapingParameters):
 class MuSynthesisParameters(ControllerParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
+    name = "mu_synthesis"
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
         default=None, description="Joint angles of the design; zero by default (rad)."
     )
@@ -250,8 +251,16 @@ class MuSynthesisParameters(ControllerParameters):
         description="Largest accepted sensitivity at the motors, in torques normalised by the "
         "inertia, above 1.",
     )
-    iterations: Count = Field(default=3, description="Number of syntheses.")
+    iterations: Annotated[int, Field(strict=True, ge=1, le=100), BeforeValidator(plain)] = Field(
+        default=3, description="Number of syntheses, at most 100."
+    )
     scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = Field(
         default=1, description="Largest order of the fitted scalings, 0 to 2."
     )
     sample_time: SampleTime = 0.001
+
+
+class MuSynthesisKeys(MuSynthesisParameters):
+    """Keys of the drive `mu_synthesis`, which needs slycot (extra ``robust``)."""
+
+    feedforward: Feedforward = None

@@ -27,6 +27,7 @@ from flexarm.model.drives.linear import (
     LoopShapingKeys,
     LQGParameters,
     MPCParameters,
+    MuSynthesisKeys,
     NonlinearMPCParameters,
 )
 from flexarm.model.drives.uncertain import (
@@ -44,6 +45,7 @@ _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
         NonlinearMPCParameters,
         CompositeParameters,
         LoopShapingKeys,
+        MuSynthesisKeys,
     ),
     "uncertain arms": (
         AdaptiveParameters,
