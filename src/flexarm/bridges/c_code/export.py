@@ -54,10 +54,9 @@ def export_c(
         parameters: paths of numbers that become arguments, as in ``to_casadi``.
         controller: controller whose law is closed: `JointPD`, `JointPID`, `StrainFeedback`,
             `ComputedTorque`, `SlidingMode`, `Adaptive`, `RBFAdaptive`, `LQG`, `Composite`,
-            `LoopShaping` and `MuSynthesis` for one posture, `DisturbanceObserver`,
-            `RepetitiveControl` or a controller that damps vibration around one of these, a
-            controller of forces; or your own, if ``update`` computes with NumPy and ``memory`` is
-            declared.
+            `LoopShaping`, `MuSynthesis`, `DisturbanceObserver`, `RepetitiveControl` or a controller
+            that damps vibration around one of these, a controller of forces; or your own, if
+            ``update`` computes with NumPy and ``memory`` is declared.
         observer: filter whose ``predict`` and ``correct`` become one function, for a payload whose
             standard deviation is at most a tenth of the mass that moves with the tip.
 
