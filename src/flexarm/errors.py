@@ -149,7 +149,8 @@ class Problem:
     def statement(self) -> str:
         """The problem without its location: *name must rule, got value. hint*."""
         text = f"must {self.rule}, got {self.value}" if self.value else self.rule
-        text = f"{self.name} {text}."
+        text = f"{self.name} {text}"
+        text = text if text.endswith(".") else f"{text}."  # as of a list that is cut short
         return printable(f"{text} {self.hint}" if self.hint else text)
 
     def __str__(self) -> str:

@@ -162,8 +162,10 @@ def test_requested_references_that_do_not_exist():
     with pytest.raises(fa.InputError, match=r"drive\.reference\.arm is rigid"):
         prepare(scenario({**PD, "reference": "quasi_static"}, rigid))
     early = {**LINE, "start_time": 0.0}
-    with pytest.raises(fa.InputError, match=r"drive\.reference\.motion must start at"):
+    with pytest.raises(fa.InputError, match="scenario: motion must start at"):
         prepare(scenario({**PD, "reference": "tip_inversion"}, motion=early))
+    with pytest.raises(fa.InputError, match="scenario: motion must start at"):
+        prepare(scenario({"kind": "tip_inversion"}, motion=early))
 
 
 def test_controllers_that_plan_the_bending_follow_rigid_angles():

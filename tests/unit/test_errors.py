@@ -22,6 +22,7 @@ def test_problem_reads_as_a_sentence():
     assert str(problem) == "length must be greater than 0, got -1."
     problem = replace(problem, where="arm.yaml:5")
     assert str(problem) == "arm.yaml:5: length must be greater than 0, got -1."
+    assert str(Problem("q", "be finite", "0, 1, ...")) == "q must be finite, got 0, 1, ..."
     with_hint = Problem("theory", "be one of 'a', 'b'", "'c'", "Did you mean 'b'?")
     assert str(with_hint).endswith("got 'c'. Did you mean 'b'?")
 

@@ -232,10 +232,16 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         if not len(torques):
             raise InputError(Problem("torque", "have at least one sample", shown(torque)))
         given_by_name = check_mapping("readings", readings, "names and readings")
+        missing = [one.label for one in self.instruments if one.label not in given_by_name]
+        if missing:
+            hint = "The filter has an instrument for each; create it without those not measured."
+            raise InputError(
+                Problem("readings", f"have no {', '.join(map(repr, missing))}", hint=hint)
+            )
         arrays = {}
         for item in self.instruments:
             name = f"readings[{item.label!r}]"
-            given = check_numbers(name, given_by_name.get(item.label, ()))
+            given = check_numbers(name, given_by_name[item.label])
             if given.ndim == 0 or len(given) != len(torques):
                 rule = f"have one row for each of the {len(torques)} torques"
                 raise InputError(Problem(name, rule, f"shape {given.shape}"))

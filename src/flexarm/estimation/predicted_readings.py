@@ -115,7 +115,10 @@ class PredictedReadings:
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
         if missing:
-            raise InputError(Problem("measurement", f"has no {missing[0]!r}"))
+            hint = (
+                f"Add an instrument of {missing[0]} to the hardware of the arm, as in the filter."
+            )
+            raise InputError(Problem("measurement", f"has no {missing[0]!r}", hint=hint))
         pairs = zip(self._labels, given, strict=True)
         readings = np.concatenate([check_numbers(*pair).ravel() for pair in pairs])
         if readings.size != self.size:

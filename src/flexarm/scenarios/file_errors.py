@@ -19,7 +19,8 @@ def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> 
 
     Args:
         key: key that contains the values; empty if problems name it themselves.
-        names: keys of the file by argument, if the names differ; empty for ``key`` itself.
+        names: keys of the file by argument, if the names differ; empty for ``key`` itself. A name
+            that starts with a dot is a key at the top of the file.
     """
     try:
         yield
@@ -28,6 +29,7 @@ def problems_at(place: Where, key: str, names: dict[str, str] | None = None) -> 
         for problem in error.problems:
             reported = (names or {}).get(problem.name, problem.name)
             name = ".".join(filter(None, (key or problem.where, reported)))
+            name = reported[1:] if reported.startswith(".") else name
             placed.append(replace(problem, where=place(path_of(name)), name=name))
         raise InputError(*placed) from None
 

@@ -48,6 +48,9 @@ from flexarm.simulation.run import simulate
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Keys of the file for arguments of the calls that create a reference.
+_TOP = {"motion": ".motion", "reference.motion": ".motion"}
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -204,7 +207,7 @@ def prepare(
     if scenario.events:
         options["events"] = events_of(scenario.events, arm)
     if followed is None:
-        with problems_at(place, "drive"):
+        with problems_at(place, "drive", _TOP):
             followed = _followed(arm, scenario, motion)
     with problems_at(place, "initial"):
         start = start_of(arm, scenario, motion, followed)

@@ -110,7 +110,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
         raise
     except Exception as error:  # a user's code over symbols may raise any
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
-        raise _refusal(controller, f"Its update {cause}{error}.") from None
+        raise _refusal(controller, f"Its update {cause}{error}".rstrip(".") + ".") from None
     size, long = _memory(started).read().size, _beside(controller, arm.joints)
     functions = _functions(controller, [first, later] if size or long else [later])
     if long:
