@@ -101,6 +101,35 @@ class TestSeveralAtOneTime:
         rate, _ = rate_after(down, up, arm=rigid_link())
         assert rate == pytest.approx(AFTER_HEAVY, rel=1e-12)
 
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_numbers_that_are_possible_only_together(self, order):
+        # The static level cannot be below the Coulomb level, so that one order alone is possible.
+        def rubbing(coulomb, static):
+            friction = fa.Friction(coulomb=coulomb, static=static, stribeck_rate=0.5)
+            link = fa.Link(length=LENGTH, flexible=False, mass_per_length=0.3)
+            return fa.Arm(links=[link], joints=[fa.Joint(friction=friction)])
+
+        pair = [
+            fa.Change("joints[0].friction.coulomb", to=0.01),
+            fa.Change("joints[0].friction.static", to=0.02),
+        ][::order]
+        options = {"initial_rate": [1.0], "progress": False}
+        run = fa.simulate(rubbing(0.05, 0.08), 0.1, changes=pair, **options)
+        wanted = fa.simulate(rubbing(0.01, 0.02), 0.1, **options)
+        np.testing.assert_allclose(run.q.values, wanted.q.values, rtol=0, atol=1e-12)
+
+    @pytest.mark.parametrize("order", [1, -1])
+    def test_numbers_that_are_not_possible_together(self, order):
+        friction = fa.Friction(coulomb=0.05, static=0.08, stribeck_rate=0.5)
+        link = fa.Link(length=LENGTH, flexible=False, mass_per_length=0.3)
+        arm = fa.Arm(links=[link], joints=[fa.Joint(friction=friction)])
+        pair = [
+            fa.Change("joints[0].friction.coulomb", at=0.05, to=0.03),
+            fa.Change("joints[0].friction.static", at=0.05, to=0.02),
+        ][::order]
+        with pytest.raises(fa.InputError, match="static must be at least coulomb"):
+            fa.simulate(arm, 0.1, changes=pair)
+
 
 class TestMovedInertia:
     """A payload that the arm itself moves: its angular momentum remains."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ from flexarm.model.environment.changes import (
     PAYLOAD_MASS,
     ValueTable,
     change_faults,
+    check_possible,
     original_number,
 )
 from flexarm.model.paths import number_at, with_number
@@ -150,11 +151,13 @@ class ArmChanges:
         before = remaining = self.arm
         adding: tuple[float, FloatArray] | None = None  # kg, m/s
         spent, found = 0.0, state
-        for path, (k, number) in numbers.items():
+        while numbers:
+            path, spec = _first_possible(self.arm.spec, {p: n for p, (_, n) in numbers.items()})
+            k, number = numbers.pop(path)
             whole, now = self.arm, number_at("path", self.arm.spec, path)
             if number == now:
                 continue
-            self.arm = Arm(with_number(whole.spec, path, number))
+            self.arm = Arm(spec)
             check_same_coordinates(path, before, self.arm)
             if removes_inertia(path, whole, self.arm, state):
                 same = remaining is whole
@@ -175,6 +178,22 @@ class ArmChanges:
             log = self._log[k] = Happened(self.changes[k], time, now, number)
             self.happened.append(log)
         log.end = number
+
+
+def _first_possible(spec: ArmSpec, numbers: Mapping[str, float]) -> tuple[str, ArmSpec]:
+    """Return the first path whose number is possible before the others, and the changed arm.
+
+    Raises:
+        InputError: if none is possible, for the first one.
+    """
+    first: InputError | None = None
+    for path, number in numbers.items():
+        try:
+            return path, with_number(spec, path, number)
+        except InputError as error:
+            first = first or error
+    assert first is not None
+    raise first
 
 
 def arm_changes(
@@ -201,15 +220,16 @@ def arm_changes(
             problems.append(Problem(f"changes[{k}].at", rule, shown(change.at)))
     if problems:
         raise InputError(*problems)
-    courses = [_course(k, change, arm.spec, duration) for k, change in enumerate(changes)]
+    courses = [_course(k, changes, arm.spec, duration) for k in range(len(changes))]
     found = ArmChanges(arm, changes, courses)
     if log is not None:
         log.triggers = set(found.waiting)
     return found
 
 
-def _course(k: int, change: Change, spec: ArmSpec, duration: float) -> _Course:
+def _course(k: int, changes: Sequence[Change], spec: ArmSpec, duration: float) -> _Course:
     """Return the numbers of a change: those in the middle of its intervals."""
+    change = changes[k]
     original = original_number(spec, change)
     scale = 1.0 if change.factor is None else original
     course: Any = change.course
@@ -231,7 +251,7 @@ def _course(k: int, change: Change, spec: ArmSpec, duration: float) -> _Course:
         edges, values = np.zeros(1), np.array([float(course)])
     numbers = values * scale
     for number in {float(numbers.min()), float(numbers.max())}:
-        with_number(spec, change.path, number)
+        check_possible(spec, changes, change.path, number)
     return _Course(edges, numbers)
 
 

@@ -12,7 +12,7 @@ from flexarm.errors import InputError, shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.tables import TimeTable, is_table
-from flexarm.model.paths import number_at, with_number
+from flexarm.model.paths import number_at, with_number, with_numbers
 from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, Word, plain
 from flexarm.model.wording import Fault, path_of
 
@@ -154,13 +154,33 @@ def change_faults(
             original = original_number(arm, change)
             course = "to" if change.factor is None else "factor"
             for number in [] if callable(change.course) else set(numbers_of(change, original)):
-                with_number(arm, change.path, number)
+                check_possible(arm, changes, change.path, number)
         except InputError as error:
             problem = error.problems[0]
             own = problem.name == "path"
             place = ("changes", k, "path" if own else course)
             rule = problem.rule if own else f"is not possible: {problem}"
             yield Fault(place, rule, problem.value if own else "", problem.hint)
+
+
+def check_possible(arm: ArmSpec, changes: Sequence[Change], path: str, number: float) -> None:
+    """Raise if a number of a change is possible neither alone nor with the last ones of the others.
+
+    Raises:
+        InputError: for the number alone.
+    """
+    try:
+        with_number(arm, path, number)
+    except InputError as error:
+        others = {
+            one.path: numbers_of(one, original_number(arm, one))[-1]
+            for one in changes
+            if one.path != path and not callable(one.course)
+        }
+        try:
+            with_numbers(arm, {**others, path: number})
+        except InputError:
+            raise error from None
 
 
 def motor_change_faults(changes: Sequence[Change]) -> Iterator[Fault]:

@@ -132,6 +132,10 @@ _STARTS: dict[str, _Start] = {
     "upper": lambda of, _: of.each(np.maximum(*of.ends) + 0.2),
     "posture": lambda of, _: of.each(0.5 * (of.ends[0] + of.ends[1])),
     "period": _if_required(lambda of: max(1.0, short(20.0 * np.pi / of.slowest))),
+    # Without a payload an uncertainty of it is a warning; with little damping one of the rigidity
+    # leaves the loop of the arm itself unstable.
+    "payload_uncertainty": lambda of, _: None if of.arm.spec.payload.mass else 0.0,
+    "rigidity_uncertainty": lambda of, _: 0.0,
     "inner": lambda of, _: drive_of_kind(of.scenario, "joint_pd"),
     "estimator": lambda of, _: None if of.instruments else {"instruments": _instruments(of.arm)},
 }
