@@ -290,3 +290,9 @@ def test_files_name_the_kind_of_the_filter(kind, tmp_path):
     if kind != "moving_horizon":
         with pytest.raises(fa.InputError, match="horizon requires kind: moving_horizon"):
             FilterSpec(kind=kind, horizon=4)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_a_filter_in_a_file_is_read_back_from_json(kind):
+    record = FilterSpec(kind=kind)
+    assert FilterSpec.model_validate_json(record.model_dump_json()) == record

@@ -165,7 +165,8 @@ class _FilterRecord(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.raw("kind") != "moving_horizon":
             for key in _OF_HORIZON:
-                if not given.omitted(key):
+                # JSON of a record contains the defaults.
+                if given.raw(key) not in (None, cls.model_fields[key].default):
                     yield Fault((key,), "requires kind: moving_horizon")
 
 
