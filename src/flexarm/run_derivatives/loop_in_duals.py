@@ -24,15 +24,17 @@ from flexarm.run_derivatives.recorded_loop import RecordedLoop
 from flexarm.run_derivatives.update_derivatives import is_finite, not_differentiable
 
 
-def loop_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs], loop: RecordedLoop) -> DualRun:
-    """Repeat a run with a controller in dual numbers; see `DualStepper`.
+def loop_in_duals(
+    run: Run, inputs: Inputs, blocks: Sequence[Sequence[Inputs]], loop: RecordedLoop
+) -> list[DualRun]:
+    """Repeat a run with a controller in dual numbers for blocks of directions; see `DualStepper`.
 
     Raises:
         SimulationError: if the run fails.
     """
-    stepper = DualStepper(run, inputs, by)
-    _LoopInDuals(run.arm, loop, stepper).execute(run.duration)
-    return stepper.result()
+    steppers = [DualStepper(run, inputs, block) for block in blocks]
+    _LoopInDuals(run.arm, loop, steppers).execute(run.duration)
+    return [stepper.result() for stepper in steppers]
 
 
 class _LoopInDuals:
@@ -40,21 +42,21 @@ class _LoopInDuals:
 
     The commands have the values of the run. Their derivatives follow from those of the readings and
     of the memory of the controller. Motors compute with complex numbers, whose imaginary parts are
-    the derivatives.
+    the derivatives. Python computes the directions of all steppers together, because its time does
+    not depend on their number.
     """
 
-    def __init__(self, arm: Arm, loop: RecordedLoop, stepper: DualStepper) -> None:
-        self._arm, self._loop, self._stepper = arm, loop, stepper
-        self._progress, self._bodies = stepper.progress, arm.assembly.joint_body
-        drive = stepper.system.drive
-        self._breaks, self._coefficients = drive.breaks, cast(Duals, drive.coefficients)
-        self._acting = Acting(loop.hardware, arm, keep=False, runs=DIRECTIONS)
+    def __init__(self, arm: Arm, loop: RecordedLoop, steppers: Sequence[DualStepper]) -> None:
+        self._arm, self._loop, self._steppers = arm, loop, steppers
+        self._directions = DIRECTIONS * len(steppers)
+        self._bodies = arm.assembly.joint_body
+        self._acting = Acting(loop.hardware, arm, keep=False, runs=self._directions)
         tick = loop.controller.sample_time
         self._pairs = [
             (Readings(_linear(item), tick, np.random.default_rng()), str(item.output))
             for item in loop.instruments
         ]
-        self._memory: FloatArray = np.zeros((DIRECTIONS, 0))
+        self._memory: FloatArray = np.zeros((self._directions, 0))
 
     def execute(self, duration: float) -> None:
         """Advance to the end of the run, ``duration`` (s)."""
@@ -62,7 +64,7 @@ class _LoopInDuals:
         for k, t in enumerate(self._loop.times):
             self._acting.command(t, self._command(k))
             until = min((k + 1) * sample_time, duration)
-            while self._progress.time < until:
+            while self._steppers[0].progress.time < until:
                 self._hold(until)
 
     def _command(self, k: int) -> Any:
@@ -97,11 +99,12 @@ class _LoopInDuals:
             if readings.wants(k):
                 readings.take(k, self._slopes(channel))
             readings.write_available(k, found)
-        nothing = {name: np.zeros((DIRECTIONS, size)) for name, size in self._loop.sizes.items()}
+        count = self._directions
+        nothing = {name: np.zeros((count, size)) for name, size in self._loop.sizes.items()}
         if k == 0:
             self._refuse_stored(found)
         parts = [found.get(name, nothing[name]) for name in nothing]
-        return np.concatenate([np.zeros((DIRECTIONS, 0)), *parts], axis=1)
+        return np.concatenate([np.zeros((count, 0)), *parts], axis=1)
 
     def _refuse_stored(self, first: Mapping[str, FloatArray]) -> None:
         """Raise if a parameter changes a first reading that the controller stores.
@@ -117,28 +120,36 @@ class _LoopInDuals:
 
     def _hold(self, until: float) -> None:
         """Advance to ``until`` (s), or to the time at which the applied torque changes."""
-        now, state = self._progress.time, self._state()
+        now = self._steppers[0].progress.time
         rate: Any = None
         if not self._acting.plain:
-            rate = state.array[1, self._bodies, 0].T
-            rate = rate[0] + 1j * STEP * rate[1:]
+            value = self._states()[0].array[1, self._bodies, 0, 0]
+            rate = value + 1j * STEP * self._slopes("joint_rate")
         self._acting.hold(now, rate)
         change = self._acting.next_change(now, until)
-        self._breaks[:], cubics = self._acting.cubics(now, change)
-        torque = np.concatenate([cubics[:, :, :1].real, cubics.imag / STEP], axis=2)
-        self._coefficients.array[:, :, self._bodies] = np.moveaxis(torque, 2, -1)
-        self._stepper.advance(change)
+        breaks, cubics = self._acting.cubics(now, change)
+        slopes = np.moveaxis(cubics.imag / STEP, 2, -1)
+        for k, stepper in enumerate(self._steppers):
+            drive = stepper.system.drive
+            torque = cast(Duals, drive.coefficients).array
+            drive.breaks[:] = breaks
+            torque[:, :, self._bodies, 0] = cubics[:, :, 0].real
+            torque[:, :, self._bodies, 1:] = slopes[..., DIRECTIONS * k : DIRECTIONS * (k + 1)]
+            stepper.advance(change)
 
-    def _state(self) -> Duals:
-        return cast(Duals, self._progress.state)
+    def _states(self) -> list[Duals]:
+        return [cast(Duals, stepper.progress.state) for stepper in self._steppers]
 
     def _slopes(self, channel: str) -> FloatArray:
         """Return the derivatives (directions, k) of a channel at present."""
-        state = self._state()
+        states = self._states()
         if channel in ("joint_angle", "joint_rate"):
-            return state.slopes[:, int(channel == "joint_rate"), self._bodies, 0]
-        now = self._stepper.at(Duals(state.array[None]))
-        found = channel_derivatives(self._arm, now, DIRECTIONS, [channel])
+            row = int(channel == "joint_rate")
+            return np.concatenate([state.slopes[:, row, self._bodies, 0] for state in states])
+        found = []
+        for stepper, state in zip(self._steppers, states, strict=True):
+            now = stepper.at(Duals(state.array[None]))
+            found += channel_derivatives(self._arm, now, DIRECTIONS, [channel])
         return np.array([one[channel].ravel() for one in found])
 
 

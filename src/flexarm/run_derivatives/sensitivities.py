@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Never
 
 import numpy as np
@@ -26,8 +27,9 @@ from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.model import Contact, Hardware, Load
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
-from flexarm.run_derivatives.dual_run import run_in_duals
+from flexarm.run_derivatives.dual_run import DualRun, run_in_duals
 from flexarm.run_derivatives.event_derivatives import EVENTS, crossings, event_slopes, moved_to
+from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.loop_in_duals import loop_in_duals
 from flexarm.run_derivatives.parameters import Parameters, has_samples
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
@@ -147,28 +149,34 @@ def sensitivities(
 def _derivatives(
     known: Parameters, paths: Sequence[str], names: Sequence[str]
 ) -> list[dict[str, FloatArray]]:
-    """Return the derivatives of the channels by each parameter, eight at a time in each thread."""
+    """Return the derivatives of the channels by each parameter."""
     by = known.derivatives(paths)
-    run, loop, arm = known.run, known.loop, known.run.arm
+    run, arm = known.run, known.run.arm
     events = crossings(known, paths)
+    blocks = [by[first : first + DIRECTIONS] for first in range(0, len(by), DIRECTIONS)]
+    found: list[dict[str, FloatArray]] = []
+    for block, one in zip(blocks, _runs_in_duals(known, blocks), strict=True):
+        first, count = len(found), len(block)
+        if run.watch is not None and run.watch.log.ended_by is not None:
+            moved_to(one.samples, arm, events[-1], first, count)
+        channels = channel_derivatives(arm, one, count, names)
+        if run.watch is not None:
+            states = arm.unpadded(one.events.slopes[:count])
+            both = zip(channels, event_slopes(events, states, first), strict=True)
+            channels = [{**channel, **event} for channel, event in both]
+        found += channels
+    return found
 
-    def of_block(first: int) -> list[dict[str, FloatArray]]:
-        block = by[first : first + DIRECTIONS]
-        numbers, count = (run, known.inputs, block), len(block)
-        found = run_in_duals(*numbers) if loop is None else loop_in_duals(*numbers, loop)
-        if run.watch is None:
-            return channel_derivatives(arm, found, count, names)
-        if run.watch.log.ended_by is not None:
-            moved_to(found.samples, arm, events[-1], first, count)
-        channels = channel_derivatives(arm, found, count, names)
-        states = arm.unpadded(found.events.slopes[:count])
-        both = zip(channels, event_slopes(events, states, first), strict=True)
-        return [{**channel, **event} for channel, event in both]
 
-    blocks = range(0, len(by), DIRECTIONS)
-    threads = min(len(blocks), usable_cores())
-    with ThreadPoolExecutor(threads) as pool:
-        return [one for found in pool.map(of_block, blocks) for one in found]
+def _runs_in_duals(known: Parameters, blocks: Sequence[Sequence[Inputs]]) -> list[DualRun]:
+    """Return the run in dual numbers for each block of directions, each in a thread.
+
+    A closed loop is Python for most of its time, which threads would only interrupt.
+    """
+    if known.loop is not None:
+        return loop_in_duals(known.run, known.inputs, blocks, known.loop)
+    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
+        return list(pool.map(partial(run_in_duals, known.run, known.inputs), blocks))
 
 
 def _dataset(run: Run, paths: Sequence[str], found: Sequence[dict[str, FloatArray]]) -> xr.Dataset:
