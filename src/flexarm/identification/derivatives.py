@@ -19,6 +19,8 @@ from flexarm.run_derivatives.sensitivities import sensitivities
 #: Step of central differences, as a fraction of the scale of a parameter: the error of the
 #: difference, which grows with its square, stays below that of the runs divided by it.
 _STEP = 1e-4
+#: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
+_FEWEST_IN_LOOP = 4
 #: Numbers that determine the torque of a current or voltage.
 _OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
 #: Numbers of the arm that only outputs depend on.
@@ -55,6 +57,8 @@ def output_derivatives(
 def _exact_places(run: RecordRun, space: Space, places: NDArray[np.intp]) -> list[int]:
     """Return the indices of the places by which ``sensitivities`` may differentiate."""
     if not run.differentiable:
+        return []
+    if run.record.controller is not None and len(places) < _FEWEST_IN_LOOP:
         return []
     paths = [space.slots[place].path for place in places]
     driven = run.record.input in ("current", "voltage")
@@ -93,7 +97,9 @@ def _by_duals(
             refused = [_REFUSED.match(problem.name) for problem in error.problems]
             wrong = {int(match[1]) for match in refused if match}
             if not wrong:
-                raise
+                if run.record.controller is None:
+                    raise
+                return []  # a loop that is not differentiable, such as one that rounds
             exact = [k for j, k in enumerate(exact) if j not in wrong]
             continue
         channels = {name: np.moveaxis(found[name].values, 0, -1) for name in run.channels}

@@ -98,21 +98,32 @@ class RecordRun:
     def differentiable(self) -> bool:
         """Whether ``sensitivities`` supports the run, its start and its outputs."""
         settled = self.record.settings.initial == "equilibrium"
-        return self.record.controller is None and not settled and "torque" not in self.channels
+        return not settled and "torque" not in self.channels
 
     #: Whether a strain is proportional to the distance of its gauge.
     proportional = True
 
     def arguments(self, case: Case) -> dict[str, Any]:
-        """Return the arguments of ``simulate``, besides the arm, for runs without a controller."""
+        """Return the arguments of ``sensitivities``, besides the arm."""
+        record = self.record
+        if record.controller is not None:
+            return {
+                "duration": record.duration,
+                "controller": record.controller,
+                "reference": record.reference,
+                "hardware": record.hardware,
+                "channels": self.channels,
+                "rate": record.rate,
+                **self._options,
+            }
         q, qd = self._state(Arm(case.spec), case)
         return {
-            "duration": self.record.duration,
+            "duration": record.duration,
             "torque": self._torque(case),
             "initial": q,
             "initial_rate": qd,
             "channels": self.channels,
-            "rate": self.record.rate,
+            "rate": record.rate,
             "prescribed": self._prescribed or None,
             **self._options,
         }

@@ -54,7 +54,7 @@ class _LoopInDuals:
         tick = loop.controller.sample_time
         self._pairs = [
             (Readings(_linear(item), tick, np.random.default_rng()), str(item.output))
-            for item in loop.instruments
+            for item in loop.needed
         ]
         self._memory: FloatArray = np.zeros((self._directions, 0))
 
@@ -145,7 +145,8 @@ class _LoopInDuals:
         states = self._states()
         if channel in ("joint_angle", "joint_rate"):
             row = int(channel == "joint_rate")
-            return np.concatenate([state.slopes[:, row, self._bodies, 0] for state in states])
+            parts = [state.array[row, self._bodies, 0, 1:] for state in states]
+            return np.concatenate(parts, axis=1).T
         found = []
         for stepper, state in zip(self._steppers, states, strict=True):
             now = stepper.at(Duals(state.array[None]))

@@ -52,6 +52,7 @@ class RecordedLoop(ClosedLoop):
         self.updates: list[LinearController] = []
         self.sizes: dict[str, int] = {}
         self._used: set[str] = set()  # readings that the last update depends on
+        self._ever_used: set[str] = set()
         self._reached: set[str] = set()  # rates that include a reading at the limit
         self._derivatives = UpdateDerivatives(controller, self._reference)
 
@@ -66,6 +67,12 @@ class RecordedLoop(ClosedLoop):
     def stored(self) -> list[str]:
         """Names of the first readings that the controller stores without declaring it."""
         return self._derivatives.stored
+
+    @property
+    def needed(self) -> list[Instrument]:
+        """Instruments whose readings an update depends on, or the controller stores."""
+        names = self._ever_used.union(self.stored)
+        return [item for item in self.instruments if not names.isdisjoint(item.labels)]
 
     def _refuse_instruments(self) -> None:
         """Raise if a reading of an instrument of the hardware has no derivative.
@@ -95,6 +102,7 @@ class RecordedLoop(ClosedLoop):
         update = self._derivatives.after(t, measurement, torque)
         if not self.updates or update is not self.updates[-1]:
             self._used = self._readings_of(update, measurement)
+            self._ever_used |= self._used
         for item in self._limited:
             now = np.any(np.abs(measurement[item.label]) >= item.limit)
             self._reached |= set(item.labels[1:] if now else ())

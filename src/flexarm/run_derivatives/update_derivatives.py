@@ -56,6 +56,7 @@ class UpdateDerivatives:
         self._before, self._joints = np.zeros(0), 0
         self._largest = np.zeros(0)
         self._last: LinearController | None = None
+        self._slope = np.zeros((0, 0))  # the same derivatives in one matrix
         self._vectorized = bool(getattr(controller, "vectorized", False))
         self._random = np.random.default_rng(0)
 
@@ -151,7 +152,7 @@ class UpdateDerivatives:
             raise _undeclared(t)
         last = self._last
         if last is not None and last.C.shape[1] == self._before.size and is_finite(last):
-            slope = np.block([[last.A, last.B], [last.C, last.D]])
+            slope = self._slope
             rounded = _ROUNDED * (np.abs(slope) @ (np.abs(point) + far) + np.abs(now))
             odd, even = 0.5 * (ahead - behind) - slope @ far, 0.5 * (ahead + behind) - now
             if np.all(np.abs(odd) <= rounded) and np.all(np.abs(even) <= rounded):
@@ -175,6 +176,7 @@ class UpdateDerivatives:
             if not _same(*updated(np.array([point, point]))):
                 raise _undeclared(t)
             raise not_differentiable(self._controller, t)
+        self._slope = slope
         n, after = self._before.size, len(slope) - self._joints
         return LinearController(
             slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]

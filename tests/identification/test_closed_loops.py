@@ -1,0 +1,115 @@
+"""Records of closed loops: derivatives of their outputs, and fits by them or by differences."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.identification import derivatives, fitting
+
+pytestmark = [
+    pytest.mark.compiled,
+    # Records without noise have residuals that are not white, and links bend far.
+    pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning"),
+]
+
+PATHS = [
+    "links[0].flexural_rigidity",
+    "joints[0].hub_inertia",
+    "joints[0].damping",
+    "payload.mass",
+]
+NUMBERS = dict(zip(PATHS, (20.0, 0.1, 0.05, 0.2), strict=True))
+READ = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("joint_rate", noise=1e-3)]
+
+
+def arm_of(rigidity, inertia, damping, payload):
+    link = fa.Link(
+        length=0.8,
+        flexural_rigidity=rigidity,
+        mass_per_length=0.4,
+        elements=1,
+        modes=2,
+        damping=fa.ModalDamping(ratio=0.02),
+        gauges=[fa.Gauge(station=0.05, distance=0.005)],
+    )
+    joint = fa.Joint(hub_inertia=inertia, damping=damping)
+    return fa.Arm(
+        links=[link], joints=[joint], payload=fa.Payload(mass=payload), gravity=[0.0, -9.81]
+    )
+
+
+PLANT, BELIEVED = arm_of(*NUMBERS.values()), arm_of(22.0, 0.12, 0.03, 0.25)
+PD = fa.JointPD(10.0, 1.5, sample_time=0.004)
+LOOPS = {
+    "joint_pd": (PD, None),
+    "noise": (PD, fa.Hardware(READ, seed=3)),
+    "another_model": (fa.ComputedTorque(BELIEVED, frequency_hz=0.8, sample_time=0.004), None),
+}
+ROUNDED = fa.Hardware([READ[0].replace(resolution=1e-6), READ[1]], seed=3)
+
+
+def record(controller, hardware):
+    reference = fa.joint_motion(PLANT, [0.0], [0.8], 0.5)
+    run = fa.simulate(
+        BELIEVED,
+        0.8,
+        plant=PLANT,
+        controller=controller,
+        reference=reference,
+        hardware=hardware,
+        rate=250.0,
+    )
+    outputs = ["joint_angle", "strain"]
+    return fa.MeasuredRecord(
+        run, outputs=outputs, controller=controller, reference=reference, hardware=hardware
+    )
+
+
+def fit(monkeypatch, loop, fewest):
+    """Fit the record of a loop; return the result and the derivatives at the start.
+
+    Args:
+        fewest: numbers by which ``sensitivities`` is used.
+    """
+    monkeypatch.setattr(derivatives, "_FEWEST_IN_LOOP", fewest)
+    found, original = [], derivatives.output_derivatives
+
+    def kept(*given):
+        found.append(original(*given))
+        return found[-1]
+
+    monkeypatch.setattr(fitting, "output_derivatives", kept)
+    return fa.identify(BELIEVED, record(*loop), PATHS, progress=False), found[0]
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_derivatives_equal_differences_of_the_runs(name, monkeypatch):
+    exact, slopes = fit(monkeypatch, LOOPS[name], 1)
+    other, differences = fit(monkeypatch, LOOPS[name], 99)
+    largest = np.abs(differences).max(axis=(0, 1))
+    # The differences have a relative step of 1e-4 and an error that grows with its square.
+    np.testing.assert_allclose(slopes / largest, differences / largest, rtol=0, atol=1e-6)
+    assert np.any(slopes != differences)
+    for result in (exact, other):
+        estimates = [result[path] for path in PATHS]
+        # The record has no noise; readings have the same noise in every run.
+        np.testing.assert_allclose(estimates, list(NUMBERS.values()), rtol=1e-4)
+
+
+def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch):
+    """Rounded readings have no derivative: ``sensitivities`` refuses them."""
+    loop = PD, ROUNDED
+    given = {"reference": fa.joint_motion(PLANT, [0.0], [0.8], 0.5), "hardware": ROUNDED}
+    with pytest.raises(fa.InputError, match="resolution is not supported"):
+        fa.sensitivities(PLANT, 0.8, PATHS, controller=PD, **given)
+    (tried, slopes), (_, differences) = (fit(monkeypatch, loop, fewest) for fewest in (1, 99))
+    np.testing.assert_array_equal(slopes, differences)
+    assert tried["joints[0].hub_inertia"] == pytest.approx(0.1, rel=0.05)
+
+
+def test_few_numbers_are_differentiated_by_differences(monkeypatch):
+    monkeypatch.setattr(derivatives, "sensitivities", None)
+    found = fa.identify(BELIEVED, record(PD, None), PATHS[:1], progress=False)
+    assert np.isfinite(found[PATHS[0]])
+    with pytest.raises(TypeError):
+        fa.identify(BELIEVED, record(PD, None), PATHS, progress=False)
