@@ -111,7 +111,7 @@ def uncertain(arm):
         (lambda arm: fa.MovingHorizonEstimator(arm, [ENCODER]), "ExtendedKalmanFilter.*optimisa"),
         (lambda arm: "filter", "be an ExtendedKalmanFilter, got 'filter'"),
         (unknown_rigidity, r"no parameters.*\. The code estimates .* only"),
-        (disturbed, r"no parameters and no disturbance torques\. The code estimates .* only"),
+        (disturbed, r"no parameters, disturbance torques or biases\. The code estimates .* only"),
         (uncertain, r"at most 0\.0\d+ kg, got 0\.1\. Above it"),
     ],
 )

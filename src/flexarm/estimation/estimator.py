@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -21,8 +21,13 @@ from flexarm.control.parametrised import OfArm
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.estimation.estimates import Estimates, Layout
 from flexarm.estimation.first_estimate import first_variance, sag
-from flexarm.estimation.innovation_test import InnovationTest
-from flexarm.estimation.predicted_readings import LARGEST, PredictedReadings
+from flexarm.estimation.predicted_readings import (
+    LARGEST,
+    PredictedReadings,
+    check_instruments,
+    reading_rows,
+)
+from flexarm.estimation.samples import SampledEstimator
 from flexarm.hardware.measurement import FloatArray, Measurement
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
@@ -33,12 +38,12 @@ from flexarm.model.drives.around import FilterParameters
 MASS = "payload.mass"
 
 
-class StateEstimator(FilterParameters, OfArm, ABC):
+class StateEstimator(FilterParameters, OfArm, SampledEstimator):
     """Base of estimators: their start, their samples, and the test of their innovations.
 
-    The estimated numbers are those of `Layout`. Parameters and disturbance torques are random
-    walks; the disturbance torques act on the joints beside the torque. An estimator defines
-    ``_start``, ``_moments``, ``_correct`` and ``_predict``.
+    The estimated numbers are those of `Layout`. Parameters, disturbance torques and biases of
+    readings are random walks; the disturbance torques act on the joints beside the torque. An
+    estimator defines ``_start``, ``_moments``, and what `SampledEstimator` requires.
     """
 
     instruments: Sequence[Instrument] = Field(
@@ -51,25 +56,40 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         arm = self.arm
         listed = check_list_of("instruments", self.instruments, Instrument)
         self.instruments = tuple(listed)
-        self._readings = PredictedReadings(arm, self.instruments)
+        check_instruments(arm, self.instruments)
         warn_of_bristles(arm, "the filter")
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._prior, self._drift = dict(self.parameters or {}), dict(self.parameter_drift or {})
-        self._check_paths()
+        self._errors = dict(self.bias_deviation or {})
+        self._wandering = dict(self.bias_drift or {})
+        self._check_names()
+        sizes = {i.label: len(reading_rows(arm, i)) for i in self.instruments}
+        names = dict.fromkeys([*self._errors, *self._wandering])
+        biased = tuple((name, sizes[name]) for name in names)
+        self._readings = PredictedReadings(arm, self.instruments, biased)
         disturbed = np.any(self.disturbance_deviation) or np.any(self.disturbance_drift)
         paths = tuple(self._prior)
-        self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0)
+        self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0, biased)
         self.reset()
 
-    def _check_paths(self) -> None:
+    def _check_names(self) -> None:
+        problems = []
         if MASS in self._prior:
             hint = "It has arguments of its own: payload_deviation and payload_drift."
-            raise InputError(Problem("parameters", f"must not contain {MASS!r}", hint=hint))
+            problems.append(Problem("parameters", f"must not contain {MASS!r}", hint=hint))
         for path in self._drift:
             if path not in self._prior:
                 rule = "have paths of parameters only"
-                raise InputError(Problem("parameter_drift", rule, shown(path)))
+                problems.append(Problem("parameter_drift", rule, shown(path)))
+        labels = [item.label for item in self.instruments]
+        for argument, given in (("bias_deviation", self._errors), ("bias_drift", self._wandering)):
+            for name in given:
+                if name not in labels:
+                    rule = f"have names of instruments of the filter ({', '.join(labels)})"
+                    problems.append(Problem(argument, rule, shown(name)))
+        if problems:
+            raise InputError(*problems)
 
     def reset(self) -> None:
         """Clear the estimate; the next ``correct`` starts from its readings."""
@@ -84,9 +104,10 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         self._walk[layout.parameters] = self.sample_time * drifts**2
         if layout.disturbed:
             self._walk[layout.disturbance] = self.sample_time * self.disturbance_drift**2
+        for name, places in layout.by_instrument.items():
+            self._walk[places] = self.sample_time * self._wandering.get(name, 0.0) ** 2
         self._begun = False
-        self._test = InnovationTest(type(self).__name__, self._readings.size)
-        self._innovation = np.nan
+        self._restart()
         mean = np.concatenate([np.zeros(layout.size - 1), self._nominal[:1]])
         mean[layout.parameters] = self._nominal[1:]
         self._start(mean, np.zeros((layout.size, layout.size)))
@@ -118,13 +139,25 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         return self._disturbance(self._moments()[0])
 
     @property
+    def biases(self) -> dict[str, FloatArray]:
+        """Estimated biases by instrument, in the unit of its readings."""
+        mean = self._moments()[0]
+        return {name: mean[places].copy() for name, places in self._layout.by_instrument.items()}
+
+    @property
     def covariance(self) -> FloatArray:
-        """Covariance (s, s) of the errors of [q, qd, parameters, disturbance, payload_mass]."""
+        """Covariance (s, s) of the errors of the estimated numbers.
+
+        Their order is [q, qd, parameters, disturbance, biases, payload_mass].
+        """
         return self._moments()[1]
 
     @property
     def deviations(self) -> dict[str, FloatArray]:
-        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path."""
+        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path.
+
+        Those of biases have names such as "bias of joint_rate".
+        """
         return self._layout.deviations(self.covariance)
 
     @property
@@ -153,16 +186,10 @@ class StateEstimator(FilterParameters, OfArm, ABC):
             "estimator_consistent": int(self.consistent),
         }
         mean, covariance = self._moments()
-        layout, deviations = self._layout, self._layout.deviations(covariance)
-        named = {MASS: mean[-1]} if deviations[MASS] else {}
-        named |= zip(layout.paths, mean[layout.parameters], strict=True)
-        for name, value in named.items():
-            found[f"estimated {name}"] = float(value)
-            found[f"deviation of {name}"] = float(deviations[name])
-        for joint, value in enumerate(mean[layout.disturbance]):
-            name = f"disturbance[{joint}]"
-            found[f"estimated {name}"] = float(value)
-            found[f"deviation of {name}"] = float(deviations["disturbance"][joint])
+        for name, place in self._layout.slow.items():
+            if covariance[place, place] > 0.0 or name != MASS:
+                found[f"estimated {name}"] = float(mean[place])
+                found[f"deviation of {name}"] = float(np.sqrt(covariance[place, place]))
         return found
 
     @public_call
@@ -171,8 +198,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     ) -> None:
         """Start at an estimate (dof,), (dof,), kg and its covariance, not at the first reading.
 
-        Parameters start at the numbers of the arm, and disturbance torques at zero; the covariance
-        (s, s) is that of all estimated numbers.
+        Parameters start at the numbers of the arm, disturbance torques and biases at zero; the
+        covariance (s, s) is that of all estimated numbers.
 
         Raises:
             InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
@@ -204,7 +231,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         if not all(np.isfinite(part).all() for part in self._moments()):
             hint = "Correct the arm, the readings or the torques, and call reset."
             raise InputError(Problem("the estimate", "is not finite", hint=hint))
-        self._correct(readings)
+        self._take(readings)
 
     @public_call
     def predict(self, torque: ArrayLike) -> None:
@@ -213,8 +240,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         Raises:
             InputError: if the torque does not have shape (joints,), or is not finite.
         """
-        self._torque = check_array("torque", torque, self._torque.shape)
-        self._predict()
+        self._carry(check_array("torque", torque, self._torque.shape))
 
     @public_call
     def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
@@ -252,19 +278,21 @@ class StateEstimator(FilterParameters, OfArm, ABC):
             if k:
                 self.predict(torques[k - 1])
             self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
-            kept.append((*self._moments(), self._innovation))
-        x, covariance, innovation = (np.array(part) for part in zip(*kept, strict=True))
+            kept.append((*self._moments(), self._latest))
+        x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
+        samples = [sample for _, _, sample in kept]
         layout = self._layout
         return Estimates(
             x[:, : layout.dof],
             x[:, layout.dof : 2 * layout.dof],
             x[:, -1],
             covariance,
-            innovation,
+            np.array([sample.innovation for sample in samples]),
             self.consistent,
-            self._readings.size,
+            np.array([sample.size for sample in samples]),
             dict(zip(layout.paths, x[:, layout.parameters].T, strict=True)),
             np.array([self._disturbance(row) for row in x]),
+            {name: x[:, places] for name, places in layout.by_instrument.items()},
         )
 
     @abstractmethod
@@ -274,20 +302,6 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     @abstractmethod
     def _moments(self) -> tuple[FloatArray, FloatArray]:
         """Return the mean and covariance of the estimated numbers."""
-
-    @abstractmethod
-    def _correct(self, readings: FloatArray) -> None:
-        """Correct the estimate, and pass the innovation to ``_judge``."""
-
-    @abstractmethod
-    def _predict(self) -> None:
-        """Carry the estimate to the next sample under ``_torque``."""
-
-    def _judge(self, missed: FloatArray, covariance: FloatArray) -> None:
-        """Add the difference of readings and their prediction to the test."""
-        squared = float(missed @ np.linalg.solve(covariance, missed))
-        self._innovation = squared / missed.size
-        self._test.add(squared)
 
     def _disturbance(self, x: FloatArray) -> FloatArray:
         """Return the disturbance torques (joints,) of the estimated numbers."""
@@ -300,7 +314,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
 
     def _mean(self, state: FloatArray, mass: float) -> FloatArray:
         """Return the estimated numbers of a start at [q, qd] and a mass."""
-        none = np.zeros(self._layout.disturbed)
+        none = np.zeros(self._layout.biases.stop - self._layout.disturbance.start)
         return np.concatenate([state, self._nominal[1:], none, [mass]])
 
     def _begin(self, measurement: Measurement) -> None:
@@ -315,6 +329,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         variance = np.zeros(layout.size)
         variance[layout.states] = first_variance(arm, self, angle, stiffness)
         variance[layout.disturbance] = self.disturbance_deviation**2 if layout.disturbed else 0.0
+        for name, own in layout.by_instrument.items():
+            variance[own] = self._errors.get(name, 0.0) ** 2
         P = np.diag(variance)
         places = -1, *range(layout.parameters.start, layout.parameters.stop)
         for place, slope, deviation in zip(places, slopes, deviations.values(), strict=True):

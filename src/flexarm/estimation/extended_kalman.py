@@ -7,6 +7,7 @@ import numpy as np
 from flexarm.estimation.innovation_test import innovation_covariance
 from flexarm.estimation.kalman_filter import KalmanFilter
 from flexarm.estimation.payload_hypotheses import Hypothesis
+from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import FloatArray
 
 #: Number of linearisations in an update by readings that are not linear in the state.
@@ -45,20 +46,25 @@ class ExtendedKalmanFilter(KalmanFilter):
         return noisy
 
     def _update(
-        self, part: Hypothesis, moved: FloatArray, readings: FloatArray
+        self,
+        part: Hypothesis,
+        moved: FloatArray,
+        seen: PredictedReadings,
+        readings: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         from scipy.linalg import cho_factor, cho_solve
 
         assert self._step is not None
         before, x, layout = part.x, part.x, self._layout
-        for iteration in range(1 if self._readings.linear else ITERATIONS):
+        for iteration in range(1 if seen.linear else ITERATIONS):
             constants = self._step.free.at(self._change(x))
-            seen = self._readings.predict(x[layout.states], self._acting(x), constants)
-            H = layout.derivative(seen.state, seen.parameters, seen.torque, self._moving(x))
-            felt = seen.torque * self.torque_noise
-            S, R, N = innovation_covariance(part.P, moved, H, felt, self._readings.variance)
+            found = seen.predict(x[layout.states], self._acting(x), constants)
+            slopes = found.state, found.parameters, found.torque
+            H = layout.derivative(*slopes, self._moving(x), seen.bias)
+            felt = found.torque * self.torque_noise
+            S, R, N = innovation_covariance(part.P, moved, H, felt, seen.variance)
             K = cho_solve(cho_factor(S), (part.P @ H.T + N).T).T
-            expected = seen.values + H @ (before - x)
+            expected = found.values + seen.bias @ x[layout.biases] + H @ (before - x)
             if iteration == 0:
                 predicted, deviation = expected, S
             x = before + K @ (readings - expected)

@@ -37,7 +37,8 @@ def first_variance(
     variance[: arm.dof] = energy / np.maximum(stiffness, LEAST_STIFFNESS)
     joints = arm.joint_index
     # The prior is wide, because the update that follows uses the reading itself.
-    variance[joints] = angle.noise**2 + angle.resolution**2 / 12.0
+    bias = (given.bias_deviation or {}).get(angle.label, 0.0)
+    variance[joints] = angle.noise**2 + angle.resolution**2 / 12.0 + bias**2
     variance[joints] *= _BEFORE_READING**2
     variance[arm.dof + joints] = given.rate_deviation**2
     return variance

@@ -41,7 +41,7 @@ class Node:
     torque: FloatArray
     x: FloatArray
     error: FloatArray
-    readings: list[FloatArray] = field(default_factory=list)
+    readings: list[tuple[PredictedReadings, FloatArray]] = field(default_factory=list)
 
 
 class Arrival(NamedTuple):
@@ -77,15 +77,9 @@ class ArmModel:
     """
 
     def __init__(
-        self,
-        step: SampledStep,
-        readings: PredictedReadings,
-        layout: Layout,
-        noise: FloatArray,
-        walk: FloatArray,
+        self, step: SampledStep, layout: Layout, noise: FloatArray, walk: FloatArray
     ) -> None:
-        self.step, self.readings, self.layout = step, readings, layout
-        self.noise, self.walk = noise, walk
+        self.step, self.layout, self.noise, self.walk = step, layout, noise, walk
 
     def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
         """Return x at the next sample under a torque with an error w."""
@@ -99,14 +93,18 @@ class ArmModel:
         G[layout.states] = step.torque * self.noise
         return Link(after, F, G)
 
-    def observe(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Readings:
+    def observe(
+        self, seen: PredictedReadings, x: FloatArray, torque: FloatArray, error: FloatArray
+    ) -> Readings:
         """Return the readings at a sample to which a torque with an error w has led."""
         layout = self.layout
         constants = self.step.free.at(self._changes(x))
         acting = layout.acting(x, torque + self.noise * error)
-        observed = self.readings.predict(x[layout.states], acting, constants)
-        H = layout.derivative(observed.state, observed.parameters, observed.torque)
-        return Readings(observed.values, H, observed.torque * self.noise)
+        observed = seen.predict(x[layout.states], acting, constants)
+        slopes = observed.state, observed.parameters, observed.torque
+        H = layout.derivative(*slopes, biases=seen.bias)
+        values = observed.values + seen.bias @ x[layout.biases]
+        return Readings(values, H, observed.torque * self.noise)
 
     def _changes(self, x: FloatArray) -> FloatArray:
         return self.layout.changes(x, x[-1], self.step.free.values)
@@ -121,7 +119,6 @@ class Evaluated(NamedTuple):
     errors: list[FloatArray]
     last: FloatArray  # (s, v), derivative of x at the last sample
     links: list[Link]
-    observed: list[Readings]
 
 
 class HorizonProblem:
@@ -211,7 +208,7 @@ class HorizonProblem:
             self._inverse @ unit[: self._active.size],
             unit[self._active.size : self._first],
         ]
-        xs, errors, links, observed = [x], [error], [], []
+        xs, errors, links = [x], [error], []
         for k, node in enumerate(self._nodes):
             if k:
                 at = self._first + (k - 1) * self._each
@@ -227,14 +224,13 @@ class HorizonProblem:
                 xs.append(x)
                 errors.append(error)
                 links.append(link)
-            found = model.observe(x, node.torque, error)
-            observed.append(found)
-            deviation = np.sqrt(model.readings.variance)
-            for reading in node.readings:
+            for seen, reading in node.readings:
+                found = model.observe(seen, x, node.torque, error)
+                deviation = np.sqrt(seen.variance)
                 residuals.append((found.values - reading) / deviation)
                 slopes.append((found.H @ X + found.D @ W) / deviation[:, None])
         whole, slope = np.concatenate(residuals), np.vstack(slopes)
-        return Evaluated(whole, slope, xs, errors, X, links, observed)
+        return Evaluated(whole, slope, xs, errors, X, links)
 
     def solve(self) -> tuple[Evaluated, bool]:
         """Return the least squares within the bounds, and whether the search converged.
@@ -263,22 +259,20 @@ class HorizonProblem:
         return best, found.status > 0 and largest < _TOLERATED
 
 
-def next_arrival(
-    model: ArmModel, arrival: Arrival, node: Node, observed: Readings, link: Link
-) -> Arrival:
+def next_arrival(model: ArmModel, arrival: Arrival, node: Node, link: Link) -> Arrival:
     """Return the arrival at the second sample: an extended Kalman filter along the estimates.
 
     Args:
         node: the first sample, with its estimates.
-        observed, link: their readings and next sample; the torque error in the latter is that of
-            its derivatives.
+        link: their next sample; the torque error in it is that of its derivatives.
     """
     size, joints = arrival.x.size, model.noise.size
     mean = np.concatenate([arrival.x, np.zeros(joints)])
     P = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])
-    H, R = np.hstack([observed.H, observed.D]), np.diag(model.readings.variance)
     at = np.concatenate([node.x, node.error])
-    for reading in node.readings:
+    for seen, reading in node.readings:
+        observed = model.observe(seen, node.x, node.torque, node.error)
+        H, R = np.hstack([observed.H, observed.D]), np.diag(seen.variance)
         K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
         mean = mean + K @ (reading - observed.values - H @ (mean - at))
         left = np.eye(mean.size) - K @ H

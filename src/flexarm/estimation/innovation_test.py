@@ -18,11 +18,13 @@ _FALSE_ALARM = 1e-9
 
 @cache
 def largest_ratio(size: int) -> float:
-    """Return the limit of the windowed mean of normalised innovations squared (expected: 1)."""
+    """Return the limit of the mean normalised innovation squared of ``size`` readings.
+
+    Its expected value is one.
+    """
     from scipy.stats import chi2
 
-    count = WINDOW * size
-    return float(chi2.isf(_FALSE_ALARM, count)) / count
+    return float(chi2.isf(_FALSE_ALARM, size)) / size
 
 
 def band(size: int, probability: float) -> tuple[float, float]:
@@ -55,48 +57,52 @@ def innovation_covariance(
     return H @ P @ H.T + H @ N + N.T @ H.T + R, R, N
 
 
+def squared_innovation(missed: FloatArray, covariance: FloatArray) -> float:
+    """Return the normalised innovation squared of the difference of readings and prediction."""
+    return float(missed @ np.linalg.solve(covariance, missed))
+
+
 class InnovationTest:
     """Test of the mean normalised innovation squared over a window against its distribution.
 
     Args:
-        name: of the filter, for its warning. size: number of readings of a sample.
+        name: of the filter, for its warning.
 
     Attributes:
         ratio: mean over the last ``WINDOW`` samples, about one if the filter is consistent; NaN
             before there are as many.
-        worst: largest ratio so far, or NaN. passed: whether it is within its distribution.
+        worst: largest ratio so far, or NaN.
+        passed: whether all windows so far were within their distribution.
 
     Y. Bar-Shalom, X. R. Li and T. Kirubarajan, Estimation with Applications to Tracking and
     Navigation, 2001, section 5.4. Ratios far below one pass the test: the noise is then smaller
     than specified, and so are the errors.
     """
 
-    def __init__(self, name: str, size: int) -> None:
+    def __init__(self, name: str) -> None:
         self._name = name
-        self._limit, self._size = largest_ratio(size), size
-        self._last = np.zeros(WINDOW)
+        self._last, self._sizes = np.zeros(WINDOW), np.zeros(WINDOW, dtype=int)
         self._count = 0
         self.ratio = self.worst = np.nan
+        self.passed = True
 
-    @property
-    def passed(self) -> bool:
-        """True if all windows so far were within their distribution."""
-        return not self.worst > self._limit
-
-    def add(self, squared: float) -> None:
-        """Add the normalised innovation squared of a sample of ``size`` readings.
+    def add(self, squared: float, size: int) -> None:
+        """Add the normalised innovation squared of a sample with ``size`` readings.
 
         Warns:
             InconsistentEstimateWarning: if a window is outside its distribution, for the first
                 one only.
         """
-        passed = self.passed
-        self._last[self._count % WINDOW] = squared / self._size
+        place = self._count % WINDOW
+        self._last[place], self._sizes[place] = squared, size
         self._count += 1
-        if self._count >= WINDOW:
-            self.ratio = float(np.mean(self._last))
-            self.worst = float(np.fmax(self.worst, self.ratio))
-        if passed and not self.passed:
+        if self._count < WINDOW:
+            return
+        count = int(self._sizes.sum())
+        self.ratio = float(self._last.sum()) / count
+        self.worst = float(np.fmax(self.worst, self.ratio))
+        if self.passed and self.ratio > largest_ratio(count):
+            self.passed = False
             text = (
                 f"{self._name}: over {WINDOW} samples the squared innovations are "
                 f"{self.ratio:.3g} times as large as the covariance allows, so the errors of the "

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm.estimation.estimator import StateEstimator
 from flexarm.estimation.first_estimate import tip_mass
+from flexarm.estimation.innovation_test import squared_innovation
 from flexarm.estimation.payload_hypotheses import (
     Hypothesis,
     combined,
@@ -16,6 +17,7 @@ from flexarm.estimation.payload_hypotheses import (
     reduced,
     split,
 )
+from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import FloatArray
 
 
@@ -25,6 +27,8 @@ class KalmanFilter(StateEstimator):
     A filter defines ``_propagate`` and ``_update``. The payload is a sum of Gaussians over the
     logarithm of the payload mass plus the effective mass of the tip, the last number of each.
     """
+
+    _changing = ("_parts", "_moved")
 
     def __post_init__(self) -> None:
         self._own = tip_mass(self.arm)
@@ -37,7 +41,7 @@ class KalmanFilter(StateEstimator):
         # Change of the numbers of each hypothesis by the error of the last torque.
         self._moved = [np.zeros((x.size, self.arm.joints))] * len(self._parts)
 
-    def _correct(self, readings: FloatArray) -> None:
+    def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
         """See ``StateEstimator._correct``."""
         from scipy.linalg import cho_factor, cho_solve
 
@@ -45,7 +49,7 @@ class KalmanFilter(StateEstimator):
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
         for part, moved in zip(self._parts, self._moved, strict=True):
-            values, S = self._update(part, moved, readings)
+            values, S = self._update(part, moved, seen, readings)
             predicted.append(values)
             expected.append(S)
             factor = cho_factor(S)
@@ -53,9 +57,9 @@ class KalmanFilter(StateEstimator):
             part.log_weight -= 0.5 * float(missed @ cho_solve(factor, missed))
             part.log_weight -= float(np.sum(np.log(np.diag(factor[0]))))
         mean, covariance = combined(before, predicted, expected)
-        self._judge(readings - mean, covariance)
         self._parts = reduced(self._parts)
         self._moved = [np.zeros_like(self._moved[0])] * len(self._parts)
+        return squared_innovation(readings - mean, covariance)
 
     def _predict(self) -> None:
         """See ``StateEstimator._predict``."""
@@ -70,7 +74,11 @@ class KalmanFilter(StateEstimator):
 
     @abstractmethod
     def _update(
-        self, part: Hypothesis, moved: FloatArray, readings: FloatArray
+        self,
+        part: Hypothesis,
+        moved: FloatArray,
+        seen: PredictedReadings,
+        readings: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Correct a hypothesis; return its predicted readings and their covariance.
 

@@ -9,7 +9,8 @@ import numpy as np
 from flexarm.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
 from flexarm.estimation.estimator import MASS, StateEstimator
 from flexarm.estimation.horizon import ArmModel, Arrival, HorizonProblem, Node, next_arrival
-from flexarm.estimation.innovation_test import innovation_covariance
+from flexarm.estimation.innovation_test import innovation_covariance, squared_innovation
+from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import FloatArray
 from flexarm.model.drives.around import MovingHorizonParameters
 
@@ -40,6 +41,8 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
     References:
         C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE Trans. Automatic Control 48 (2003) 246-258.
     """
+
+    _changing = ("_arrival", "_nodes", "_current", "_unconverged")
 
     def __post_init__(self) -> None:
         self._bounded = {MASS: 0.0} | dict(self.lower_bounds or {})
@@ -93,8 +96,8 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         walk[-1] = self.sample_time * self.payload_drift**2
         assert self._step is not None
         noise = self.torque_noise * np.ones(joints)
-        self._model = ArmModel(self._step, self._readings, self._layout, noise, walk)
-        self._sample, self._unconverged = 0, 0
+        self._model = ArmModel(self._step, self._layout, noise, walk)
+        self._unconverged = 0
         self._arrival = Arrival(x, covariance, np.zeros((x.size, joints)))
         self._nodes = [Node(np.zeros(joints), x, np.zeros(joints))]
         self._current = self._arrival
@@ -107,7 +110,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         """Count a sample that did not converge, and warn of the first one."""
         if not converged and not self._unconverged:
             text = (
-                f"{type(self).__name__}: at t = {self._sample * self.sample_time:g} s the least "
+                f"{type(self).__name__}: at t = {self._number * self.sample_time:g} s the least "
                 "squares did not converge, so the estimates may be wrong. Reduce the deviations, "
                 "or correct the arm; report()['estimator_unconverged'] counts the samples."
             )
@@ -118,14 +121,14 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         """See ``StateEstimator._moments``."""
         return self._current.x, self._current.P
 
-    def _correct(self, readings: FloatArray) -> None:
+    def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
         """See ``StateEstimator._correct``."""
         x, P, moved = self._current
         node = self._nodes[-1]
-        expected = self._model.observe(x, node.torque, np.zeros_like(node.torque))
-        S, _, _ = innovation_covariance(P, moved, expected.H, expected.D, self._readings.variance)
-        self._judge(readings - expected.values, S)
-        node.readings.append(readings)
+        expected = self._model.observe(seen, x, node.torque, np.zeros_like(node.torque))
+        S, _, _ = innovation_covariance(P, moved, expected.H, expected.D, seen.variance)
+        squared = squared_innovation(readings - expected.values, S)
+        node.readings.append((seen, readings))
         problem = HorizonProblem(self._model, self._arrival, self._nodes, *self._limited)
         found, converged = problem.solve()
         self._count(converged)
@@ -133,10 +136,10 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
             one.x, one.error = estimate, error
         root = np.linalg.solve(np.linalg.qr(found.slopes)[1].T, found.last.T)
         self._current = Arrival(found.x[-1], root.T @ root, np.zeros_like(moved))
+        return squared
 
     def _predict(self) -> None:
         """See ``StateEstimator._predict``."""
-        self._sample += 1
         last, none = self._nodes[-1], np.zeros(self.arm.joints)
         link = self._model.carry(last.x, self._torque, none)
         P = link.F @ self._current.P @ link.F.T + link.G @ link.G.T + np.diag(self._model.walk)
@@ -144,9 +147,8 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         self._nodes.append(Node(self._torque.copy(), link.after, none))
         if len(self._nodes) > self.horizon:
             first, second = self._nodes[:2]
-            observed = self._model.observe(first.x, first.torque, first.error)
             ahead = self._model.carry(first.x, second.torque, second.error)
             # The derivatives are those at the estimated error; its mean is zero.
             ahead = ahead._replace(after=ahead.after - ahead.G @ second.error)
-            self._arrival = next_arrival(self._model, self._arrival, first, observed, ahead)
+            self._arrival = next_arrival(self._model, self._arrival, first, ahead)
             del self._nodes[0]

@@ -42,20 +42,23 @@ class PredictedReadings:
     """Readings of instruments as a function of the state, stacked in one column.
 
     Attributes:
-        size: number of readings. counts: of each instrument.
+        arm, instruments: as given. size: number of readings. counts: of each instrument.
+        biased: names of instruments with biases and numbers of their readings.
+        bias: (size, biases), derivative of the readings by the biases.
         variance: (size,), of their errors, rounding included.
         linear: whether all readings are linear in the state.
         linear_rows: (size, 2 dof), derivative of the linear readings by the state.
         sensors: the `Sensor` objects. places: of their readings. stations: on the arm.
-
-    Raises:
-        InputError: if a filter cannot use one of the instruments on this arm, or none reads
-            "joint_angle".
     """
 
-    def __init__(self, arm: Arm, instruments: Sequence[Instrument]) -> None:
-        self._arm, self._labels = arm, [item.label for item in instruments]
-        self._check(instruments)
+    def __init__(
+        self,
+        arm: Arm,
+        instruments: Sequence[Instrument],
+        biased: Sequence[tuple[str, int]] = (),
+    ) -> None:
+        self.arm, self.instruments, self.biased = arm, tuple(instruments), biased
+        self._labels = [item.label for item in instruments]
         self.sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
         self.linear = not self.sensors
         rows = [reading_rows(arm, item) for item in instruments]
@@ -67,6 +70,7 @@ class PredictedReadings:
         ]
         self.variance = np.concatenate(variances)
         self.counts = [len(row) for row in rows]
+        self.bias = self._bias()
         starts = np.cumsum([0, *self.counts])
         self.places = [
             slice(starts[k], starts[k + 1])
@@ -86,25 +90,13 @@ class PredictedReadings:
         self._found = np.zeros((len(self._state_places) + 2, *shape))
         self._pushed = np.zeros((2, *shape))
 
-    def _check(self, instruments: Sequence[Instrument]) -> None:
-        problems = []
-        for item in instruments:
-            if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):
-                rule = "measure a Sensor or one of " + ", ".join(map(repr, LINEAR_SIGNALS))
-                problems.append(Problem("instruments", rule, shown(item.signal)))
-            elif item.signal == "strain" and not self._arm.gauges:
-                problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
-            if item.delay or item.sample_time is not None:
-                rule = f"{item.label!r} has a delay or a sample_time, which is not supported"
-                problems.append(Problem("instrument", rule))
-            if not (item.noise or item.resolution):
-                rule = f"{item.label!r} has no noise and no resolution"
-                problems.append(Problem("instrument", rule, hint="They define its variance."))
-        if "joint_angle" not in [item.signal for item in instruments]:
-            rule = "do not measure 'joint_angle', from which the estimate starts"
-            problems.append(Problem("instruments", rule))
-        if problems:
-            raise InputError(*problems)
+    def _bias(self) -> FloatArray:
+        """Return the derivative (size, biases) of the readings by the biases."""
+        blocks = [
+            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
+            for label, count in zip(self._labels, self.counts, strict=True)
+        ]
+        return np.block(blocks) if self.biased else np.zeros((self.size, 0))
 
     def stacked(self, measurement: Measurement) -> FloatArray:
         """Return the readings (size,) of a measurement.
@@ -139,7 +131,7 @@ class PredictedReadings:
 
         ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
         """
-        slopes, joints = self.linear_rows.copy(), self._arm.joints
+        slopes, joints = self.linear_rows.copy(), self.arm.joints
         plain, moved = constants
         by_parameters = np.zeros((self.size, len(moved)))
         found = Predicted(slopes @ x, slopes, by_parameters, np.zeros((self.size, joints)))
@@ -188,7 +180,7 @@ class PredictedReadings:
         places: IntArray,
         found: FloatArray,
     ) -> None:
-        arm, kernels = self._arm, self._kernels
+        arm, kernels = self.arm, self._kernels
         self._point_jacobian(
             kernels.sizes,
             *constants,
@@ -204,6 +196,29 @@ class PredictedReadings:
             self._motions,
             found,
         )
+
+
+def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
+    """Raise if a filter cannot use instruments on an arm.
+
+    Raises:
+        InputError: if it cannot use one of them, or none reads "joint_angle".
+    """
+    problems = []
+    for item in instruments:
+        if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):
+            rule = "measure a Sensor or one of " + ", ".join(map(repr, LINEAR_SIGNALS))
+            problems.append(Problem("instruments", rule, shown(item.signal)))
+        elif item.signal == "strain" and not arm.gauges:
+            problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
+        if not (item.noise or item.resolution):
+            rule = f"{item.label!r} has no noise and no resolution"
+            problems.append(Problem("instrument", rule, hint="They define its variance."))
+    if "joint_angle" not in [item.signal for item in instruments]:
+        rule = "do not measure 'joint_angle', from which the estimate starts"
+        problems.append(Problem("instruments", rule))
+    if problems:
+        raise InputError(*problems)
 
 
 def reading_rows(arm: Arm, item: Instrument) -> FloatArray:

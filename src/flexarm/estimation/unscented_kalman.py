@@ -6,6 +6,7 @@ import numpy as np
 
 from flexarm.estimation.kalman_filter import KalmanFilter
 from flexarm.estimation.payload_hypotheses import Hypothesis
+from flexarm.estimation.predicted_readings import PredictedReadings
 from flexarm.hardware.measurement import FloatArray
 
 #: Weight of the central point for the covariance, beyond its weight for the mean (van der Merwe's
@@ -46,7 +47,11 @@ class UnscentedKalmanFilter(KalmanFilter):
         return _covariance(after, errors)
 
     def _update(
-        self, part: Hypothesis, moved: FloatArray, readings: FloatArray
+        self,
+        part: Hypothesis,
+        moved: FloatArray,
+        seen: PredictedReadings,
+        readings: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         from scipy.linalg import cho_factor, cho_solve
 
@@ -54,13 +59,14 @@ class UnscentedKalmanFilter(KalmanFilter):
         joints = self.arm.joints
         # Accelerometers measure the error of the torque that has changed the state.
         points = _sigma_points(part.x, part.P, moved)
-        states, outputs = points[:, :-joints], np.zeros((len(points), self._readings.size))
+        states, outputs = points[:, :-joints], np.zeros((len(points), seen.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
             torque = self._acting(x) + self.torque_noise * error
             constants = self._step.free.at(self._change(x))
-            outputs[k] = self._readings.values(x[self._layout.states], torque, constants)
+            outputs[k] = seen.values(x[self._layout.states], torque, constants)
+            outputs[k] += seen.bias @ x[self._layout.biases]
         predicted = _mean(outputs)
-        S = _covariance(outputs, outputs) + np.diag(self._readings.variance)
+        S = _covariance(outputs, outputs) + np.diag(seen.variance)
         K = cho_solve(cho_factor(S), _covariance(states, outputs).T).T
         part.x = part.x + K @ (readings - predicted)
         part.P = part.P - K @ S @ K.T

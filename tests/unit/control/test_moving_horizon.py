@@ -46,7 +46,8 @@ def test_estimates_of_a_linear_arm_equal_those_of_the_kalman_filter(horizon, ins
         own = np.sqrt(np.diag(filters.covariance))[:5]
         P = [(one.covariance[:5, :5] / np.outer(own, own)) for one in (filters, horizons)]
         np.testing.assert_allclose(*P, rtol=0, atol=1e-8)
-        assert horizons._innovation == pytest.approx(filters._innovation, rel=1e-7)
+        squared = [one._latest.squared for one in (filters, horizons)]
+        assert squared[1] == pytest.approx(squared[0], rel=1e-7)
         torque = SCALE * random.normal(size=1)
         for one in (filters, horizons):
             one.predict(torque)

@@ -61,7 +61,7 @@ def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind
             if k:
                 filters.predict(torque[k - 1])
             filters.correct(fa.Measurement(**{n: v[k] for n, v in readings.items()}))
-            innovations += 2.0 * filters._innovation
+            innovations += filters._latest.squared
         at = len(torque) - 1
         found = [filters.q, filters.qd, *([v] for v in filters.parameter_values.values())]
         estimate = np.concatenate([*found, filters.disturbance, [filters.payload_mass]])

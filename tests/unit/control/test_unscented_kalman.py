@@ -85,7 +85,7 @@ def test_estimates_of_a_record_have_their_chi_squared_tests(kind, unknown):
     assert squared[50] == pytest.approx(error @ np.linalg.inv(P) @ error / states, rel=1e-6)
     np.testing.assert_allclose(found.error_band(), chi2.ppf([0.025, 0.975], states) / states)
     low, high = found.innovation_band(0.9)
-    np.testing.assert_allclose((low, high), chi2.ppf([0.05, 0.95], 1))
+    np.testing.assert_allclose(np.array([low, high]).T, [chi2.ppf([0.05, 0.95], 1)] * len(low))
     # 90 % of 200 independent samples, with a deviation of 2 %.
     inside = np.mean((found.innovation > low) & (found.innovation < high))
     assert inside == pytest.approx(0.9, abs=0.07)

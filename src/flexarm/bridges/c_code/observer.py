@@ -80,9 +80,9 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
     """Return the functions of a filter for an arm.
 
     Raises:
-        InputError: if it is not an `ExtendedKalmanFilter`, it estimates parameters or disturbance
-            torques, its arm has other joints, or its payload is so uncertain that it needs several
-            Gaussians.
+        InputError: if it is not an `ExtendedKalmanFilter`, it estimates parameters, disturbance
+            torques or biases, its instruments have delays or sample times, its arm has other
+            joints, or its payload is so uncertain that it needs several Gaussians.
     """
     if not isinstance(observer, ExtendedKalmanFilter):
         hint = next((why for kind, why in _REFUSED.items() if isinstance(observer, kind)), "")
@@ -90,9 +90,13 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
     if observer._layout.size > 2 * observer.arm.dof + 1:
-        rule = "estimate no parameters and no disturbance torques"
+        rule = "estimate no parameters, disturbance torques or biases"
         hint = "The code estimates q, qd and the mass of the payload only."
         raise InputError(Problem("observer", rule, hint=hint))
+    late = [i.label for i in observer.instruments if i.delay or i.sample_time is not None]
+    if late:
+        rule = "have instruments without a delay or a sample_time"
+        raise InputError(Problem("observer", rule, ", ".join(late)))
     if observer.arm.joints != arm.joints:
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))

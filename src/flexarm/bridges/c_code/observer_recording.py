@@ -39,7 +39,7 @@ def estimates(of: ExtendedKalmanFilter, inputs: dict[str, FloatArray]) -> FloatA
             mine.predict(torque)
         parts = zip(of.instruments, ends, ends[1:], strict=False)
         mine.correct(Measurement(**{one.label: values[a:b] for one, a, b in parts}))
-        rows.append([*mine.q, *mine.qd, mine.payload_mass, mine._innovation])
+        rows.append([*mine.q, *mine.qd, mine.payload_mass, mine._latest.innovation])
     return np.array(rows)
 
 

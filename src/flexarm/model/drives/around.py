@@ -135,6 +135,15 @@ class FilterParameters(Parameters):
         description="Intensity of a random walk of the disturbance torques, one for all joints or "
         "one for each (N m/s^0.5).",
     )
+    bias_deviation: Mapped[NonNegative] | None = Field(
+        default=None,
+        description="Standard deviations of constant errors of instruments, by the name of the "
+        "reading, in its unit; each error is estimated.",
+    )
+    bias_drift: Mapped[NonNegative] | None = Field(
+        default=None,
+        description="Intensities of random walks of these errors, likewise (unit/s^0.5).",
+    )
 
 
 class MovingHorizonParameters(FilterParameters):
