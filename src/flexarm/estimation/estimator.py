@@ -279,6 +279,7 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
                 self.predict(torques[k - 1])
             self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
             kept.append((*self._moments(), self._latest))
+        self._finish()
         x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
         samples = [sample for _, _, sample in kept]
         layout = self._layout

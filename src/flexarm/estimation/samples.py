@@ -119,7 +119,7 @@ class SampledEstimator(ABC):
         if self._waiting:
             self._sample().torque = torque
         self._advance(torque)
-        self._close(self._number - 1)  # the present sample may have late readings
+        self._close(self._number - 1)  # readings may arrive at the present sample
 
     def _take(self, readings: FloatArray) -> None:
         """Correct by the readings (size,) whose frames are new, from the oldest of these on."""
@@ -142,7 +142,13 @@ class SampledEstimator(ABC):
                 self._number = sample.number
                 self._advance(sample.torque)
                 following.before = self._present()
-        self._close(self._number)
+        if not self._frames.latest:
+            self._close(self._number)
+
+    def _finish(self) -> None:
+        """Add all samples to the test, although some may lack readings."""
+        assert self._frames is not None
+        self._close(self._number + self._frames.latest)
 
     def _sample(self) -> Sample:
         """Return the present sample, which may wait for readings."""
