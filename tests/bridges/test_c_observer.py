@@ -100,6 +100,14 @@ def disturbed(arm):
     return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], disturbance_deviation=0.1)
 
 
+def biased(arm):
+    return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], bias_deviation={"strain": 1e-5})
+
+
+def late(arm):
+    return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN.replace(delay=0.01)])
+
+
 def uncertain(arm):
     return fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN], payload_deviation=0.1)
 
@@ -112,6 +120,8 @@ def uncertain(arm):
         (lambda arm: "filter", "be an ExtendedKalmanFilter, got 'filter'"),
         (unknown_rigidity, r"no parameters.*\. The code estimates .* only"),
         (disturbed, r"no parameters, disturbance torques or biases\. The code estimates .* only"),
+        (biased, r"no parameters, disturbance torques or biases"),
+        (late, r"have instruments without a delay or a sample_time, got strain"),
         (uncertain, r"at most 0\.0\d+ kg, got 0\.1\. Above it"),
     ],
 )
