@@ -314,9 +314,16 @@ def test_undeclared_attributes_of_all_types(values):
         lambda inner: fa.RepetitiveControl(inner, 10 * SAMPLE_TIME, [2.0, 0.8], cutoff=80.0),
     ],
 )
-def test_a_tip_controller_inside_another(around):
-    inside = fa.HybridForce(heavy(), sample_time=SAMPLE_TIME)
-    with pytest.raises(fa.InputError, match="HybridForce inside it controls the tip"):
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (fa.HybridForce, "HybridForce inside it controls the tip"),
+        (fa.LQG, "LQG inside it follows a nominal motion"),
+    ],
+)
+def test_controllers_that_are_not_exported_inside_another(around, kind, words):
+    inside = kind(heavy(), sample_time=SAMPLE_TIME)
+    with pytest.raises(fa.InputError, match=words):
         traced_controller(heavy(), around(inside))
 
 
