@@ -319,6 +319,7 @@ def test_undeclared_attributes_of_all_types(values):
     [
         (fa.HybridForce, "HybridForce inside it controls the tip"),
         (fa.LQG, "LQG inside it follows a nominal motion"),
+        (fa.Composite, "Composite inside it follows a nominal motion"),
     ],
 )
 def test_controllers_that_are_not_exported_inside_another(around, kind, words):

@@ -201,7 +201,8 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         reason = f"{type(inner).__name__} inside it controls the tip. Export that one alone."
         raise _refusal(controller, reason)
     if isinstance(inner, LQG):
-        reason = "LQG inside it follows a nominal motion. Export that one alone."
+        name = type(inner).__name__
+        reason = f"{name} inside it follows a nominal motion. Export that one alone."
         raise _refusal(controller, reason)
     presses = isinstance(controller, TaskController)
     pressed: Any = PressedInputs(Inputs(), arm.joints) if presses else None
