@@ -227,6 +227,7 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         check_kind("measurement", measurement, Measurement)
         readings = self._readings.stacked(measurement)
         if not self._begun:
+            self._number = 0  # the instruments have their first frames now
             self._begin(measurement)
         if not all(np.isfinite(part).all() for part in self._moments()):
             hint = "Correct the arm, the readings or the torques, and call reset."

@@ -217,6 +217,20 @@ def test_a_second_correction_of_a_sample_replaces_the_first(kind):
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
+def test_the_first_correction_is_the_first_sample():
+    """A prediction before it, which has no estimate yet, does not shift the frames."""
+    one, other = (
+        fa.ExtendedKalmanFilter(driven_link.one_link(), SEEN, sample_time=SAMPLE_TIME)
+        for _ in range(2)
+    )
+    one.predict(np.zeros(1))
+    for k in range(20):
+        for each in (one, other):
+            each.correct(readings_at(k))
+            each.predict(np.zeros(1))
+    np.testing.assert_array_equal(one.q, other.q)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_samples_without_readings_are_predicted(kind):
     """A camera whose frames arrive after samples without any correction."""
