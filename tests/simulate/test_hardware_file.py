@@ -7,8 +7,10 @@ import pytest
 
 import flexarm as fa
 from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.model import locate_scenario
 from flexarm.model.hardware import CHANNEL_SIGNALS, Signal
 from flexarm.model.sensors import POINT_SIGNALS
+from flexarm.scenarios.scenario import prepare
 
 ARM = """\
 flexarm: 1
@@ -93,7 +95,7 @@ def test_signals_of_files_equal_those_of_python():
         ("[3, 1]", "[3, 1, 2]", "torque_limit must have length 2, one value for each joint"),
         ("[3, 1]", "-2", "torque_limit must be greater than 0"),
         ("delay: 0.0005", "current_limit: 2", "torque_constant is required with current_limit"),
-        ("sample_time: 0.02,", "sample_time: 0.003,", "multiple of the controller's sample time"),
+        ("sample_time: 0.02,", "sample_time: 0.003,", "].sample_time must be a multiple of the"),
         ("seed: 3", "seed: -3", "hardware.seed must be at least 0"),
     ],
 )
@@ -101,8 +103,9 @@ def test_problems_are_reported_with_their_place(tmp_path, old, new, words):
     text = ARM + HARDWARE.replace(old, new)
     assert text != ARM + HARDWARE
     with pytest.raises(fa.InputError) as caught:
-        fa.run_scenario(written(tmp_path, text))
+        prepare(*locate_scenario(written(tmp_path, text)))  # also by "flexarm check"
     assert words in str(caught.value)
+    assert "scenario.yaml:" in str(caught.value)
     assert len(caught.value.problems) == 1
 
 

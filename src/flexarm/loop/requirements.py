@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from flexarm.arm import Arm
-from flexarm.control.base import Reference, requirements_of
-from flexarm.errors import Problem
+from flexarm.control.base import Controller, Reference, requirements_of
+from flexarm.errors import InputError, Problem
+from flexarm.hardware.instruments import stride_and_delay
 from flexarm.loop.sensors import measured_names
 from flexarm.model import Hardware
 from flexarm.model.hardware import channel_faults
@@ -12,7 +15,7 @@ from flexarm.model.wording import nearest
 
 
 def misfits(
-    controller: object,
+    controller: Controller,
     arm: Arm,
     reference: Reference | None,
     hardware: Hardware | None,
@@ -21,7 +24,8 @@ def misfits(
 ) -> list[Problem]:
     """Return the requirements of a controller that are not met, one problem each.
 
-    Faults of instruments at channels that the arm does not have are among them.
+    Faults of instruments at channels that the arm does not have, and sample times of instruments
+    that do not fit the controller, are among them.
 
     Args:
         arm: the simulated arm.
@@ -42,7 +46,20 @@ def misfits(
     for name in requirements.measured:
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(called, name, arm, hardware, there, contacts))
-    return [*problems, *(one.problem() for one in channel_faults(arm.spec, hardware, contacts))]
+    problems += [one.problem() for one in channel_faults(arm.spec, hardware, contacts)]
+    return [*problems, *_unfitting_frames(hardware, controller.sample_time)]
+
+
+def _unfitting_frames(hardware: Hardware | None, sample_time: float) -> list[Problem]:
+    """Return the problems of instruments that do not sample at the controller's sample times."""
+    problems: list[Problem] = []
+    for k, item in enumerate((hardware and hardware.instruments) or ()):
+        try:
+            stride_and_delay(item, sample_time)
+        except InputError as error:
+            name = f"hardware.instruments[{k}].sample_time"
+            problems += [replace(problem, name=name) for problem in error.problems]
+    return problems
 
 
 def _missing(
