@@ -113,3 +113,25 @@ def test_few_numbers_are_differentiated_by_differences(monkeypatch):
     assert np.isfinite(found[PATHS[0]])
     with pytest.raises(TypeError):
         fa.identify(BELIEVED, record(PD, None), PATHS, progress=False)
+
+
+def test_distance_of_a_gauge_that_the_controller_reads(monkeypatch):
+    """The joint angles depend on it, too, and the strain is not proportional to it."""
+    found, original = [], derivatives.output_derivatives
+
+    def kept(*given):
+        found.append((given, original(*given)))
+        return found[-1][1]
+
+    monkeypatch.setattr(fitting, "output_derivatives", kept)
+    paths = [*PATHS, "links[0].gauges[0].distance"]
+    feedback = fa.StrainFeedback(10.0, 1.5, 400.0, sample_time=0.004)
+    fa.identify(BELIEVED, record(feedback, None), paths, progress=False)
+    (run, space, number, vector, _), slopes = found[0]
+    step = 1e-3 * vector[-1]
+    moved = [space.case(number, vector + sign * step * np.eye(5)[-1]) for sign in (1.0, -1.0)]
+    after, before = run.simulate(moved)
+    difference = (after - before) / (2.0 * step)
+    largest = np.abs(difference).max(axis=0)
+    # The relative error of the differences is of the order of the squared relative step, 1e-6.
+    np.testing.assert_allclose(slopes[..., -1] / largest, difference / largest, rtol=0, atol=1e-4)

@@ -100,8 +100,13 @@ class RecordRun:
         settled = self.record.settings.initial == "equilibrium"
         return not settled and "torque" not in self.channels
 
-    #: Whether a strain is proportional to the distance of its gauge.
-    proportional = True
+    @property
+    def proportional(self) -> bool:
+        """Whether a strain is proportional to the distance of its gauge.
+
+        A controller that reads the strain moves the arm differently if the distance changes.
+        """
+        return self.record.controller is None
 
     def arguments(self, case: Case) -> dict[str, Any]:
         """Return the arguments of ``sensitivities``, besides the arm."""
