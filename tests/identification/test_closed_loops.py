@@ -135,3 +135,19 @@ def test_distance_of_a_gauge_that_the_controller_reads(monkeypatch):
     largest = np.abs(difference).max(axis=0)
     # The relative error of the differences is of the order of the squared relative step, 1e-6.
     np.testing.assert_allclose(slopes[..., -1] / largest, difference / largest, rtol=0, atol=1e-4)
+
+
+def test_settings_of_open_loops_are_rejected():
+    run, reference = record(PD, None).data, fa.joint_motion(PLANT, [0.0], [0.8], 0.5)
+    settings = {
+        "input": "torque",
+        "prescribed": [1],
+        "initial": "equilibrium",
+        "initial_angle": [0.1],
+    }
+    with pytest.raises(fa.InputError) as caught:
+        fa.MeasuredRecord(run, controller=PD, reference=reference, **settings)
+    rule = "is not supported with a controller"
+    assert [problem.name for problem in caught.value.problems if problem.rule == rule] == [
+        *settings
+    ]

@@ -156,6 +156,11 @@ class MeasuredRecord:
     def _problems(self) -> list[Problem]:
         settings, present = self.settings, [name for name in MEASURED if name in self.data]
         problems = []
+        for name in _OF_OPEN_LOOPS if self.controller is not None else ():
+            if getattr(settings, name) != RecordSettings.model_fields[name].default:
+                rule = "is not supported with a controller"
+                hint = "It starts at rest at the start of its reference, and drives all joints."
+                problems.append(Problem(name, rule, hint=hint))
         named = {
             "outputs": settings.outputs or (),
             **{name: getattr(settings, name) for name in ("noise", "delays", "filters")},
@@ -186,6 +191,8 @@ class MeasuredRecord:
         ]
 
 
+#: Settings that have no effect on a run with a controller.
+_OF_OPEN_LOOPS = ("input", "prescribed", "initial", "initial_angle")
 #: Channels of a prescribed joint, which agree by construction.
 _FOLLOWED = ("joint_angle", "joint_rate")
 
