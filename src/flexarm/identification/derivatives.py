@@ -20,7 +20,7 @@ from flexarm.run_derivatives.sensitivities import sensitivities
 #: difference, which grows with its square, stays below that of the runs divided by it.
 _STEP = 1e-4
 #: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
-_FEWEST_IN_LOOP = 4
+_FEWEST_IN_LOOP = 3
 #: Numbers that determine the torque of a current or voltage.
 _OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
 #: Numbers of the arm that only outputs depend on.
