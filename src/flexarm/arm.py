@@ -14,6 +14,7 @@ from flexarm.arguments import check_count, check_kind, check_last_axes, check_pa
 from flexarm.assembly.assemble import FloatArray
 from flexarm.dynamics import Dynamics
 from flexarm.errors import (
+    ArgumentError,
     ImplausibleValueWarning,
     InputError,
     Problem,
@@ -103,7 +104,11 @@ class Arm(Dynamics):
 
     @public_call
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
-        spec = ArmSpec(**fields) if spec is None else check_kind("spec", spec, ArmSpec)
+        if spec is None:
+            spec = ArmSpec(**fields)
+        elif not isinstance(spec, ArmSpec):
+            hint = "Use Arm(links=[...], joints=[...])."
+            raise ArgumentError(Problem("links", "must be given by name.", hint=hint))
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
@@ -215,22 +220,24 @@ class Arm(Dynamics):
         """Return the torques (..., joints) of motors under voltages, at the joints, N m.
 
         Args:
-            voltage: (..., joints) V.
+            voltage: (..., joints) V; zero at joints without a winding, whose torque is then zero.
             rate: (..., joints) joint rates, rad/s. By default the torques are those at standstill,
                 which are the ``torque`` of such an arm in all functions.
 
         Raises:
-            InputError: if a joint that turns has no winding, or the shapes are wrong.
+            InputError: if no joint has a winding, there is a voltage at a joint without one, or the
+                shapes are wrong.
         """
         turning = [(seat.link, self.spec.joints[seat.link]) for seat in self.assembly.seats]
+        voltage = check_last_axes("voltage", voltage, (self.joints,))
+        bare = np.array([joint.winding is None for _, joint in turning])
+        driven = np.any(voltage != 0.0, axis=tuple(range(voltage.ndim - 1)))
         problems = [
-            Problem(f"arm.joints[{k}]", "has no winding")
-            for k, joint in turning
-            if joint.winding is None
+            Problem(f"arm.joints[{turning[i][0]}]", "has no winding, so its voltage must be zero")
+            for i in np.flatnonzero(bare & (driven | bare.all()))
         ]
         if problems:
             raise InputError(*problems)
-        voltage = check_last_axes("voltage", voltage, (self.joints,))
         torque = np.array([joint.torque_per_voltage for _, joint in turning]) * voltage
         if rate is None:
             return np.asarray(torque)
