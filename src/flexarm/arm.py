@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count, check_kind, check_last_axes, check_path
-from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray, table_error
 from flexarm.dynamics import Dynamics
 from flexarm.errors import (
+    AccuracyWarning,
     ArgumentError,
     ImplausibleValueWarning,
     InputError,
@@ -34,6 +35,8 @@ from flexarm.stations import MOST_STATIONS, Cut, cuts_at, forces_at, place_gauge
 #: Largest plausible distance of a gauge from the neutral axis, in lengths of its link (a beam is
 #: more slender), and backlash, rad.
 _THICK, _LOOSE = 0.2, 0.5
+#: Relative error of a frequency by the points of a table that is worth a warning.
+_COARSE = 0.005
 
 
 class Energy(NamedTuple):
@@ -70,6 +73,23 @@ def _warn_of_units(spec: ArmSpec) -> None:
     ]
     if found:
         warn_caller(" ".join(found), ImplausibleValueWarning)
+
+
+def _warn_of_tables(spec: ArmSpec) -> None:
+    """Warn of tables whose points are too few for a smooth taper.
+
+    Warns:
+        AccuracyWarning: if linear interpolation changes the first frequency by more than 0.5 %.
+    """
+    coarse = [
+        f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, linear "
+        f"interpolation between them changes the first frequency by about {100.0 * error:.1f} %. "
+        "Give more points."
+        for i, link in enumerate(spec.links)
+        if link.table is not None and (error := table_error(link)) > _COARSE
+    ]
+    if coarse:
+        warn_caller(" ".join(coarse), AccuracyWarning)
 
 
 def _range(values: Sequence[float] | None) -> str:
@@ -114,6 +134,7 @@ class Arm(Dynamics):
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         _warn_of_units(spec)
+        _warn_of_tables(spec)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None

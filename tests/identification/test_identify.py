@@ -88,7 +88,7 @@ def test_parameters_that_cannot_be_determined_are_named(seed):
 def test_a_fit_that_has_not_converged_says_so():
     arm, measured = believed(ONE), short(end=0.6)
     with pytest.warns(fa.ConvergenceWarning, match="has not converged. Raise iterations"):
-        fit = fa.identify(arm, measured, FREE[ONE.name], iterations=2, progress=False)
+        fit = fa.identify(arm, measured, [RIGIDITY], iterations=2, progress=False)
     assert not fit.converged
     assert "The fit has not converged." in str(fit)
 

@@ -309,7 +309,7 @@ def test_lines_before_the_header_units_below_it_and_units_of_time(head, settings
 def test_a_wrong_unit_below_the_header_is_named(tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("t,joint_angle_1\ns,mm\n" + rows(TIMES, ANGLE))
-    with pytest.raises(fa.InputError, match="must be a unit of its channel .*got 'mm'"):
+    with pytest.raises(fa.InputError, match=r"must be a unit of its channel .*got 'mm'"):
         fa.read_record(path)
 
 
@@ -327,7 +327,7 @@ def test_times_of_iso_8601(tmp_path):
 def test_other_encodings_are_named_and_read(encoding, tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("# gemessen in Köln\nt,joint_angle_1\n" + rows(TIMES, sine(TIMES)), encoding)
-    with pytest.raises(fa.InputError, match=f"not a text in utf-8. Try encoding='{encoding}'"):
+    with pytest.raises(fa.InputError, match=rf"not a text in utf-8\. Try encoding='{encoding}'"):
         fa.read_record(path)
     record = fa.read_record(path, encoding=encoding)
     np.testing.assert_allclose(record.data["joint_angle"][:, 0], sine(TIMES), rtol=1e-12)

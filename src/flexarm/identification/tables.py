@@ -65,10 +65,10 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> Table:
     decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
-    if len(cells) == 3 and not any(_is_number(cell, decimal) for cell in cells[1]):
-        if any(_is_number(cell, decimal) for cell in cells[2]):
-            units = [cell.strip('"[]() ') for cell in cells[1]]
-            del lines[1]
+    numeric = [any(_is_number(cell, decimal) for cell in row) for row in cells]
+    if numeric == [False, False, True]:
+        units = [cell.strip('"[]() ') for cell in cells[1]]
+        del lines[1]
     frame = pd.read_csv(
         StringIO("\n".join(lines)),
         sep=mark or r"\s+",

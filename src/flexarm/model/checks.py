@@ -139,7 +139,7 @@ class Record(BaseModel, metaclass=RecordType):
     """Fields that are the columns of a table: lists with one entry for each of its rows."""
     _kw_only: ClassVar[bool] = True
     _called: ClassVar[str] = ""
-    """Public class whose constructor takes the fields, if it is another one: the place of errors."""
+    """Public class whose constructor takes the fields, if it is another one, for messages."""
 
     def __init_subclass__(cls, *, kw_only: bool = True, **config: Any) -> None:
         super().__init_subclass__(**config)
