@@ -74,6 +74,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         "OptimizationError",
+        "ArgumentError",
         *(
             "SimulationError",
             "FlexarmWarning",
