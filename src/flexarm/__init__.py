@@ -29,4 +29,9 @@ def __getattr__(name: str) -> Any:
         new, removal = _RENAMED[name]
         warn_deprecated(f"flexarm.{name}", f"flexarm.{new}", removal)
         return getattr(sys.modules[__name__], new)  # not cached, so that every use warns
-    return _load(name)
+    try:
+        return _load(name)
+    except AttributeError as error:
+        from flexarm.errors import with_nearest
+
+        raise with_nearest(error, name, __all__) from None

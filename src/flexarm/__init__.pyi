@@ -49,6 +49,8 @@ from .engine.events import contact_event as contact_event
 from .engine.events import joint_event as joint_event
 from .engine.events import tip_event as tip_event
 from .errors import AccuracyWarning as AccuracyWarning
+from .errors import ArgumentError as ArgumentError
+from .errors import ConvergenceWarning as ConvergenceWarning
 from .errors import FlexarmError as FlexarmError
 from .errors import FlexarmWarning as FlexarmWarning
 from .errors import IdentifiabilityWarning as IdentifiabilityWarning

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count, check_kind, check_last_axes, check_path
-from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.assemble import FloatArray, table_error
 from flexarm.dynamics import Dynamics
 from flexarm.errors import (
+    AccuracyWarning,
+    ArgumentError,
     ImplausibleValueWarning,
     InputError,
     Problem,
@@ -33,6 +35,8 @@ from flexarm.stations import MOST_STATIONS, Cut, cuts_at, forces_at, place_gauge
 #: Largest plausible distance of a gauge from the neutral axis, in lengths of its link (a beam is
 #: more slender), and backlash, rad.
 _THICK, _LOOSE = 0.2, 0.5
+#: Relative error of a frequency by the points of a table that is worth a warning.
+_COARSE = 0.005
 
 
 class Energy(NamedTuple):
@@ -71,6 +75,23 @@ def _warn_of_units(spec: ArmSpec) -> None:
         warn_caller(" ".join(found), ImplausibleValueWarning)
 
 
+def _warn_of_tables(spec: ArmSpec) -> None:
+    """Warn of tables whose points are too few for a smooth taper.
+
+    Warns:
+        AccuracyWarning: if linear interpolation changes the first frequency by more than 0.5 %.
+    """
+    coarse = [
+        f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, linear "
+        f"interpolation between them changes the first frequency by about {100.0 * error:.1f} %. "
+        "Give more points."
+        for i, link in enumerate(spec.links)
+        if link.table is not None and (error := table_error(link)) > _COARSE
+    ]
+    if coarse:
+        warn_caller(" ".join(coarse), AccuracyWarning)
+
+
 def _range(values: Sequence[float] | None) -> str:
     """Format a constant property, or its smallest and largest value along a link."""
     if not values:
@@ -103,12 +124,17 @@ class Arm(Dynamics):
 
     @public_call
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
-        spec = ArmSpec(**fields) if spec is None else check_kind("spec", spec, ArmSpec)
+        if spec is None:
+            spec = ArmSpec(**fields)
+        elif not isinstance(spec, ArmSpec):
+            hint = "Use Arm(links=[...], joints=[...])."
+            raise ArgumentError(Problem("links", "must be given by name.", hint=hint))
         super().__init__(spec)
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         _warn_of_units(spec)
+        _warn_of_tables(spec)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None
@@ -215,22 +241,24 @@ class Arm(Dynamics):
         """Return the torques (..., joints) of motors under voltages, at the joints, N m.
 
         Args:
-            voltage: (..., joints) V.
+            voltage: (..., joints) V; zero at joints without a winding, whose torque is then zero.
             rate: (..., joints) joint rates, rad/s. By default the torques are those at standstill,
                 which are the ``torque`` of such an arm in all functions.
 
         Raises:
-            InputError: if a joint that turns has no winding, or the shapes are wrong.
+            InputError: if no joint has a winding, there is a voltage at a joint without one, or the
+                shapes are wrong.
         """
         turning = [(seat.link, self.spec.joints[seat.link]) for seat in self.assembly.seats]
+        voltage = check_last_axes("voltage", voltage, (self.joints,))
+        bare = np.array([joint.winding is None for _, joint in turning])
+        driven = np.any(voltage != 0.0, axis=tuple(range(voltage.ndim - 1)))
         problems = [
-            Problem(f"arm.joints[{k}]", "has no winding")
-            for k, joint in turning
-            if joint.winding is None
+            Problem(f"arm.joints[{turning[i][0]}]", "has no winding, so its voltage must be zero")
+            for i in np.flatnonzero(bare & (driven | bare.all()))
         ]
         if problems:
             raise InputError(*problems)
-        voltage = check_last_axes("voltage", voltage, (self.joints,))
         torque = np.array([joint.torque_per_voltage for _, joint in turning]) * voltage
         if rate is None:
             return np.asarray(torque)

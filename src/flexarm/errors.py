@@ -9,10 +9,11 @@ gives an `UnstableLoopWarning`.
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import wraps
 from reprlib import Repr
@@ -40,7 +41,10 @@ _SYNONYMS = {
     "e": "youngs_modulus",
     "ei": "flexural_rigidity",
     "g": "gravity",
+    "kd": "derivative",
     "kga": "shear_rigidity",
+    "ki": "integral",
+    "kp": "proportional",
     "l": "length",
     "mu": "mass_per_length",
     "nel": "elements",
@@ -106,6 +110,12 @@ def nearest(word: object, known: Iterable[str]) -> str:
     """Return a sentence with the choice most similar to `word`, or an empty string."""
     near = suggestion(word, known) if isinstance(word, str) else ""
     return near if near.startswith("Did") else ""
+
+
+def with_nearest(error: AttributeError, name: str, known: Iterable[str]) -> AttributeError:
+    """Return the error of a module without the attribute `name`, with the most similar one."""
+    hint = "" if name.startswith("_") else nearest(name, known)
+    return AttributeError(f"{error}. {hint}" if hint else str(error))
 
 
 def _likeness(word: str, choice: str) -> tuple[float, int]:
@@ -213,9 +223,13 @@ def public_call_as(place: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
+    names = _keywords(function)
+
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
+            if kwargs and names is not None and not kwargs.keys() <= names:
+                raise unknown_arguments(kwargs, names)
             return function(*args, **kwargs)
         except InputError as error:
             error.at(place or _place(function, args))
@@ -224,12 +238,36 @@ def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
     return call
 
 
+def unknown_arguments(names: Iterable[str], known: Collection[str]) -> ArgumentError:
+    """Return the error for the keyword arguments of a call that are not ``known``."""
+    unknown = [name for name in names if name not in known]
+    return ArgumentError(
+        *(Problem(name, "is not an argument", hint=suggestion(name, known)) for name in unknown)
+    )
+
+
+def _keywords(function: Callable[..., object]) -> frozenset[str] | None:
+    """Return the names of the keyword arguments that a function accepts; None if it accepts all.
+
+    They are read from its code, because ``inspect.signature`` takes longer for hundreds of calls.
+    """
+    code = inspect.unwrap(function).__code__  # type: ignore[attr-defined]
+    if code.co_flags & inspect.CO_VARKEYWORDS:
+        return None
+    count = code.co_argcount + code.co_kwonlyargcount
+    return frozenset(code.co_varnames[code.co_posonlyargcount : count]) - {"self", "cls"}
+
+
 def _place(function: Callable[..., object], args: tuple[object, ...]) -> str:
     owner, _, name = function.__qualname__.rpartition(".")
     if not owner:
         return name
     kind = args[0] if isinstance(args[0], type) else type(args[0])
     return kind.__name__ if name in _NAMELESS else f"{kind.__name__}.{name}"
+
+
+class ArgumentError(InputError, TypeError):
+    """A call with a keyword argument that the function does not have."""
 
 
 class ModelError(InputError):
@@ -280,6 +318,10 @@ class UnstableLoopWarning(FlexarmWarning):
 
 class InconsistentEstimateWarning(FlexarmWarning):
     """Measurements differ from a filter's predictions by more than its covariance allows."""
+
+
+class ConvergenceWarning(AccuracyWarning):
+    """An iteration ended before it converged."""
 
 
 class IdentifiabilityWarning(FlexarmWarning):
@@ -349,6 +391,18 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.
         bad = shown(float(array[tuple(first)]))
         raise InputError(Problem(f"{name}{place}", "be finite", bad))
     return array
+
+
+def check_frequencies(omega: object) -> NDArray[np.float64]:
+    """Return angular frequencies: an array () for one number, or (frequencies,).
+
+    Raises:
+        InputError: if ``omega`` is not a finite number or an array of them.
+    """
+    import numpy as np
+
+    single = isinstance(omega, int | float | np.number)
+    return check_array("omega", omega, () if single else (-1,))
 
 
 def check_result(result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:

@@ -74,7 +74,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "errors": (
         *("FlexarmError", "InputError", "ModelError", "EquilibriumError", "InversionError"),
         "OptimizationError",
-        *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
+        "ArgumentError",
+        *(
+            "SimulationError",
+            "FlexarmWarning",
+            "AccuracyWarning",
+            "UnstableLoopWarning",
+            "ConvergenceWarning",
+        ),
         *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
         "ImplausibleValueWarning",
     ),

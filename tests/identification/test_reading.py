@@ -178,7 +178,7 @@ def test_wrong_times(times, text, tmp_path):
     ("name", "content", "text"),
     [
         ("bench.xlsx", b"", "suffixes"),
-        ("bench.csv", b"", "cannot be read"),
+        ("bench.csv", b"", "has no lines"),
         ("bench.mat", b"MATLAB", "cannot be read"),
         ("bench.nc", b"\x89HDF\r\n\x1a\nxx", "cannot be read"),
         ("bench.parquet", b"PAR1", "cannot be read"),
@@ -277,3 +277,100 @@ def test_wrong_settings_are_reported_with_the_call(tmp_path):
     record = fa.read_record(path)
     with pytest.raises(fa.InputError, match=r"^MeasuredRecord: smoothing is not a known key"):
         fa.MeasuredRecord(record.data, smoothing=3)
+
+
+def sine(times):
+    return np.sin(8.0 * times)
+
+
+def rows(times, values, form="{:.17g}"):
+    return "\n".join(f"{form.format(t)},{v:.17g}" for t, v in zip(times, values, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("head", "settings"),
+    [
+        ("t,joint_angle_1\ns,deg\n", {}),
+        ("t,joint_angle_1\n[s],(deg)\n", {}),
+        ("Bench 7\nof May\nt,joint_angle_1 [deg]\n", {"skip": 2}),
+        ("t [ms],joint_angle_1 [deg]\n", {"factor": 1e3}),
+        ("t,joint_angle_1 [deg]\n", {"factor": 1e6, "time_unit": "us"}),
+    ],
+)
+def test_lines_before_the_header_units_below_it_and_units_of_time(head, settings, tmp_path):
+    path = tmp_path / "bench.csv"
+    factor = settings.pop("factor", 1.0)
+    path.write_text(head + rows(factor * TIMES, ANGLE))
+    record = fa.read_record(path, **settings)
+    assert record.rate == pytest.approx(100.0)
+    np.testing.assert_allclose(record.data["joint_angle"][:, 0], np.deg2rad(ANGLE), rtol=1e-12)
+
+
+def test_a_wrong_unit_below_the_header_is_named(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("t,joint_angle_1\ns,mm\n" + rows(TIMES, ANGLE))
+    with pytest.raises(fa.InputError, match=r"must be a unit of its channel .*got 'mm'"):
+        fa.read_record(path)
+
+
+def test_times_of_iso_8601(tmp_path):
+    path = tmp_path / "bench.csv"
+    stamps = pd.Timestamp("2024-05-01T23:59:59.9Z") + pd.to_timedelta(TIMES, unit="s")
+    lines = [f"{stamp.isoformat()},{v:.17g}" for stamp, v in zip(stamps, ANGLE, strict=True)]
+    path.write_text("time,joint_angle_1 [deg]\n" + "\n".join(lines))
+    record = fa.read_record(path)
+    assert record.rate == pytest.approx(100.0)
+    np.testing.assert_allclose(record.data["time"], TIMES, atol=1e-9)  # a nanosecond
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_other_encodings_are_named_and_read(encoding, tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("# gemessen in Köln\nt,joint_angle_1\n" + rows(TIMES, sine(TIMES)), encoding)
+    with pytest.raises(fa.InputError, match=rf"not a text in utf-8\. Try encoding='{encoding}'"):
+        fa.read_record(path)
+    record = fa.read_record(path, encoding=encoding)
+    np.testing.assert_allclose(record.data["joint_angle"][:, 0], sine(TIMES), rtol=1e-12)
+    with pytest.raises(fa.InputError, match="encoding must be the name of an encoding"):
+        fa.read_record(path, encoding="latin-17")
+
+
+@pytest.mark.parametrize("rate", [400.0, 3000.0])
+def test_rounded_times_are_named_and_replaced(rate, tmp_path):
+    """At 400 Hz the rounded intervals are 2 and 3 ms; at 3 kHz times repeat."""
+    times = np.arange(200) / rate
+    path = tmp_path / "bench.csv"
+    path.write_text("t,joint_angle_1\n" + rows(times, sine(times), "{:.3f}"))
+    with pytest.warns(fa.FlexarmWarning, match="the times are rounded to 0.001 s"):
+        record = fa.read_record(path)
+    # The ends are rounded, too: by half a millisecond each.
+    assert record.rate == pytest.approx(rate, rel=1e-3 / times[-1])
+    error = record.data["joint_angle"][:, 0] - sine(record.data["time"])
+    assert np.abs(error).max() < 8.0 * 1e-3  # the slope times the rounding
+
+
+def test_real_jitter_is_not_taken_for_rounding(tmp_path):
+    times = TIMES + 2e-3 * np.random.default_rng(3).uniform(-1.0, 1.0, TIMES.size)
+    path = tmp_path / "bench.csv"
+    path.write_text("t,joint_angle_1\n" + rows(times, sine(times), "{:.6f}"))
+    record = fa.read_record(path)
+    error = record.data["joint_angle"][:, 0] - sine(record.data["time"] + times[0])
+    assert np.nanmax(np.abs(error)) < 64.0 * 14e-3**2 / 8.0  # of linear interpolation
+
+
+def test_repeated_rounded_times_with_a_gap_name_their_cause(tmp_path):
+    times = np.r_[np.arange(100) / 3000.0, 5.0 + np.arange(100) / 3000.0]
+    path = tmp_path / "bench.csv"
+    path.write_text("t,joint_angle_1\n" + rows(times, sine(times), "{:.3f}"))
+    with pytest.raises(fa.InputError, match=r"rounded to 0.001 s. Give sample_time"):
+        fa.read_record(path)
+
+
+def test_a_footer_of_text_is_named(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("t,joint_angle_1\n" + rows(TIMES, ANGLE) + "\nend of file,\n")
+    with (
+        pytest.warns(fa.FlexarmWarning, match="text in 1 of 51 cells"),
+        pytest.raises(fa.InputError, match="time has no number in sample 51"),
+    ):
+        fa.read_record(path)

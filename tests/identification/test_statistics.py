@@ -182,3 +182,26 @@ def test_undetermined_combinations_are_found_behind_initial_states():
 )
 def test_paths_in_words(path, words):
     assert in_words(path) == words
+
+
+def test_what_is_not_determined_has_the_deviation_of_the_table():
+    """Coloured residuals and a related parameter increase a deviation beyond the limit of 50 %."""
+    random = np.random.default_rng(8)
+    rows = np.stack([np.sin(np.arange(COUNT) / 40.0), random.standard_normal(COUNT)], axis=1)
+    rows = np.linalg.qr(rows)[0]
+    residuals = coloured(3, memory=0.95)
+    deviations = np.sqrt(np.diag(covariance_of([Column(residuals, rows, ALL)], np.zeros(2))))
+    # One deviation is scaled to 0.6, the other one to 0.4: white residuals would give less.
+    columns = [Column(residuals, rows * deviations / [0.6, 0.4], ALL)]
+    covariance = covariance_of(columns, np.zeros(2))
+    ((places, deviation),) = undetermined(columns, np.zeros(2), np.ones(2), np.ones(2, dtype=bool))
+    assert places == [0]
+    assert deviation == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-9)
+    white_only = 1.0 / np.linalg.norm(columns[0].derivatives[:, 0])
+    assert white_only < 0.5 < deviation
+
+
+def test_tests_that_cannot_be_made_are_not_numbers():
+    assert np.isnan(whiteness(np.zeros(COUNT), ALL))
+    assert np.isnan(independence(np.zeros(COUNT), ALL, white(1)))
+    assert np.isnan(independence(white(1), ALL, np.full(COUNT, 3.0)))

@@ -150,7 +150,7 @@ def call(**changed):
         ),
         (
             {"limits": fa.MotionLimits(torque=4.0, obstacles=[fa.Wall((0.5, 0.0), (-1.0, 0.0))])},
-            "permit the start, where the tip beyond it is -0.5 m",
+            "limits.obstacles[0] contains the tip at the start",
         ),
         (
             {

@@ -50,6 +50,33 @@ def test_motors_without_a_winding():
         bar(0.3).motor_torque([1.0])
 
 
+def test_motors_at_some_of_the_joints():
+    link = fa.Link(length=1.0, flexible=False, mass_per_length=0.9)
+    joints = [fa.Joint(), fa.Joint(rotor_inertia=ROTOR, gear_ratio=RATIO, winding=WINDING)]
+    arm = fa.Arm(links=[link, link], joints=joints)
+    gain = RATIO * 0.04 / 1.5
+    np.testing.assert_allclose(arm.motor_torque([[0.0, 6.0]]), [[0.0, gain * 6.0]], rtol=1e-14)
+    with pytest.raises(InputError, match=r"arm\.joints\[0\] has no winding, so its voltage must"):
+        arm.motor_torque([1.0, 6.0])
+
+
+def test_voltages_are_inputs_of_linear_models():
+    """The response at low frequency is the speed per voltage 1 / (r K) over i omega."""
+    arm = motor()
+    model = fa.linearize(arm, inputs=["voltage"], outputs=["joint_angle"])
+    assert model.inputs == ("voltage[1]",)
+    assert model.units["voltage[1]"] == "V"
+    omega = 1e-3
+    response = model.frequency_response(omega)
+    assert response.shape == (1, 1)
+    constant = (0.3 + RATIO**2 * ROTOR) * 1.5 / (RATIO * 0.04) ** 2
+    expected = 1.0 / (RATIO * 0.04) / (1j * omega * (1.0 + 1j * omega * constant))
+    np.testing.assert_allclose(response, [[expected]], rtol=1e-9)
+    assert np.array_equal(model.frequency_response([omega, 1.0])[0], response)
+    with pytest.raises(InputError, match="contain voltage, but no joint has a winding"):
+        fa.linearize(bar(0.3), inputs=["voltage"])
+
+
 def in_volts(**changes):
     """A scenario of the motor under 12 V for 0.6 s, in which it reaches its steady rate."""
     samples = {"rate": 10.0, "interpolation": "hold", "values": [[12.0]] * 7}

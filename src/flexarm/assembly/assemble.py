@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flexarm.assembly.hub_radius import move_root
 from flexarm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.beams.parts import inverse_inertia
+from flexarm.beams.table_points import interpolation_error
 from flexarm.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, empty_constants
@@ -193,6 +194,15 @@ def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
             return _segments.__wrapped__(link)
     except InputError as error:
         raise error.at(f"arm.links[{index}]") from None
+
+
+@lru_cache(maxsize=64)
+def table_error(link: Link) -> float:
+    """Return ``interpolation_error`` of a link; zero if it is rigid or has no table."""
+    if link.table is None or not link.flexible:
+        return 0.0
+    columns = {name: np.array(values) for name, values in link.beam() if values is not None}
+    return interpolation_error(BeamTable(**columns))
 
 
 @lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from flexarm.arguments import check_kind, check_positive
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, check_controller
 from flexarm.control.gains import joint_problems
-from flexarm.errors import InputError, Problem, problems_of, public_call
+from flexarm.errors import InputError, Problem, problems_of, public_call, unknown_arguments
 from flexarm.model.checks import faults_of
 from flexarm.model.drives.parameters import Declared, Parameters, parameters_of, record_of
 from flexarm.model.help_text import TypeText, args_text, type_text
@@ -47,6 +47,9 @@ class Parametrised(Parameters):
     @public_call
     def __init__(self, *values: Any, **named: Any) -> None:
         kind: Any = type(self)
+        known = _signature(kind).parameters
+        if not named.keys() <= known.keys():
+            raise unknown_arguments(named, known)
         try:
             bound = _signature(kind).bind(*values, **named)
         except TypeError as error:

@@ -130,5 +130,9 @@ def initial_state(
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
         rule = f"have shape ({arm.dof},) for the coordinates of the arm"
         raise InputError(Problem("initial", rule, f"shape {given.shape}", hint))
-    rates = np.zeros(arm.dof) if qd is None else qd
-    return arm.padded(np.stack([given, check_array("initial_rate", rates, (arm.dof,))]))
+    rates = np.zeros(arm.dof) if qd is None else check_array("initial_rate", qd, (-1,))
+    if rates.size != arm.dof:
+        hint = "Arm.rest(joint_rates) gives the rates of straight links."
+        rule = f"have shape ({arm.dof},) for the rates of the coordinates"
+        raise InputError(Problem("initial_rate", rule, f"shape {rates.shape}", hint))
+    return arm.padded(np.stack([given, rates]))

@@ -145,8 +145,9 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
             driven = [
                 independence(residuals, good, signal) for signal in run.record.inputs.values()
             ]
-            # The smallest of several probabilities (Bonferroni).
-            values["independence"][place] = min(1.0, len(driven) * min(driven)) if driven else 1.0
+            tested = [probability for probability in driven if np.isfinite(probability)]
+            if tested:  # the smallest of several probabilities (Bonferroni)
+                values["independence"][place] = min(1.0, len(tested) * min(tested))
     labels = {name: {"units": unit, "long_name": text} for name, (unit, text) in _MEASURES.items()}
     variables = {name: (("record", "channel"), values[name], labels[name]) for name in _MEASURES}
     return xr.Dataset(variables, {"record": [run.name for run in runs], "channel": channels})

@@ -285,27 +285,28 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     # in phase there, so that it has fewer wrong minima.
     early = problem.beginning()
     if early is not None:
-        first, _ = _minimum(early, scaled, loss, iterations, _COARSE)
+        first, _, _ = _minimum(early, scaled, loss, iterations, _COARSE)
         found = problem.outputs(problem.vector(first))
         if found is not None:
             scaled = first
             outputs, _ = problem.tune(problem.vector(first), found, robust)
     free = problem.noise.keys() - problem.fixed
-    converged, change = True, 0.0
+    converged, change, left = True, 0.0, iterations
     for attempt in range(_ROUNDS):
         precision = _COARSE if free and attempt == 0 else _FINE
-        scaled, converged = _minimum(problem, scaled, loss, iterations, precision)
+        scaled, converged, used = _minimum(problem, scaled, loss, left, precision)
+        left -= used
         vector = problem.vector(scaled)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
-        if change < _SETTLED:
+        if change < _SETTLED or left < 1:
             break
     return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
 def _minimum(
     problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
-) -> tuple[FloatArray, bool]:
-    """Return the scaled changes with the smallest residuals, and whether the search converged.
+) -> tuple[FloatArray, bool, int]:
+    """Return the changes with the smallest residuals, whether the search converged, evaluations.
 
     The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
     cannot go on from a vector without derivatives, so the search ends at the vector before.
@@ -340,8 +341,8 @@ def _minimum(
     except FitFailure:
         if not accepted:
             raise
-        return accepted[-1], False
-    return found.x, found.status > 0
+        return accepted[-1], False, iterations
+    return found.x, found.status > 0, int(found.nfev)
 
 
 def _inside(scaled: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from flexarm.arguments import check_choice, check_count, check_each, check_flag,
 from flexarm.arm import Arm
 from flexarm.errors import (
     AccuracyWarning,
+    ConvergenceWarning,
     IdentifiabilityWarning,
     InputError,
     Problem,
@@ -78,7 +79,7 @@ def identify(
     loss: str = "linear",
     method: str = "output_error",
     torque_noise: ArrayLike | None = None,
-    iterations: int = 50,
+    iterations: int = 200,
     integrator: str | Integrator = "auto",
     step: float | None = None,
     rtol: float = 1e-7,
@@ -115,7 +116,9 @@ def identify(
         torque_noise: of prediction errors, as in `ExtendedKalmanFilter`: standard deviation of a
             random torque error in each sample (N m), one for all joints or one for each. It is
             estimated by default; 0 gives output error.
-        iterations: most evaluations of a fit from one start.
+        iterations: most evaluations of the residuals of a fit from one start, over all rounds in
+            which the noise is estimated anew. Those of the beginnings of long records, which are
+            fitted first, are limited separately.
         integrator, step, rtol, atol: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
@@ -134,6 +137,7 @@ def identify(
 
     Warns:
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
+        ConvergenceWarning: if the fit has not converged.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
             controller, so that the estimates may be biased; or if a channel has a fit below 5 %.
     """
@@ -170,11 +174,8 @@ def identify(
     predicted = [
         _predicted(run, found, shared.motors, parameters, best, iterations) for run in others
     ]
-    if indistinct:
-        warn_caller(" ".join(indistinct), IdentifiabilityWarning)
     fit = fits_of(runs, best.outputs)
-    _warn_of_poor_fits(fit, fitted)
-    return Identification(
+    result = Identification(
         arm=found,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
         motors=shared.motors,
@@ -190,6 +191,12 @@ def identify(
         method=method,
         converged=best.converged,
     )
+    if indistinct:
+        warn_caller(" ".join(indistinct), IdentifiabilityWarning)
+    if not result.converged:
+        warn_caller(result.remarks[0], ConvergenceWarning)
+    _warn_of_poor_fits(fit, fitted)
+    return result
 
 
 def _warn_of_poor_fits(fit: xr.Dataset, records: Mapping[str, MeasuredRecord]) -> None:

@@ -11,7 +11,14 @@ import numpy as np
 
 from flexarm.arguments import check_path
 from flexarm.control.base import Controller, Reference
-from flexarm.errors import InputError, Problem, nearest, public_call
+from flexarm.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    nearest,
+    public_call,
+    warn_caller,
+)
 from flexarm.identification.filtering import without_phase
 from flexarm.identification.labels import (
     MEASURED,
@@ -32,6 +39,8 @@ from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
 #: Interval, in typical ones, from which samples are missing.
 _GAP = 1.5
+#: Rounding of times, in their intervals, that matters: a hundredth shifts a sample by as much.
+_COARSE = 0.01
 #: Names of the column of the time.
 _TIMES = ("time", "t", "Time", "TIME")
 #: Cutoff of the filter before a record is reduced to a lower rate, as a fraction of that rate.
@@ -44,10 +53,13 @@ def read_record(
     channels: Mapping[str, str | Column | Mapping[str, Any]] | None = None,
     *,
     time: str | None = None,
+    time_unit: str | None = None,
     sample_time: float | None = None,
     rate: float | None = None,
     start: float | None = None,
     end: float | None = None,
+    encoding: str = "utf-8",
+    skip: int = 0,
     controller: Controller | None = None,
     reference: Reference | None = None,
     hardware: Hardware | None = None,
@@ -63,10 +75,14 @@ def read_record(
             that of the joint, link or gauge, from 1. Columns of arrays are ``name[0]`` and so on,
             fields of structures ``name.field``. By default, all columns whose names are channels.
             A unit in brackets after the name of a column applies.
-        time: column of the time (s), by default "time" or "t"; or ``sample_time``, s.
+        time: column of the time, by default "time" or "t", of numbers or of dates and times of
+            ISO 8601; or ``sample_time``, s.
+        time_unit: "s", "ms" or "us"; by default that in brackets after the name, or s.
         rate: Hz; samples between those of the file are interpolated linearly. A lower rate than
             that of the file is preceded by a low-pass filter without phase shift.
-        start, end: part of the file to read, in its own time.
+        start, end: part of the file to read, in its own time, s.
+        encoding, skip: of a .csv or .txt file: its encoding, and the number of lines before its
+            header. Lines that begin with # are comments. A line of units may follow the header.
         controller, reference, hardware, settings: as in ``MeasuredRecord``.
 
     Returns:
@@ -76,13 +92,20 @@ def read_record(
     Raises:
         InputError: if the file cannot be read, a column is missing, a unit does not fit, or the
             times do not increase; all problems are listed.
+
+    Warns:
+        FlexarmWarning: if a column contains text, or the times are rounded so coarsely that equal
+            intervals replace them.
     """
     file = check_path("path", path)
-    given = {"time": time, "sample_time": sample_time, "rate": rate, "start": start, "end": end}
+    given = {"time": time, "time_unit": time_unit, "sample_time": sample_time, "rate": rate}
+    given |= {"start": start, "end": end}
     own = {name: value for name, value in given.items() if value is not None}
     fields: dict[str, Any] = {
         "file": file.name,
         "channels": {} if channels is None else channels,
+        "encoding": encoding,
+        "skip": skip,
         **own,
         **settings,
     }
@@ -102,7 +125,7 @@ def record_of_file(
     Raises:
         InputError: as ``read_record``.
     """
-    table = read_table(file)
+    table = read_table(file, description.encoding, description.skip)
     names = {split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
     times = _times(description, table, names)
@@ -163,14 +186,51 @@ def _times(description: RecordFile, table: Table, names: Mapping[str, str]) -> F
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
     header = _header("time", name, table, names)
-    unit = split_unit(header)[1]
+    unit = description.time_unit or split_unit(header)[1]
     times = table[header] * (factor_of("time", unit, "s") if unit else 1.0)
+    missing = np.flatnonzero(~np.isfinite(times))
+    if missing.size:
+        hint = "Omit lines before the header with skip, and lines of text after the samples."
+        raise InputError(Problem("time", f"has no number in sample {missing[0] + 1}", hint=hint))
+    return _increasing(times)
+
+
+def _increasing(times: FloatArray) -> FloatArray:
+    """Return times that increase; equal intervals replace those that a file has rounded.
+
+    Raises:
+        InputError: if the times do not increase, even without their rounding.
+    """
+    uniform = np.linspace(times[0], times[-1], times.size)
+    interval = (times[-1] - times[0]) / max(times.size - 1, 1)
+    unit = _last_digit(times)
+    error = float(np.abs(times - uniform).max())
+    if 1e-6 * interval < error <= unit and unit > _COARSE * interval > 0.0:
+        warn_caller(
+            f"the times are rounded to {unit:g} s; equal intervals of {interval:.6g} s replace "
+            "them. Give sample_time instead of a column of the time.",
+            FlexarmWarning,
+        )
+        return uniform
     wrong = np.flatnonzero(~(np.diff(times) > 0.0))
     if wrong.size:
         k = int(wrong[0]) + 1
         rule = f"must increase from sample to sample, but sample {k + 1} is at {times[k]:.9g} s"
-        raise InputError(Problem("time", rule, hint="Remove repeated samples, or split the file."))
+        hint = "Remove repeated samples, or split the file."
+        if times[k] == times[k - 1] and unit > _COARSE * interval:
+            hint = f"The times are rounded to {unit:g} s. Give sample_time instead, or split gaps."
+        raise InputError(Problem("time", rule, hint=hint))
     return times
+
+
+def _last_digit(times: FloatArray) -> float:
+    """Return the decimal unit (s) of which all times are multiples; zero below a nanosecond."""
+    for digits in range(10):
+        counts = times * 10.0**digits
+        # A decimal number of a file is within a few roundings of the product.
+        if np.all(np.abs(counts - np.rint(counts)) <= 1e-9 + 4e-16 * np.abs(counts)):
+            return float(10.0**-digits)
+    return 0.0
 
 
 def _uniform(

@@ -43,7 +43,8 @@ class Identification:
         fit: dataset over ``record`` and ``channel``: ``fit`` (percent, 100 is perfect), ``rms`` of
             the residuals (SI units), ``whiteness`` and ``independence``: the probabilities of
             correlations as large as those among residuals, and between residuals and inputs, if
-            the model were complete. NaN for a channel that a record does not have.
+            the model were complete; NaN for a test without residuals or without an input that
+            changes. All are NaN for a channel that a record does not have.
         validation: the same for the records that were not fitted.
         histories: dataset by the name of a record, fitted or not: ``measured`` and ``simulated``
             (time, channel), after the filters, NaN where samples are missing. With
@@ -118,12 +119,19 @@ class Identification:
             found.append((name, *(f"{value:.5g}" for value in numbers), remark))
         return found
 
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences about a fit that has not converged and about what the data do not determine."""
+        hint = "Raise iterations, or give the noise of the channels."
+        unfinished = [] if self.converged else [f"The fit has not converged. {hint}"]
+        return [*unfinished, *self.undetermined]
+
     def __str__(self) -> str:
         lines = [aligned([HEADS, *self.rows()])]
         lines.append(aligned([FIT_HEADS, *fit_rows(self.fit)]))
         if self.validation.sizes["record"]:
             lines.append("validation\n" + aligned([FIT_HEADS, *fit_rows(self.validation)]))
-        lines += self.undetermined
+        lines += self.remarks
         return "\n\n".join(lines)
 
     def __repr__(self) -> str:
@@ -159,10 +167,17 @@ def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
             one = fits.sel(record=record, channel=channel)
             if not np.isfinite(one["rms"]):
                 continue
-            tests = ("passed" if one[k] > SIGNIFICANT else "failed" for k in _TESTS)
+            tests = (_verdict(float(one[k])) for k in _TESTS)
             numbers = f"{float(one['fit']):.2f}", f"{float(one['rms']):.3g}"
             found.append((record, channel, *numbers, *tests))
     return found
+
+
+def _verdict(probability: float) -> str:
+    """Return the outcome of a test of residuals."""
+    if np.isnan(probability):
+        return "not tested"
+    return "passed" if probability > SIGNIFICANT else "failed"
 
 
 def aligned(rows: list[tuple[Any, ...]]) -> str:

@@ -81,7 +81,8 @@ def centred(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
 def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS) -> float:
     """Return the probability of correlations as large as those of residuals, if they were white.
 
-    The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks.
+    The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks. NaN
+    without residuals.
 
     Args:
         residuals: (samples,)
@@ -90,6 +91,8 @@ def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS)
     from scipy.stats import chi2
 
     count = int(valid.sum())
+    if not np.any(residuals):
+        return np.nan
     lags = min(lags, max(1, count // 4))
     rho, pairs = correlation_of(centred(residuals, valid), valid, lags)
     statistic = (count + 2) / count * float(np.sum(pairs[1:] * rho[1:] ** 2))
@@ -102,7 +105,7 @@ def independence(
     """Return the probability of correlations as large as those between residuals and an input.
 
     Residuals that depend on past inputs (0 to ``lags`` samples) give a small value, residuals that
-    are correlated over time for another reason do not.
+    are correlated over time for another reason do not. NaN without residuals or input.
 
     Args:
         residuals: (samples,)
@@ -114,7 +117,7 @@ def independence(
     residuals, signal = centred(residuals, valid), signal - signal.mean()
     scale = float(np.sum(residuals**2)) / int(valid.sum())
     if scale == 0.0 or not np.any(signal):
-        return 1.0
+        return np.nan
     lags = min(lags, max(1, signal.size // 4))
     past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
     column = Column(residuals, (past * valid).T, valid)
@@ -251,6 +254,9 @@ def undetermined(
 ) -> list[tuple[list[int], float]]:
     """Return the combinations of parameters that the data do not determine.
 
+    The criterion is the relative standard deviation of ``covariance_of``, without the priors of
+    the physical parameters.
+
     Args:
         priors: as for ``covariance_of``; those of the physical parameters are not used.
         scale: (parameters,) changes that count as 100 %.
@@ -260,18 +266,33 @@ def undetermined(
         The places of the parameters of each combination, the most important one first, and the
         relative standard deviation of the combination, at least 0.5.
     """
+    places = np.flatnonzero(physical)
+    covariance = covariance_of(columns, np.where(physical, 0.0, priors))[np.ix_(places, places)]
+    covariance = covariance / np.outer(scale[places], scale[places])
+    lost = ~np.isfinite(np.diag(covariance))
+    covariance[lost] = covariance[:, lost] = 0.0
+
+    def deviations(vectors: FloatArray) -> FloatArray:
+        """Return the standard deviations (k,) of combinations, the columns (n, k) of an array."""
+        return np.sqrt(np.maximum(np.sum(vectors * (covariance @ vectors), axis=0), 0.0))
+
     own = own_information(columns, priors, scale, physical)
     values, vectors = np.linalg.eigh(own)
     values = np.sqrt(np.maximum(values, 0.0))
-    weak = (values * UNDETERMINED < 1.0) | (values <= _ROUNDING * values[-1])
-    places = np.flatnonzero(physical)
-    found = []
-    for vector in _sparse(vectors[:, weak].T):
+    weak = (deviations(vectors) > UNDETERMINED) | (values <= _ROUNDING * values[-1])
+    combinations = list(_sparse(vectors[:, weak].T))
+    # A single parameter may be uncertain although no eigenvector is.
+    alone = np.eye(places.size)[deviations(np.eye(places.size)) > UNDETERMINED]
+    combinations += [unit for unit in alone if not np.any(unit @ vectors[:, weak])]
+    named = []
+    for vector in combinations:
         order = np.argsort(-np.abs(vector))
-        named = [int(places[k]) for k in order if abs(vector[k]) > _NAMED * np.abs(vector).max()]
-        share = np.sqrt(max(vector @ own @ vector, 0.0)) / np.linalg.norm(vector)
-        found.append((named, float(1.0 / share) if share > 0.0 else np.inf))
-    return found
+        most = _NAMED * np.abs(vector).max()
+        involved = [int(k) for k in order if abs(vector[k]) > most]
+        deviation = float(deviations(vector[:, None])[0] / np.linalg.norm(vector))
+        hidden = lost[involved].any() or deviation == 0.0
+        named.append(([int(places[k]) for k in involved], np.inf if hidden else deviation))
+    return named
 
 
 def _sparse(vectors: FloatArray) -> FloatArray:

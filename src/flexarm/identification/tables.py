@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
-from itertools import islice
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +13,25 @@ from numpy.typing import NDArray
 
 from flexarm.arguments import library_missing
 from flexarm.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
+from flexarm.identification.labels import split_unit
 
 #: Columns (samples,) by name.
 Table = dict[str, NDArray[np.float64]]
-#: Lines of a CSV file that may precede its header, as comments.
-_HEAD_LINES = 200
+#: Cells of a line of units for a column without a unit.
+_UNITLESS = ("", "-", "1")
+#: Beginning of a date and time of ISO 8601.
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, encoding: str = "utf-8", skip: int = 0) -> Table:
     """Return the columns of a file of measurements.
 
     An array of several columns becomes ``name[0]``, ``name[1]``, ...; the fields of structures are
-    joined by dots.
+    joined by dots. A column of times of ISO 8601 becomes seconds from its first one.
+
+    Args:
+        encoding, skip: of a text file: its encoding, and the number of lines before its header.
 
     Raises:
         InputError: if the format is unknown, or the file cannot be read.
@@ -37,7 +44,7 @@ def read_table(path: Path) -> Table:
         rule = "which is not a file" if path.exists() else "which does not exist"
         raise InputError(Problem("path", f"is {str(path)!r}, {rule}"))
     try:
-        return read(path)
+        return _csv(path, encoding, skip) if read is _csv else read(path)
     except InputError:
         raise
     except Exception as error:  # damaged files raise anything, depending on the damage
@@ -45,22 +52,66 @@ def read_table(path: Path) -> Table:
         raise InputError(Problem("path", " ".join(rule.split())[:300])) from None
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> Table:
+    """Return the columns of a text file; a line of units after the header names their units."""
     import pandas as pd
 
-    with path.open(encoding="utf-8-sig") as file:
-        lines = [line for line in islice(file, _HEAD_LINES) if line.strip() and line[0] != "#"]
-    head = lines[0] if lines else ""
-    delimiter = next((mark for mark in ";\t," if mark in head), " ")
+    lines = _text_of(path, encoding).splitlines()[skip:]
+    lines = [line for line in lines if line.strip() and line.lstrip()[0] != "#"]
+    if not lines:
+        rule = f"{path.name!r} has no lines" + (f" after the first {skip}" if skip else "")
+        raise InputError(Problem("path", rule))
+    mark = next((mark for mark in ";\t," if mark in lines[0]), None)
+    decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
+    cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
+    units: list[str] = []
+    numeric = [any(_is_number(cell, decimal) for cell in row) for row in cells]
+    if numeric == [False, False, True]:
+        units = [cell.strip('"[]() ') for cell in cells[1]]
+        del lines[1]
     frame = pd.read_csv(
-        path,
-        sep=r"\s+" if delimiter == " " else delimiter,
+        StringIO("\n".join(lines)),
+        sep=mark or r"\s+",
         comment="#",
         skipinitialspace=True,
-        decimal="," if delimiter != "," and "," in "".join(lines[1:]) else ".",
-        encoding="utf-8-sig",
+        decimal=decimal,
     )
+    if len(units) == len(frame.columns):
+        frame.columns = [
+            f"{name} [{unit}]" if unit not in _UNITLESS and not split_unit(name)[1] else name
+            for name, unit in zip(map(str, frame.columns), units, strict=True)
+        ]
     return _of_frame(frame)
+
+
+def _text_of(path: Path, encoding: str) -> str:
+    """Return the text of a file.
+
+    Raises:
+        InputError: if the encoding is unknown, or the file has another one.
+    """
+    try:
+        return path.read_text("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
+    except LookupError:
+        hint = "Common ones are utf-8, latin-1 and utf-16."
+        raise InputError(
+            Problem("encoding", "be the name of an encoding", repr(encoding), hint)
+        ) from None
+    except UnicodeError:
+        with path.open("rb") as file:
+            other = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "latin-1"
+        hint = f"Try encoding={other!r}."
+        raise InputError(
+            Problem("path", f"{path.name!r} is not a text in {encoding}", hint=hint)
+        ) from None
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    try:
+        float(text.strip('"').replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _parquet(path: Path) -> Table:
@@ -79,6 +130,10 @@ def _of_frame(frame: Any) -> Table:
 
     table: Table = {}
     for name in frame:
+        instants = _instants(frame[name])
+        if instants is not None:
+            table[str(name).strip()] = instants
+            continue
         numbers = pd.to_numeric(frame[name], errors="coerce")
         text = frame[name][numbers.isna() & frame[name].notna()]
         if text.size and numbers.notna().any():  # a column of text alone may be a remark
@@ -86,6 +141,17 @@ def _of_frame(frame: Any) -> Table:
             warn_caller(f"column {name!r} has {some}; they count as missing.", FlexarmWarning)
         table[str(name).strip()] = np.asarray(numbers, dtype=np.float64)
     return table
+
+
+def _instants(column: Any) -> NDArray[np.float64] | None:
+    """Return dates and times of a column in seconds from the first one; None for other columns."""
+    import pandas as pd
+
+    if column.dtype.kind != "M":
+        if pd.api.types.is_numeric_dtype(column) or not _DATE.match(str(column.iloc[0])):
+            return None
+        column = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
+    return np.asarray((column - column.iloc[0]).dt.total_seconds(), dtype=np.float64)
 
 
 def _netcdf(path: Path) -> Table:

@@ -13,7 +13,7 @@ from flexarm.arguments import check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.bending import one_warning, warn_of_first
 from flexarm.control.base import Controller, Reference, check_reference
-from flexarm.errors import InputError, Problem, check_array, public_call
+from flexarm.errors import InputError, Problem, check_frequencies, public_call
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import control_system
 from flexarm.loop_analysis.margins import (
@@ -57,14 +57,15 @@ class SampledModel:
         """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
 
         Args:
-            omega: (frequencies,) rad/s.
+            omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
 
         Raises:
-            InputError: if ``omega`` is not an array of finite numbers.
+            InputError: if ``omega`` is not a finite number or an array of them.
         """
-        z = np.exp(1j * self.sample_time * check_array("omega", omega, (-1,)))
-        found = response(self.A, self.B, self.C, z) + self.D
-        return found.astype(np.complex128)
+        omega = check_frequencies(omega)
+        z = np.exp(1j * self.sample_time * np.atleast_1d(omega))
+        values = (response(self.A, self.B, self.C, z) + self.D).astype(np.complex128)
+        return values if omega.ndim else values[0]
 
     @public_call
     def to_control(self) -> control.StateSpace:

@@ -55,9 +55,9 @@ class RecordType(ModelMetaclass):
             return super().__call__(**given)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
             found = [fault.problem(cls.__name__) for fault in faults_of(error)]
-            raise ModelError(*found).at(cls.__name__) from None
+            raise ModelError(*found).at(cls._called or cls.__name__) from None
         except InputError as error:
-            raise error.at(cls.__name__) from None
+            raise error.at(cls._called or cls.__name__) from None
 
     @property
     def __signature__(cls) -> Signature:
@@ -138,6 +138,8 @@ class Record(BaseModel, metaclass=RecordType):
     _columns: ClassVar[tuple[str, ...]] = ()
     """Fields that are the columns of a table: lists with one entry for each of its rows."""
     _kw_only: ClassVar[bool] = True
+    _called: ClassVar[str] = ""
+    """Public class whose constructor takes the fields, if it is another one, for messages."""
 
     def __init_subclass__(cls, *, kw_only: bool = True, **config: Any) -> None:
         super().__init_subclass__(**config)

@@ -142,13 +142,27 @@ def _excluded(
         problems.append(Problem("limits.torque", rule, _listed(torque)))
     for bound in bounds:
         value = _at_rest(arm, rest, bound)
-        if np.any(bound.excess(value) > 0.0):
-            what = "the tip beyond it" if bound.name == "clearance" else bound.name
-            where = f"{what} is {_listed(value[:, 0])}{UNITS[bound.name]}"
+        if bound.name == "clearance":
+            problems += _inside(name, value[:, 0])
+        elif np.any(bound.excess(value) > 0.0):
+            where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
             given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
             rule = f"permit the {name}, where {where}"
             problems.append(Problem(f"limits.{bound.name}", rule, given))
     return problems
+
+
+def _inside(name: str, distances: FloatArray) -> list[Problem]:
+    """Return the obstacles that contain the tip at rest.
+
+    Args:
+        distances: (obstacles,) of the tip minus the clearance; negative inside.
+    """
+    hint = "The normal of a Wall points out of the solid; a RoundWall is solid unless inside=True."
+    rule = f"contains the tip at the {name}, clearance included"
+    return [
+        Problem(f"limits.obstacles[{i}]", rule, hint=hint) for i in np.flatnonzero(distances < 0.0)
+    ]
 
 
 def _at_rest(arm: Arm, rest: Equilibrium, bound: Bound) -> FloatArray:

@@ -7,6 +7,17 @@ file is written; use ``figure.savefig(path)``. The names in ``__init__.pyi`` are
 are first used, because some modules of this package do not need Matplotlib.
 """
 
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        return _load(name)
+    except AttributeError as error:
+        from flexarm.errors import with_nearest
+
+        raise with_nearest(error, name, __all__) from None

@@ -68,10 +68,7 @@ def identification_page(engine: Any, found: Identification, title: str, notes: s
 
 
 def _warnings(found: Identification) -> list[str]:
-    texts = list(found.undetermined)
-    if not found.converged:
-        hint = "raise the number of iterations, or give the noise of the channels"
-        texts.append(f"The fit has not converged: {hint}.")
+    texts = list(found.remarks)
     bound = found.parameters["parameter"].values[found.parameters["at_bound"].values].tolist()
     if bound:
         texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 METHODS = ("dynamic", "quasi_static")
 #: Two runs, one with half the step, must agree to this fraction of the largest deviation. The
 #: linearization error exceeds it if deflections are significant.
-RTOL = 1e-2
+RTOL = 1e-3
 #: Maximum number of times that the steps are halved.
 _HALVINGS = 12
 

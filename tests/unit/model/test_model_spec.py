@@ -120,7 +120,7 @@ def test_wrong_arms_are_rejected_with_every_reason(values, problems):
     with pytest.raises(ModelError) as caught:
         ArmSpec(**values)
     reported = [line for line in str(caught.value).splitlines() if "mass_per_length" not in line]
-    assert reported == [f"ArmSpec: {text}" for text in problems]
+    assert reported == [f"Arm: {text}" for text in problems]
 
 
 def test_massless_links_are_accepted_where_inertia_remains():

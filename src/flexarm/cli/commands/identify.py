@@ -9,7 +9,7 @@ import xarray as xr
 
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import IdentifiabilityWarning
+from flexarm.errors import ConvergenceWarning, IdentifiabilityWarning
 from flexarm.identification.result import FIT_HEADS, HEADS, Identification, fit_rows
 from flexarm.identification.study import PreparedIdentification
 from flexarm.output import write_result
@@ -34,16 +34,15 @@ def identify_file(path: Path, out: Path | None, result: Path | None, quiet: bool
         check_place("--result", result, (".nc",))
     with warnings.catch_warnings():  # printed below
         warnings.simplefilter("ignore", IdentifiabilityWarning)
+        warnings.simplefilter("ignore", ConvergenceWarning)
         found = prepared.run(False if quiet else None)
     screen = console()
     screen.print(numbers("Estimates", HEADS, found.rows()), soft_wrap=True)
     screen.print(_fits("Fit", found, found.fit), soft_wrap=True)
     if found.validation.sizes["record"]:
         screen.print(_fits("Validation", found, found.validation), soft_wrap=True)
-    for sentence in found.undetermined:
+    for sentence in found.remarks:
         warn(sentence)
-    if not found.converged:
-        warn("the fit has not converged; raise fit.iterations, or give the noise of the channels")
     if out is not None:
         found.write(out)
         screen.print(f"arm in {out}", soft_wrap=True)

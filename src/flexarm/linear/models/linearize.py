@@ -68,8 +68,9 @@ def linearize(
             that is given.
         qd: (dof,) rates; zero by default.
         torque: (joints,) N m; by default those of the inverse dynamics at zero acceleration.
-        inputs: "torque", "tip_force", "tip_moment", "base_acceleration"; a `Load`, whose numbers
-            give the direction of a unit input; or a pair of a name and a `Load`.
+        inputs: "torque", "voltage" (of joints with a winding), "tip_force", "tip_moment",
+            "base_acceleration"; a `Load`, whose numbers give the direction of a unit input; or a
+            pair of a name and a `Load`.
         outputs: channels of results such as "joint_angle", "tip", "strain", "torque"; a `Sensor`.
         tip_force, loads, base_acceleration, contacts: those at the operating point, as in
             `Arm.forward_dynamics`. A contact that is open at the operating point has no effect on

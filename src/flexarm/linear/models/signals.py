@@ -22,6 +22,7 @@ class Input(NamedTuple):
     name: str
     unit: str
     joint: int | None = None  # position among the joints
+    gain: float = 1.0  # torque (N m) of a joint by the input
     load: Load | None = None  # the load of a unit input
     axis: int | None = None  # axis of the acceleration of the base
 
@@ -55,7 +56,7 @@ CHANNEL_OUTPUTS = {
     "contact_force": ("contact", "N"),
     "contact_gap": ("contact", "m"),
 }
-INPUTS = ("torque", "tip_force", "tip_moment", "base_acceleration")
+INPUTS = ("torque", "voltage", "tip_force", "tip_moment", "base_acceleration")
 
 InputName = str | Load | tuple[str, Load]
 OutputName = str | Sensor
@@ -96,6 +97,8 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     last = arm.links
     if name == "torque":
         return [Input(f"torque[{n}]", "N m", joint=k) for k, n in enumerate(arm.joint_numbers)]
+    if name == "voltage":
+        return _voltages(arm)
     if name == "tip_force":
         forces = ((1.0, 0.0), (0.0, 1.0))
         return [
@@ -108,6 +111,24 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
         return [Input(f"base_acceleration[{a}]", "m/s^2", axis=k) for k, a in enumerate(_AXES)]
     rule = "be a Load or one of " + ", ".join(map(repr, INPUTS))
     raise InputError(Problem("inputs", rule, shown(name)))
+
+
+def _voltages(arm: Arm) -> list[Input]:
+    """Return the voltages of the joints that have a winding, as inputs.
+
+    The back electromotive force is part of the damping of the joint.
+    """
+    voltages = []
+    for k, n in enumerate(arm.joint_numbers):
+        joint = arm.spec.joints[n - 1]
+        if joint.winding is not None:
+            voltages.append(Input(f"voltage[{n}]", "V", joint=k, gain=joint.torque_per_voltage))
+    if not voltages:
+        hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
+        raise InputError(
+            Problem("inputs", "contain voltage, but no joint has a winding", hint=hint)
+        )
+    return voltages
 
 
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
@@ -196,9 +217,9 @@ def state_names(arm: Arm) -> tuple[list[str], list[str]]:
 
 
 def torque_places(inputs: list[Input], joints: int) -> FloatArray:
-    """Return the derivative (joints, inputs) of the torque by the inputs."""
+    """Return the derivative (joints, inputs) of the torque by the inputs, N m per unit of each."""
     matrix = np.zeros((joints, len(inputs)))
     for column, item in enumerate(inputs):
         if item.joint is not None:
-            matrix[item.joint, column] = 1.0
+            matrix[item.joint, column] = item.gain
     return matrix

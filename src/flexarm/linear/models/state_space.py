@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexarm.arguments import check_choice, library_missing
 from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import check_array, public_call
+from flexarm.errors import check_frequencies, public_call
 from flexarm.linear.models.transfer import frequency_response, slowest_first, transmission_zeros
 from flexarm.notebook import html_table
 
@@ -101,13 +101,14 @@ class LinearModel:
         steady response exists.
 
         Args:
-            omega: (frequencies,) rad/s.
+            omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
 
         Raises:
-            InputError: if ``omega`` is not an array of finite numbers.
+            InputError: if ``omega`` is not a finite number or an array of them.
         """
-        omega = check_array("omega", omega, (-1,))
-        return frequency_response(self.A, self.B, self.C, self.D, omega)
+        omega = check_frequencies(omega)
+        response = frequency_response(self.A, self.B, self.C, self.D, np.atleast_1d(omega))
+        return response if omega.ndim else response[0]
 
     @public_call
     def zeros(self, input: str | None = None, output: str | None = None) -> Any:

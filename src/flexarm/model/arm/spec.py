@@ -46,6 +46,7 @@ class ArmSpec(Record):
         """Convert None to an arm without a payload."""
         return Payload() if value is None else value
 
+    _called: ClassVar[str] = "Arm"
     _hints: ClassVar[dict[str, str]] = {
         "gravity": "Gravity that pulls down is [0, -9.81].",
     }

@@ -18,6 +18,7 @@ from flexarm.model.quantities import (
     Number,
     Positive,
     Word,
+    plain,
 )
 from flexarm.model.wording import Fault
 
@@ -145,6 +146,16 @@ class RecordFile(RecordSettings):
         ),
     )
     time: Word | None = Field(default=None, description="Column of the time; by default time or t.")
+    time_unit: Literal["s", "ms", "us"] | None = Field(
+        default=None,
+        description="Unit of the time; by default that in brackets after its name, or s.",
+    )
+    encoding: Word = Field(
+        default="utf-8", description="Encoding of a .csv or .txt file, such as latin-1."
+    )
+    skip: Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)] = Field(
+        default=0, description="Number of lines of a .csv or .txt file before its header."
+    )
     sample_time: Positive | None = Field(
         default=None, description="Sample time (s), instead of a column of the time."
     )
@@ -162,6 +173,8 @@ class RecordFile(RecordSettings):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if not given.absent("time") and not given.absent("sample_time"):
             yield Fault(("sample_time",), "cannot be combined with time")
+        if not given.absent("time_unit") and not given.absent("sample_time"):
+            yield Fault(("time_unit",), "cannot be combined with sample_time, which is in seconds")
         if given.has("start", "end") and given.end <= given.start:
             rule = f"be greater than start ({given.start:g})"
             yield Fault(("end",), rule, shown(given.end))

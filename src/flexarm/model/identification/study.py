@@ -49,7 +49,9 @@ class FitSettings(Record):
             "for each, for prediction_error (N m); estimated by default."
         ),
     )
-    iterations: Count = Field(default=50, description="Most evaluations of a fit from one start.")
+    iterations: Count = Field(
+        default=200, description="Most evaluations of the residuals of a fit from one start."
+    )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
     step: Positive | None = Field(default=None, description="Fixed step of the integrator (s).")
     rtol: Positive = Field(default=1e-7, description="Relative tolerance of a step.")
