@@ -11,20 +11,29 @@ from __future__ import annotations
 
 import math
 
+from flexarm.integrate.memory import TOUCHES
+from flexarm.integrate.switching import begin_pushing, pushes, step_to_change
 from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.forces.contact import (
     BEND,
+    BRANCH,
+    BY_SIGN,
+    CLOSING,
+    COUNT,
     DAMPING,
     EXPONENT,
     FRICTION,
     FRICTION_SPEED,
     GAP,
     MOBILITY,
+    OPEN,
+    PUSHING,
+    ROUNDED,
     STIFFNESS,
     VELOCITY,
 )
-from flexarm.kernels.layout import Contacts
+from flexarm.kernels.layout import Array, Contacts
 
 #: A step that exceeds the allowed length by less than this ratio is accepted, because it may have
 #: been extended to a stop.
@@ -39,6 +48,11 @@ _SLOWEST = 1e-3
 _STABLE = 1.0
 #: Fraction of the distances that a repeated step may use.
 _BACK = 0.9
+#: Path of a step near a surface, relative to its radius, below which the gap is a smooth function
+#: of time. It is then interpolated between the ends of the step, up to a little beyond.
+_FLAT, _BEYOND = 0.3, 1.2
+#: Rounding error of a gap, relative to the reach of the arm.
+_SLACK = 1e-14
 #: Maximum depth relative to the radius of a convex surface: at its centre the normal reverses.
 _DEEPEST = 0.9
 #: Path of a step inside a convex surface, relative to its radius, so that no step crosses the
@@ -99,12 +113,84 @@ def step_on(contacts: Contacts) -> None:
             contacts.seen[0, k, column] = contacts.seen[1, k, column]
 
 
-@apart
-def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
-    """Return the longest step (s) that skips no contact, or h if the step of length h is accepted.
+@merged
+def begin_branches(contacts: Contacts, adaptive: bool) -> None:
+    """Select the branch of the laws for the first evaluation of a call."""
+    for k in range(contacts.body.shape[0]):
+        contacts.seen[1, k, BRANCH] = BY_SIGN if adaptive else ROUNDED
 
-    The last evaluation of the dynamics must be at the end of the step. Returns zero if a point is
-    about to leave a convex surface on its other side, (T.10), which no step can prevent.
+
+@apart
+def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
+    """Fix which contacts push at the start of a step, after ``step_on``; return if any changed."""
+    changed = False
+    for k in range(contacts.body.shape[0]):
+        before = contacts.seen[1, k, BRANCH]
+        if before == ROUNDED:
+            continue
+        rate = -contacts.seen[0, k, CLOSING]
+        now = OPEN
+        if pushes(contacts.seen[0, k, GAP], rate, real(contacts.law[k, DAMPING])):
+            now = PUSHING
+        contacts.seen[1, k, BRANCH] = now
+        if before != now and before != BY_SIGN:
+            changed = True
+            counts[TOUCHES] += 1
+            if now == PUSHING:
+                begin_pushing(clock, turning_time(contacts, k, max(_speed(contacts, 0, k), _SLOWEST)))
+    return changed
+
+
+@merged
+def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: float) -> float:
+    """Return the longest step (s) with step control in which the gap is a smooth function of time.
+
+    A gap that is smooth is interpolated. Otherwise a path that is shorter than the gaps at both
+    ends, or than that of a short contact, contains no contact.
+    """
+    bend = _bulge(contacts, k)
+    if contacts.seen[1, k, BRANCH] == PUSHING:
+        return h * _WITHIN / max(path * bend, _TINY)
+    if contacts.law[k, COUNT] == 0.0 and path * bend < _FLAT:
+        return h
+    gaps = max(contacts.seen[0, k, GAP], 0.0) + max(contacts.seen[1, k, GAP], 0.0)
+    return max(_SHARE * turning, _BACK * h * gaps / path)
+
+
+@apart
+def step_to_contact(contacts: Contacts, clock: Array, h: float, reach: float) -> float:
+    """Return the longest step (s) that skips no contact and crosses no opening or closing.
+
+    It is h if the step of length h, with step control, is accepted. The last evaluation of the
+    dynamics must be at the end of the step. See ``step_allowed``.
+    """
+    longest = h
+    for k in range(contacts.body.shape[0]):
+        g0, g1 = contacts.seen[0, k, GAP], contacts.seen[1, k, GAP]
+        pushing = contacts.seen[1, k, BRANCH] == PUSHING
+        speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
+        path = h * speed
+        gaps = max(g0, 0.0) + max(g1, 0.0)
+        if not pushing and _BEYOND * path <= gaps:
+            continue
+        turning = turning_time(contacts, k, max(speed, _SLOWEST))
+        if pushing or path > gaps:
+            allowed = _step_within(contacts, k, h, path, turning)
+            if allowed < _NEARLY * h:
+                longest = min(longest, allowed)
+                continue
+        longest = step_to_change(
+            clock, h, longest, turning, g0, -contacts.seen[0, k, CLOSING], g1,
+            -contacts.seen[1, k, CLOSING], real(contacts.law[k, DAMPING]), pushing, _SLACK * reach,
+        )  # fmt: skip
+    return longest
+
+
+@apart
+def step_allowed(contacts: Contacts, h: float) -> float:
+    """Return the longest fixed step (s) that skips no contact, or h if a step of h is accepted.
+
+    The last evaluation of the dynamics must be at the end of the step.
     """
     longest = h
     for k in range(contacts.body.shape[0]):
@@ -112,22 +198,20 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
         after = max(contacts.seen[1, k, GAP], 0.0)
         speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
         touching = before + after == 0.0
-        path = h * speed
-        if not touching and path <= before + after:
+        if not touching and h * speed <= before + after:
             continue
-        turning = turning_time(contacts, k, max(speed, _SLOWEST))
-        if touching and adaptive:
-            allowed = _WITHIN / (speed * _bulge(contacts, k))
-        elif touching:
-            allowed = min(turning, _fastest_change(contacts, k))
-        elif adaptive:
-            allowed = max(_SHARE * turning, _BACK * h * (before + after) / path)
-        else:
-            allowed = turning
+        allowed = turning_time(contacts, k, max(speed, _SLOWEST))
+        if touching:
+            allowed = min(allowed, _fastest_change(contacts, k))
         if allowed < _NEARLY * h:
             longest = min(longest, allowed)
-    if longest == h:
-        for k in range(contacts.body.shape[0]):
-            if -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST:
-                return 0.0
     return longest
+
+
+@merged
+def passed_through(contacts: Contacts) -> bool:
+    """Return whether a point is about to leave a convex surface on its other side, (T.10)."""
+    passed = False
+    for k in range(contacts.body.shape[0]):
+        passed = passed or -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST
+    return passed
