@@ -28,6 +28,7 @@ from flexarm.kernels.forces.contact import (
     GAP,
     MOBILITY,
     OPEN,
+    POSITION,
     PUSHING,
     ROUNDED,
     STIFFNESS,
@@ -48,9 +49,10 @@ _SLOWEST = 1e-3
 _STABLE = 1.0
 #: Fraction of the distances that a repeated step may use.
 _BACK = 0.9
-#: Path of a step near a surface, relative to its radius, below which the gap is a smooth function
-#: of time. It is then interpolated between the ends of the step, up to a little beyond.
-_FLAT, _BEYOND = 0.3, 1.2
+#: Path of a step, relative to the radius of the surface, and the error of its trapezoidal rule,
+#: relative to the path, below which a cubic through the ends of the step describes the gap, also
+#: a little beyond its end. A path of 0.8 rad of a circle has that error.
+_FLAT, _STRAIGHT, _BEYOND = 0.3, 0.05, 1.2
 #: Rounding error of a gap, relative to the reach of the arm.
 _SLACK = 1e-14
 #: Maximum depth relative to the radius of a convex surface: at its centre the normal reverses.
@@ -142,16 +144,29 @@ def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
 
 
 @merged
-def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: float) -> float:
-    """Return the longest step (s) with step control in which the gap is a smooth function of time.
+def _is_smooth(contacts: Contacts, k: int, h: float, path: float) -> bool:
+    """Return whether a cubic through the ends of a step describes the gap."""
+    if contacts.law[k, COUNT] > 0.0 or path * _bulge(contacts, k) > _FLAT:
+        return False
+    seen = contacts.seen
+    missed = 0.0
+    for axis in range(2):
+        mean = 0.5 * (seen[0, k, VELOCITY + axis] + seen[1, k, VELOCITY + axis])
+        way = seen[1, k, POSITION + axis] - seen[0, k, POSITION + axis]
+        missed += (way - h * mean) ** 2
+    return missed < (_STRAIGHT * path) ** 2
 
-    A gap that is smooth is interpolated. Otherwise a path that is shorter than the gaps at both
-    ends, or than that of a short contact, contains no contact.
+
+@merged
+def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: float) -> float:
+    """Return the longest step (s) with step control whose gap a cubic describes, near a surface.
+
+    The path of such a step is smooth, or shorter than the gaps at both ends or than that of a short
+    contact.
     """
-    bend = _bulge(contacts, k)
     if contacts.seen[1, k, BRANCH] == PUSHING:
-        return h * _WITHIN / max(path * bend, _TINY)
-    if contacts.law[k, COUNT] == 0.0 and path * bend < _FLAT:
+        return h * _WITHIN / max(path * _bulge(contacts, k), _TINY)
+    if _is_smooth(contacts, k, h, path):
         return h
     gaps = max(contacts.seen[0, k, GAP], 0.0) + max(contacts.seen[1, k, GAP], 0.0)
     return max(_SHARE * turning, _BACK * h * gaps / path)

@@ -266,13 +266,15 @@ def _force(
 def force_on_point(contacts: Contacts, k: int, x: Any, y: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
     """Return the world force on the point of contact k at a world position and velocity.
 
-    The real parts of velocity, force, gap and curvature are written to ``seen``.
+    The real parts of all but the energy are written to ``seen``.
     """
     gap, nx, ny, bend = _near(contacts, k, x, y)
     closing = -(nx * vx + ny * vy)
     branch = contacts.seen[1, k, BRANCH]
     fx, fy = _force(contacts, k, branch, gap, closing, nx, ny, vx, vy)
     contacts.seen[1, k, CLOSING] = real(closing)
+    contacts.seen[1, k, POSITION] = real(x)
+    contacts.seen[1, k, POSITION + 1] = real(y)
     contacts.seen[1, k, FORCE] = real(fx)
     contacts.seen[1, k, FORCE + 1] = real(fy)
     contacts.seen[1, k, GAP] = real(gap)
