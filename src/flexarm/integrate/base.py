@@ -14,7 +14,8 @@ registry):
 6. The observed order is the stated order.
 7. It never calls Python, and it allocates nothing per step.
 8. An adaptive method ends a step where a joint meets or leaves a stop or a contact opens or closes
-   (``integrate.switching``); a fixed-step method ends a run that diverges with a status (``steps.followed``).
+   (``integrate.switching``); a fixed-step method ends a run that diverges with a status
+   (``steps.followed``).
 9. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
    a fixed step that is too long for a contact ends with a status.
 """

@@ -44,7 +44,7 @@ def _time(system: System, i: int, stiffness: float) -> float:
 
 @merged
 def _gap(system: System, state: Array, i: int, side: int) -> tuple[float, float]:
-    """Return the angle (rad) to a stop, 0: lower, 1: upper, of the joint of body i, and its rate."""
+    """Return the angle (rad) from the lower (0) or upper (1) stop of body i, and its rate."""
     sign = 1.0 - 2.0 * side
     angle = real(state[0, i, 0]) - real(system.constants.body[i, LOWER_STOP + side])
     return sign * angle, sign * real(state[1, i, 0])

@@ -139,7 +139,9 @@ def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
             changed = True
             counts[TOUCHES] += 1
             if now == PUSHING:
-                begin_pushing(clock, turning_time(contacts, k, max(_speed(contacts, 0, k), _SLOWEST)))
+                begin_pushing(
+                    clock, turning_time(contacts, k, max(_speed(contacts, 0, k), _SLOWEST))
+                )
     return changed
 
 
@@ -165,11 +167,13 @@ def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: flo
     contact.
     """
     if contacts.seen[1, k, BRANCH] == PUSHING:
-        return h * _WITHIN / max(path * _bulge(contacts, k), _TINY)
+        within: float = h * _WITHIN / max(path * _bulge(contacts, k), _TINY)
+        return within
     if _is_smooth(contacts, k, h, path):
         return h
     gaps = max(contacts.seen[0, k, GAP], 0.0) + max(contacts.seen[1, k, GAP], 0.0)
-    return max(_SHARE * turning, _BACK * h * gaps / path)
+    allowed: float = max(_SHARE * turning, _BACK * h * gaps / path)
+    return allowed
 
 
 @apart

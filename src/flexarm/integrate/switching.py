@@ -123,9 +123,7 @@ def first_change(
 
 
 @merged
-def _may_change(
-    h: float, g0: float, r0: float, g1: float, r1: float, pushing: bool
-) -> bool:
+def _may_change(h: float, g0: float, r0: float, g1: float, r1: float, pushing: bool) -> bool:
     """Return whether the interpolated gap comes so near to zero that its error matters."""
     chord = (g1 - g0) / h
     error = _INACCURATE * 0.125 * h * (abs(r0 - chord) + abs(r1 - chord))
