@@ -15,7 +15,9 @@ import numpy as np
 from flexarm.engine.stepping import Run
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.columns import STOP_STIFFNESS
+from flexarm.kernels.columns import LOWER_STOP, STOP_STIFFNESS, UPPER_STOP
+from flexarm.kernels.forces.contact import GAP
+from flexarm.observe import contact_values
 from flexarm.simulation.preparation import RunOptions
 
 #: Ratio of both tolerances, and the least relative tolerance that rounding errors allow.
@@ -35,8 +37,7 @@ def second_run(run: Run, options: RunOptions) -> SecondRun | None:
     """Return the options of a second run; None if ``run`` met neither a contact nor a stop."""
     integrator, progress = run.integrator, run.progress
     if not integrator.adaptive:
-        stops = run.arm.assembly.constants.body[:, STOP_STIFFNESS]
-        if not (run.environment.contacts or np.any(stops)):
+        if not _touches(run):
             return None
         if run.default_step is None:
             return SecondRun(_with_half_the_step(integrator, options), True)
@@ -47,6 +48,17 @@ def second_run(run: Run, options: RunOptions) -> SecondRun | None:
     ratio = _RATIO if tighter else 1.0 / _RATIO
     second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute)
     return SecondRun(second, tighter)
+
+
+def _touches(run: Run) -> bool:
+    """Return whether a contact or a stop is compressed at a sample."""
+    arm, states = run.arm, run.samples[: run.progress.sample]
+    placed, body = run.loads.placed.contacts, run.arm.assembly.constants.body
+    if placed.body.size and np.any(contact_values(arm, placed, states)[..., GAP] < 0.0):
+        return True
+    stopped = body[:, STOP_STIFFNESS] > 0.0
+    angles, body = states[:, 0, stopped, 0], body[stopped]
+    return bool(np.any((angles < body[:, LOWER_STOP]) | (angles > body[:, UPPER_STOP])))
 
 
 def _with_half_the_step(integrator: Integrator, options: RunOptions) -> RunOptions:
