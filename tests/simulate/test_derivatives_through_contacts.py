@@ -172,7 +172,7 @@ def test_identification_through_blows():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.IdentifiabilityWarning)
         found = fa.identify(start, record, ["payload.mass"], **given)
-    assert found.estimates["payload.mass"] == pytest.approx(0.3, rel=1e-5)
+    assert found["payload.mass"] == pytest.approx(0.3, rel=1e-5)
     with pytest.raises(fa.InputError, match="method is not supported with contacts"):
         fa.identify(start, record, ["payload.mass"], method="prediction_error", **given)
 

@@ -22,15 +22,26 @@ from flexarm.simulation.preparation import RunOptions
 
 #: Ratio of both tolerances, and the least relative tolerance that rounding errors allow.
 _RATIO, _LEAST = 0.01, 1e-13
-#: Estimated error above which derivatives get a warning.
-_DOUBTFUL = 1e-3
+#: Difference of both runs above which derivatives get a warning: at a hundredth of the tolerances,
+#: and with half the step, where the error of the result is about the difference.
+_DOUBTFUL, _DOUBTFUL_STEP = 1e-2, 1e-3
 
 
 class SecondRun(NamedTuple):
-    """Options of a second run, and whether it is the more accurate one."""
+    """Options of a second run."""
 
     options: RunOptions
-    tighter: bool
+    tighter: bool  # whether it is the more accurate one
+    allowed: float  # largest difference without a warning
+
+    def doubt(self, error: float) -> str:
+        """Return a warning for an estimated relative error; empty if it is small."""
+        if error <= self.allowed:
+            return ""
+        return (
+            f"the derivatives have an estimated relative error of {error:.1g}, because contacts or "
+            "joint stops amplify errors. Reduce rtol and atol, step or the duration."
+        )
 
 
 def second_run(run: Run, options: RunOptions) -> SecondRun | None:
@@ -40,14 +51,14 @@ def second_run(run: Run, options: RunOptions) -> SecondRun | None:
         if not _touches(run):
             return None
         if run.default_step is None:
-            return SecondRun(_with_half_the_step(integrator, options), True)
+            return SecondRun(_with_half_the_step(integrator, options), True, _DOUBTFUL_STEP)
     elif progress.impacts + progress.touches == 0:
         return None
     used = run.tolerance
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
     second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute)
-    return SecondRun(second, tighter)
+    return SecondRun(second, tighter, _DOUBTFUL)
 
 
 def _touches(run: Run) -> bool:
@@ -91,13 +102,3 @@ def relative_error(array: FloatArray, reference: FloatArray) -> float:
     size = float(np.abs(reference).max(initial=0.0))
     difference = float(np.abs(array - reference).max(initial=0.0))
     return difference / size if size > 0.0 else difference
-
-
-def doubt_of(error: float) -> str:
-    """Return a warning for an estimated relative error; empty if it is small."""
-    if error <= _DOUBTFUL:
-        return ""
-    return (
-        f"the derivatives have an estimated relative error of {error:.1g}: contacts or joint stops "
-        "amplify errors. Reduce rtol and atol, or the duration."
-    )

@@ -27,7 +27,7 @@ from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of
 from flexarm.run_derivatives.adjoint import Gradient, goal_gradient_of
-from flexarm.run_derivatives.error_estimate import doubt_of, relative_error, second_run
+from flexarm.run_derivatives.error_estimate import relative_error, second_run
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import RunOptions, run_options
 from flexarm.simulation.result import coordinates_of
@@ -88,8 +88,8 @@ def goal_gradient(
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
-        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds a
-            thousandth.
+        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
+            1e-2 (with a given step: 1e-3).
 
     Theory page "separation", (D.17).
     """
@@ -144,7 +144,7 @@ def goal_gradient(
             error = relative_error(found.torque, other[1].torque)
             attributes["relative_error"] = error
             run, found = other if second.tighter else (run, found)
-            doubt = doubt or doubt_of(error)
+            doubt = doubt or second.doubt(error)
     if doubt:
         warn_caller(doubt, AccuracyWarning)
     import xarray as xr

@@ -28,7 +28,7 @@ from flexarm.model import Contact, Hardware, Load
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import DualRun, run_in_duals
-from flexarm.run_derivatives.error_estimate import doubt_of, second_run, state_errors
+from flexarm.run_derivatives.error_estimate import second_run, state_errors
 from flexarm.run_derivatives.event_derivatives import EVENTS, crossings, event_slopes, moved_to
 from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.loop_in_duals import loop_in_duals
@@ -108,8 +108,8 @@ def sensitivities(
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
-        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds a
-            thousandth.
+        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
+            1e-2 (with a given step: 1e-3).
 
     Theory page "separation", section 7.
     """
@@ -160,7 +160,7 @@ def sensitivities(
             other = differentiated(second.options)
             errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
             found = other if second.tighter else found
-            doubt = doubt or doubt_of(errors.max())
+            doubt = doubt or second.doubt(errors.max())
     if doubt:
         warn_caller(doubt, AccuracyWarning)
     return _dataset(found, paths, errors)
