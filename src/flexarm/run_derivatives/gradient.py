@@ -27,10 +27,10 @@ from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of
 from flexarm.run_derivatives.adjoint import Gradient, goal_gradient_of
-from flexarm.run_derivatives.error_estimate import relative_error, second_run
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import RunOptions, run_options
 from flexarm.simulation.result import coordinates_of
+from flexarm.simulation.second_run import relative_error, second_run
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -28,7 +28,6 @@ from flexarm.model import Contact, Hardware, Load
 from flexarm.processes import usable_cores
 from flexarm.run_derivatives.channels import channel_derivatives
 from flexarm.run_derivatives.dual_run import DualRun, run_in_duals
-from flexarm.run_derivatives.error_estimate import second_run, state_errors
 from flexarm.run_derivatives.event_derivatives import EVENTS, crossings, event_slopes, moved_to
 from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.loop_in_duals import loop_in_duals
@@ -36,6 +35,7 @@ from flexarm.run_derivatives.parameters import Parameters, has_samples
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
 from flexarm.simulation.preparation import RunOptions, Torque, run_options
 from flexarm.simulation.result import coordinates_of
+from flexarm.simulation.second_run import second_run, state_errors
 
 if TYPE_CHECKING:
     import xarray as xr
