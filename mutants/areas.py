@@ -130,8 +130,9 @@ AREAS: dict[str, Area] = {
                 plain=True,
             ),
             Group(
-                sources=("integrate/**/joint_stops.py",),
+                sources=("integrate/**/joint_stops.py", "integrate/**/switching.py"),
                 tests=(
+                    "unit/integrate/test_switching.py",
                     "simulate/test_joint_stops.py::test_restitution_of_hunt_and_crossley",
                     "simulate/test_joint_stops.py::test_steps_end_at_the_corner_of_a_stop",
                 ),

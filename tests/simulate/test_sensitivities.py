@@ -371,7 +371,7 @@ def test_through_a_joint_stop():
     )
     given = {"torque": lambda t: [2.0], "rate": 200.0}
     run = fa.simulate(arm, 0.4, **given)
-    assert run.attrs["impact_steps"] > 2
+    assert run.attrs["impact_steps"] >= 2
     path = "payload.mass"
     found = fa.sensitivities(arm, 0.4, [path], **given)
 

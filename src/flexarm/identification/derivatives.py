@@ -90,8 +90,13 @@ def _by_duals(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", FlexarmWarning)
+                # Without a second run: derivatives better than the runs are not needed.
                 found = sensitivities(
-                    Arm(case.spec), parameters=paths, progress=False, **run.arguments(case)
+                    Arm(case.spec),
+                    parameters=paths,
+                    error_estimate=False,
+                    progress=False,
+                    **run.arguments(case),
                 )
         except InputError as error:
             refused = [_REFUSED.match(problem.name) for problem in error.problems]

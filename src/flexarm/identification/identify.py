@@ -10,7 +10,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice, check_count, check_each, check_flag, check_kind
+from flexarm.arguments import (
+    check_choice,
+    check_count,
+    check_each,
+    check_flag,
+    check_kind,
+    check_list_of,
+)
 from flexarm.arm import Arm
 from flexarm.errors import (
     AccuracyWarning,
@@ -52,7 +59,7 @@ from flexarm.identification.space import Space, check_free
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
-from flexarm.model import Motors
+from flexarm.model import Contact, Motors
 from flexarm.model.identification.parameters import FreeParameter
 
 #: Losses of residuals, from SciPy.
@@ -80,6 +87,7 @@ def identify(
     method: str = "output_error",
     torque_noise: ArrayLike | None = None,
     iterations: int = 200,
+    contacts: Sequence[Contact] = (),
     integrator: str | Integrator = "auto",
     step: float | None = None,
     rtol: float = 1e-7,
@@ -119,6 +127,7 @@ def identify(
         iterations: most evaluations of the residuals of a fit from one start, over all rounds in
             which the noise is estimated anew. Those of the beginnings of long records, which are
             fitted first, are limited separately.
+        contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
         integrator, step, rtol, atol: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
@@ -146,6 +155,10 @@ def identify(
         check_kind("motors", motors, Motors)
     check_choice("loss", loss, LOSSES)
     disturbed = _check_method(method, torque_noise, loss, arm)
+    touching = check_list_of("contacts", contacts, Contact)
+    if touching and method == "prediction_error":
+        rule = "is not supported with contacts"
+        raise InputError(Problem("method", rule, hint='Use method="output_error".'))
     count, iterations = check_count("starts", starts), check_count("iterations", iterations)
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
@@ -159,6 +172,7 @@ def identify(
     parameters = check_free(free)
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}
+    options |= {"contacts": touching} if touching else {}
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun
     runs = [kind(name, record, arm, options) for name, record in fitted.items()]

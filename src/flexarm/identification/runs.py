@@ -239,7 +239,7 @@ class RecordRun:
         """Return the initial coordinates and rates (dof,)."""
         angles = self._angles + case.q[arm.joint_index]
         if self.record.settings.initial == "equilibrium":
-            return equilibrium(arm, angles).q, case.qd
+            return equilibrium(arm, angles, contacts=self._options.get("contacts", ())).q, case.qd
         bent = case.q.copy()
         bent[arm.joint_index] = angles
         return bent, case.qd

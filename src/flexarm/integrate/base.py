@@ -13,8 +13,9 @@ registry):
 5. After a failure, the last good state is kept and a status gives the reason, never NaN.
 6. The observed order is the stated order.
 7. It never calls Python, and it allocates nothing per step.
-8. An adaptive method ends a step where a joint meets or leaves a stop (``integrate.joint_stops``);
-   a fixed-step method ends a run that diverges with a status (``steps.followed``).
+8. An adaptive method ends a step where a joint meets or leaves a stop or a contact opens or closes
+   (``integrate.switching``); a fixed-step method ends a run that diverges with a status
+   (``steps.followed``).
 9. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
    a fixed step that is too long for a contact ends with a status.
 """
@@ -91,7 +92,8 @@ class Progress:
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
-    impacts: int = 0  # steps that an adaptive method has shortened to meet or leave a joint stop
+    impacts: int = 0  # steps of an adaptive method that ended where a joint met or left a stop
+    touches: int = 0  # the same for contacts that opened or closed
     memory: Memory | None = None  # None: no data of earlier steps
     method: tuple[Any, ...] | None = None  # record of the integrator for the same steps
     entry: Entry | None = None  # cached entry point of the stepper
@@ -112,11 +114,14 @@ class Progress:
         if self.entry is None or self.entry.kernel is not stepper:
             self.entry = Entry(stepper)
         memory.clock[TIME] = self.time
-        memory.counts[:] = self.sample, self.steps, self.rejected, self.evaluations, self.impacts
+        memory.counts[:] = (
+            self.sample, self.steps, self.rejected, self.evaluations, self.impacts, self.touches,
+        )  # fmt: skip
         status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
         self.time, self.step = float(memory.clock[TIME]), float(memory.clock[STEP])
         counts = memory.counts.tolist()
-        self.sample, self.steps, self.rejected, self.evaluations, self.impacts = counts
+        self.sample, self.steps, self.rejected, self.evaluations = counts[:4]
+        self.impacts, self.touches = counts[4:]
         return Status(status)
 
 

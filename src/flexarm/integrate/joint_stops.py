@@ -1,8 +1,7 @@
-"""Detection of joint stops: steps that end where a joint meets or leaves a stop.
+"""Joint stops in steps: which of them push, and the steps that end where they change.
 
-The torque of a stop (R.33) has a corner there, across which no formula keeps its order. The error
-estimate of a step may not detect it, because stages inside the stop may have zero weight in the
-estimate. Theory page "integration", below (I.4).
+The torque of a stop (R.33) is that of a one-sided spring, see ``switching``. The error estimate of
+a step may not detect its corner, because stages inside the stop may have zero weight in it.
 """
 
 from __future__ import annotations
@@ -10,79 +9,96 @@ from __future__ import annotations
 import math
 
 from flexarm.integrate.base import System
-from flexarm.kernels.columns import FREE, JOINT_UW, LOWER_STOP, STOP_STIFFNESS
-from flexarm.kernels.compilation.cache import merged
+from flexarm.integrate.memory import IMPACTS, Memory
+from flexarm.integrate.switching import begin_pushing, pushes, step_to_change
+from flexarm.kernels.columns import (
+    FREE,
+    JOINT_UW,
+    LOWER_PUSHES,
+    LOWER_STOP,
+    STOP_DAMPING,
+    STOP_STIFFNESS,
+    STOPS_FIXED,
+)
+from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
 
-#: Allowed distance in time of a corner from an end of a step, as a fraction of the time in which
-#: the stop reverses the joint. The relative error of the rate is then half its square.
-_SHARE = 1e-6
-#: The same as a fraction of the current time, several times its rounding error.
-_ROUNDING = 2e-15
-#: Intervals of a step that are searched for a crossing, and bisections that locate it.
-_PARTS, _HALVINGS = 8, 50
-#: A cubic has no crossing if the distances of its ends add up to more than this many paths of the
-#: faster end.
-_REACH = 1.5
+#: Rounding error of a joint angle, rad.
+_SLACK = 1e-14
 
 
 @merged
-def _angle(x: float, h: float, q0: float, v0: float, q1: float, v1: float) -> float:
-    """Return the joint angle at x (0 to 1) of a step, by cubic Hermite interpolation."""
-    y = 1.0 - x
-    ends: float = q0 * y * y * (1.0 + 2.0 * x) + q1 * x * x * (3.0 - 2.0 * x)
-    return ends + h * x * y * (v0 * y - v1 * x)
+def _stiffness(system: System, i: int) -> float:
+    c = system.constants
+    stiffness: float = real(c.body[i, STOP_STIFFNESS] * c.body[i, FREE])
+    return stiffness
 
 
 @merged
-def _crossing(
-    corner: float, h: float, q0: float, v0: float, q1: float, v1: float, allowed: float
-) -> float:
-    """Return the first time (s) after ``allowed`` at which the angle crosses the corner, or inf."""
-    if abs(q0 - corner) + abs(q1 - corner) > _REACH * h * max(abs(v0), abs(v1)):
-        return math.inf
-    for part in range(_PARTS):
-        low = part / _PARTS
-        high = (part + 1.0) / _PARTS
-        before = _angle(low, h, q0, v0, q1, v1) - corner
-        after = _angle(high, h, q0, v0, q1, v1) - corner
-        if (before < 0.0) == (after < 0.0):
-            continue
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            if (_angle(middle, h, q0, v0, q1, v1) - corner < 0.0) == (before < 0.0):
-                low = middle
-            else:
-                high = middle
-        if high * h > allowed:
-            return high * h
-    return math.inf
+def _time(system: System, i: int, stiffness: float) -> float:
+    """Return the time (s) in which the stops of the joint of body i reverse it."""
+    inertia = max(real(system.work.body[i, JOINT_UW]), 0.0)
+    return math.sqrt(inertia / stiffness)
 
 
 @merged
-def step_to_stop(system: System, t: float, state: Array, new: Array, h: float) -> float:
-    """Return the step length from t at which a joint meets or leaves a stop, or h if none does.
+def _gap(system: System, state: Array, i: int, side: int) -> tuple[float, float]:
+    """Return the angle (rad) from the lower (0) or upper (1) stop of body i, and its rate."""
+    sign = 1.0 - 2.0 * side
+    angle = real(state[0, i, 0]) - real(system.constants.body[i, LOWER_STOP + side])
+    return sign * angle, sign * real(state[1, i, 0])
 
-    ``state`` and ``new`` (2, n, 1 + m) are the ends of a step of length h; the last evaluation of
+
+@apart
+def fix_stops(system: System, memory: Memory, begins: bool) -> bool:
+    """Fix which stops push at ``memory.state``; return whether any has changed.
+
+    Args:
+        begins: whether the fixed stops are not those of the step before.
+    """
+    sizes, work = system.sizes, system.work
+    changed = False
+    for _ in range(len(sizes.joint_laws)):
+        for i in range(len(sizes.bodies)):
+            stiffness = _stiffness(system, i)
+            if stiffness <= 0.0:
+                continue
+            work.body[i, STOPS_FIXED] = 1.0
+            damping = real(system.constants.body[i, STOP_DAMPING])
+            for side in range(2):
+                angle, rate = _gap(system, memory.state, i, side)
+                now = pushes(angle, rate, damping)
+                if begins or now != (real(work.body[i, LOWER_PUSHES + side]) > 0.0):
+                    work.body[i, LOWER_PUSHES + side] = 1.0 if now else 0.0
+                    if not begins:
+                        changed = True
+                        memory.counts[IMPACTS] += 1
+                        if now:
+                            begin_pushing(memory.clock, _time(system, i, stiffness))
+    return changed
+
+
+@merged
+def step_to_stop(system: System, memory: Memory, h: float) -> float:
+    """Return the step length at which a stop begins or ceases to push, or h if none does.
+
+    ``memory.state`` and ``memory.new`` are the ends of a step of length h; the last evaluation of
     the dynamics must be the one at ``new``.
     """
-    sizes = system.sizes
-    c = system.constants
+    sizes, work = system.sizes, system.work
     longest = h
     for _ in range(len(sizes.joint_laws)):
         for i in range(len(sizes.bodies)):
-            stiffness = real(c.body[i, STOP_STIFFNESS] * c.body[i, FREE])
+            stiffness = _stiffness(system, i)
             if stiffness <= 0.0:
                 continue
-            inertia = max(real(system.work.body[i, JOINT_UW]), 0.0)
-            allowed = max(_SHARE * math.sqrt(inertia / stiffness), _ROUNDING * abs(t))
+            damping = real(system.constants.body[i, STOP_DAMPING])
             for side in range(2):
-                found = _crossing(
-                    real(c.body[i, LOWER_STOP + side]), h, real(state[0, i, 0]),
-                    real(state[1, i, 0]), real(new[0, i, 0]), real(new[1, i, 0]), allowed,
+                g0, r0 = _gap(system, memory.state, i, side)
+                g1, r1 = _gap(system, memory.new, i, side)
+                longest = step_to_change(
+                    memory.clock, h, longest, _time(system, i, stiffness), g0, r0, g1, r1,
+                    damping, real(work.body[i, LOWER_PUSHES + side]) > 0.0, _SLACK,
                 )  # fmt: skip
-                # Aim beyond the corner: after a step that ends before it, a tiny one would follow.
-                if found + allowed < h:
-                    longest = min(longest, found + 0.5 * allowed)
     return longest

@@ -11,7 +11,7 @@ from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
 #: method divides into equal steps.
-CLOCK_PLACES = 13
+CLOCK_PLACES = 15
 (
     TIME,  # s
     STEP,  # s, next step to try; for a method that works in spans, the longest step
@@ -26,16 +26,19 @@ CLOCK_PLACES = 13
     PLACE,  # number of completed steps
     SOFTENED,  # s, step length of the constants of an implicit method
     BETWEEN,  # 1.0 if the last call paused between two steps, else 0.0
+    RESUMED,  # s, next step after one that ends at the change of a spring, zero without one
+    AHEAD,  # s, from the end of the present step to a change of a spring, zero without one
 ) = range(CLOCK_PLACES)
 
 #: Indices of ``Memory.counts``.
-COUNT_PLACES = 5
+COUNT_PLACES = 6
 (
     SAMPLES,  # number filled so far
     STEPS,  # accepted
     REJECTED,
     EVALUATIONS,  # of the dynamics
-    IMPACTS,  # steps shortened to meet or leave a joint stop
+    IMPACTS,  # steps that ended where a joint met or left a stop
+    TOUCHES,  # steps that ended where a contact opened or closed
 ) = range(COUNT_PLACES)
 
 

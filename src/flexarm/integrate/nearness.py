@@ -11,20 +11,30 @@ from __future__ import annotations
 
 import math
 
+from flexarm.integrate.memory import TOUCHES
+from flexarm.integrate.switching import begin_pushing, pushes, step_to_change
 from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.forces.contact import (
     BEND,
+    BRANCH,
+    BY_SIGN,
+    CLOSING,
+    COUNT,
     DAMPING,
     EXPONENT,
     FRICTION,
     FRICTION_SPEED,
     GAP,
     MOBILITY,
+    OPEN,
+    POSITION,
+    PUSHING,
+    ROUNDED,
     STIFFNESS,
     VELOCITY,
 )
-from flexarm.kernels.layout import Contacts
+from flexarm.kernels.layout import Array, Contacts
 
 #: A step that exceeds the allowed length by less than this ratio is accepted, because it may have
 #: been extended to a stop.
@@ -39,6 +49,12 @@ _SLOWEST = 1e-3
 _STABLE = 1.0
 #: Fraction of the distances that a repeated step may use.
 _BACK = 0.9
+#: Path of a step, relative to the radius of the surface, and the error of its trapezoidal rule,
+#: relative to the path, below which a cubic through the ends of the step describes the gap, also
+#: a little beyond its end. A path of 0.8 rad of a circle has that error.
+_FLAT, _STRAIGHT, _BEYOND = 0.3, 0.05, 1.2
+#: Rounding error of a gap, relative to the reach of the arm.
+_SLACK = 1e-14
 #: Maximum depth relative to the radius of a convex surface: at its centre the normal reverses.
 _DEEPEST = 0.9
 #: Path of a step inside a convex surface, relative to its radius, so that no step crosses the
@@ -99,12 +115,101 @@ def step_on(contacts: Contacts) -> None:
             contacts.seen[0, k, column] = contacts.seen[1, k, column]
 
 
-@apart
-def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
-    """Return the longest step (s) that skips no contact, or h if the step of length h is accepted.
+@merged
+def begin_branches(contacts: Contacts, adaptive: bool) -> None:
+    """Select the branch of the laws for the first evaluation of a call."""
+    for k in range(contacts.body.shape[0]):
+        contacts.seen[1, k, BRANCH] = BY_SIGN if adaptive else ROUNDED
 
-    The last evaluation of the dynamics must be at the end of the step. Returns zero if a point is
-    about to leave a convex surface on its other side, (T.10), which no step can prevent.
+
+@apart
+def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
+    """Fix which contacts push at the start of a step, after ``step_on``; return if any changed."""
+    changed = False
+    for k in range(contacts.body.shape[0]):
+        before = contacts.seen[1, k, BRANCH]
+        if before == ROUNDED:
+            continue
+        rate = -contacts.seen[0, k, CLOSING]
+        now = OPEN
+        if pushes(contacts.seen[0, k, GAP], rate, real(contacts.law[k, DAMPING])):
+            now = PUSHING
+        contacts.seen[1, k, BRANCH] = now
+        if before != now and before != BY_SIGN:
+            changed = True
+            counts[TOUCHES] += 1
+            if now == PUSHING:
+                begin_pushing(
+                    clock, turning_time(contacts, k, max(_speed(contacts, 0, k), _SLOWEST))
+                )
+    return changed
+
+
+@merged
+def _is_smooth(contacts: Contacts, k: int, h: float, path: float) -> bool:
+    """Return whether a cubic through the ends of a step describes the gap."""
+    if contacts.law[k, COUNT] > 0.0 or path * _bulge(contacts, k) > _FLAT:
+        return False
+    seen = contacts.seen
+    missed = 0.0
+    for axis in range(2):
+        mean = 0.5 * (seen[0, k, VELOCITY + axis] + seen[1, k, VELOCITY + axis])
+        way = seen[1, k, POSITION + axis] - seen[0, k, POSITION + axis]
+        missed += (way - h * mean) ** 2
+    return missed < (_STRAIGHT * path) ** 2
+
+
+@merged
+def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: float) -> float:
+    """Return the longest step (s) with step control whose gap a cubic describes, near a surface.
+
+    The path of such a step is smooth, or shorter than the gaps at both ends or than that of a short
+    contact.
+    """
+    if contacts.seen[1, k, BRANCH] == PUSHING:
+        within: float = h * _WITHIN / max(path * _bulge(contacts, k), _TINY)
+        return within
+    if _is_smooth(contacts, k, h, path):
+        return h
+    gaps = max(contacts.seen[0, k, GAP], 0.0) + max(contacts.seen[1, k, GAP], 0.0)
+    allowed: float = max(_SHARE * turning, _BACK * h * gaps / path)
+    return allowed
+
+
+@apart
+def step_to_contact(contacts: Contacts, clock: Array, h: float, reach: float) -> float:
+    """Return the longest step (s) that skips no contact and crosses no opening or closing.
+
+    It is h if the step of length h, with step control, is accepted. The last evaluation of the
+    dynamics must be at the end of the step. See ``step_allowed``.
+    """
+    longest = h
+    for k in range(contacts.body.shape[0]):
+        g0, g1 = contacts.seen[0, k, GAP], contacts.seen[1, k, GAP]
+        pushing = contacts.seen[1, k, BRANCH] == PUSHING
+        speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
+        path = h * speed
+        gaps = max(g0, 0.0) + max(g1, 0.0)
+        if not pushing and _BEYOND * path <= gaps:
+            continue
+        turning = turning_time(contacts, k, max(speed, _SLOWEST))
+        if pushing or path > gaps:
+            allowed = _step_within(contacts, k, h, path, turning)
+            if allowed < _NEARLY * h:
+                longest = min(longest, allowed)
+                continue
+        longest = step_to_change(
+            clock, h, longest, turning, g0, -contacts.seen[0, k, CLOSING], g1,
+            -contacts.seen[1, k, CLOSING], real(contacts.law[k, DAMPING]), pushing, _SLACK * reach,
+        )  # fmt: skip
+    return longest
+
+
+@apart
+def step_allowed(contacts: Contacts, h: float) -> float:
+    """Return the longest fixed step (s) that skips no contact, or h if a step of h is accepted.
+
+    The last evaluation of the dynamics must be at the end of the step.
     """
     longest = h
     for k in range(contacts.body.shape[0]):
@@ -112,22 +217,20 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
         after = max(contacts.seen[1, k, GAP], 0.0)
         speed = max(_speed(contacts, 0, k), _speed(contacts, 1, k))
         touching = before + after == 0.0
-        path = h * speed
-        if not touching and path <= before + after:
+        if not touching and h * speed <= before + after:
             continue
-        turning = turning_time(contacts, k, max(speed, _SLOWEST))
-        if touching and adaptive:
-            allowed = _WITHIN / (speed * _bulge(contacts, k))
-        elif touching:
-            allowed = min(turning, _fastest_change(contacts, k))
-        elif adaptive:
-            allowed = max(_SHARE * turning, _BACK * h * (before + after) / path)
-        else:
-            allowed = turning
+        allowed = turning_time(contacts, k, max(speed, _SLOWEST))
+        if touching:
+            allowed = min(allowed, _fastest_change(contacts, k))
         if allowed < _NEARLY * h:
             longest = min(longest, allowed)
-    if longest == h:
-        for k in range(contacts.body.shape[0]):
-            if -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST:
-                return 0.0
     return longest
+
+
+@merged
+def passed_through(contacts: Contacts) -> bool:
+    """Return whether a point is about to leave a convex surface on its other side, (T.10)."""
+    passed = False
+    for k in range(contacts.body.shape[0]):
+        passed = passed or -contacts.seen[1, k, GAP] * contacts.seen[1, k, BEND] > _DEEPEST
+    return passed

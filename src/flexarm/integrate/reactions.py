@@ -49,7 +49,7 @@ def reactions_many(
             for p in range(3):
                 reactions[k, i, p] = work.body[i, WRENCH_X + p]
                 root_accelerations[k, i, p] = work.body[i, ROOT_ACCELERATION_X + p]
-            passive = passive_torque(sizes, constants, i, states[k])
+            passive = passive_torque(sizes, constants, i, states[k], work)
             relative = accelerations[k, i, 0]
             carrier = work.body[i, ROOT_ACCELERATION_W] - relative
             rotor = rotor_moment(sizes, constants, i, carrier, relative)

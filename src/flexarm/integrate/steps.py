@@ -11,11 +11,11 @@ import math
 from typing import Any
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.joint_stops import step_to_stop
+from flexarm.integrate.joint_stops import fix_stops, step_to_stop
 from flexarm.integrate.memory import (
+    AHEAD,
     COUNT,
     END,
-    IMPACTS,
     LAST_NORM,
     LAST_STEP,
     LENGTH,
@@ -23,12 +23,20 @@ from flexarm.integrate.memory import (
     PLACE,
     REFUSED,
     REJECTED,
+    RESUMED,
     START,
     STEP,
     TIME,
     Memory,
 )
-from flexarm.integrate.nearness import step_allowed, step_on
+from flexarm.integrate.nearness import (
+    begin_branches,
+    fix_branches,
+    passed_through,
+    step_allowed,
+    step_on,
+    step_to_contact,
+)
 from flexarm.integrate.status import (
     CONTACT_UNSEEN,
     DIVERGED,
@@ -250,7 +258,7 @@ def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
 
 @merged
 def _repeat_to(clock: Array, counts: Array, reached: float) -> int:
-    """Reject the step and repeat it to ``reached`` (s), where the forces have a corner."""
+    """Reject the step and repeat it to ``reached`` (s)."""
     counts[REJECTED] += 1
     clock[STEP] = reached
     clock[REFUSED] = 1.0
@@ -270,6 +278,7 @@ def retry_shorter(clock: Array, counts: Array, order: int, h: float, fastest: fl
     counts[REJECTED] += 1
     clock[STEP] = h * shrink
     clock[REFUSED] = 1.0
+    clock[RESUMED] = 0.0
     if clock[STEP] < _SMALLEST * max(abs(clock[TIME]), fastest**-1):
         return STEP_UNDERFLOW if math.isfinite(norm) else NOT_FINITE
     return PAUSED
@@ -278,17 +287,17 @@ def retry_shorter(clock: Array, counts: Array, order: int, h: float, fastest: fl
 @apart
 def judge_step(
     system: System, tolerance: Tolerance, memory: Memory, stages: Array, error: Array, order: int,
-    t: float, h: float,
+    h: float,
 ) -> int:  # fmt: skip
-    """Check a step of length h from t to ``memory.new``, for joint stops and its error.
+    """Check a step of length h to ``memory.new``, for joint stops and its error.
 
     Returns ``DONE`` for an accepted step, with its error in ``clock[NORM]``; ``PAUSED`` if it must
     be repeated with ``clock[STEP]``; otherwise the status that ends the run.
     """
     clock = memory.clock
-    reached = step_to_stop(system, t, memory.state, memory.new, h)
+    clock[AHEAD] = 0.0
+    reached = step_to_stop(system, memory, h)
     if reached < h:
-        memory.counts[IMPACTS] += 1
         return _repeat_to(clock, memory.counts, reached)
     norm = error_norm(system, tolerance, memory.state, memory.new, stages, error, h)
     clock[NORM] = norm
@@ -299,40 +308,59 @@ def judge_step(
 
 @merged
 def judge_contacts(
-    contacts: Contacts, clock: Array, counts: Array, h: float, adaptive: bool
+    contacts: Contacts, clock: Array, counts: Array, h: float, reach: float, adaptive: bool
 ) -> int:
     """Check that a step of length h skips no contact, after an evaluation at its end.
 
-    Returns a code as ``judge_step`` does.
+    ``reach`` of the arm in m. Returns a code as ``judge_step`` does.
     """
-    allowed = step_allowed(contacts, h, adaptive)
-    if allowed == 0.0:
+    if adaptive:
+        allowed = step_to_contact(contacts, clock, h, reach)
+        if allowed < h:
+            return _repeat_to(clock, counts, allowed)
+    elif step_allowed(contacts, h) < h:
+        return CONTACT_UNSEEN
+    if passed_through(contacts):
         return PRESSED_THROUGH
-    if allowed < h:
-        if not adaptive:
-            return CONTACT_UNSEEN
-        return _repeat_to(clock, counts, allowed)
     step_on(contacts)
     return DONE
 
 
 @merged
-def judge_end(system: System, memory: Memory, h: float, adaptive: bool) -> int:
+def judge_end(
+    system: System, tolerance: Tolerance, memory: Memory, h: float, adaptive: bool
+) -> int:
     """Check contacts and inertia after the dynamics was evaluated at the end of a step of length h.
 
     Returns a code as ``judge_step`` does.
     """
     contacts = system.drive.loads.contacts
     if contacts.body.shape[0] > 0:
-        status = judge_contacts(contacts, memory.clock, memory.counts, h, adaptive)
+        reach = 1.0 / tolerance.unit[0, 0, 0]
+        status = judge_contacts(contacts, memory.clock, memory.counts, h, reach, adaptive)
         if status != DONE:
             return status
     return DONE if inertia_left(system) else INERTIA_LOST
 
 
 @merged
-def choose_step(clock: Array, h: float, order: int, lands: bool) -> None:
-    """Choose the step after an accepted one of length h; ``lands``: truncated to meet a stop."""
+def begin_springs(system: System, memory: Memory, adaptive: bool) -> None:
+    """Fix the stops that push, and the branches of contacts, before the evaluation of a call."""
+    begin_branches(system.drive.loads.contacts, adaptive)
+    if adaptive:
+        fix_stops(system, memory, True)
+
+
+@merged
+def fix_springs(system: System, memory: Memory) -> bool:
+    """Fix the stops and contacts that push at the start of a step; return whether any changed."""
+    touched = fix_branches(system.drive.loads.contacts, memory.clock, memory.counts)
+    return fix_stops(system, memory, False) or touched
+
+
+@merged
+def _by_error(clock: Array, h: float, order: int, lands: bool) -> None:
+    """Choose the step after an accepted one of length h by its error."""
     error = max(clock[NORM], _TINY) * _SAFETY ** (-order)
     if clock[LAST_NORM] > 0.0 and clock[REFUSED] == 0.0:
         previous = max(clock[LAST_NORM], _TINY) * _SAFETY ** (-order)
@@ -349,3 +377,20 @@ def choose_step(clock: Array, h: float, order: int, lands: bool) -> None:
     clock[LAST_NORM] = max(clock[NORM], _TINY)
     clock[LAST_STEP] = h
     clock[STEP] = h * grow
+
+
+@merged
+def choose_step(clock: Array, h: float, order: int, lands: bool) -> None:
+    """Choose the step after an accepted one of length h; ``lands``: truncated to meet a stop.
+
+    It ends where a spring will change, if that is near. After the change, the step before it is
+    resumed.
+    """
+    if clock[RESUMED] > 0.0:
+        clock[STEP] = clock[RESUMED]
+        clock[RESUMED] = clock[REFUSED] = clock[LAST_NORM] = 0.0
+    else:
+        _by_error(clock, h, order, lands)
+    if 0.0 < clock[AHEAD] < clock[STEP]:
+        clock[RESUMED] = clock[STEP]
+        clock[STEP] = clock[AHEAD]

@@ -88,7 +88,7 @@ SHORTENING_COLUMNS = 3
 ) = range(SHORTENING_COLUMNS)
 
 # ``Workspace.body`` (n, WORK_BODY_COLUMNS): results for each body, in its axes except WORLD_*.
-WORK_BODY_COLUMNS = 73
+WORK_BODY_COLUMNS = 76
 (
     COSINE,  # of the rotation from the previous body's axes to these
     SINE,
@@ -163,6 +163,9 @@ WORK_BODY_COLUMNS = 73
     WORLD_Y,
     WORLD_X_RATE,  # m/s
     WORLD_Y_RATE,
+    STOPS_FIXED,  # 1.0 while an integrator fixes whether the stops push, 0.0: the angle decides
+    LOWER_PUSHES,  # 1.0 or 0.0, if fixed
+    UPPER_PUSHES,
 ) = range(WORK_BODY_COLUMNS)
 
 # ``Workspace.mode`` (n, m, WORK_MODE_COLUMNS): results for each mode; the last three are used by

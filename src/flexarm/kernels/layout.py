@@ -40,6 +40,8 @@ Array = NDArray[Any]
 LAW_PLACES = 15
 #: Columns of the observed quantities of one contact, named in ``kernels.forces.contact``.
 LOOK_COLUMNS = 9
+#: The same, with two more columns, of what integrators observe.
+SEEN_COLUMNS = 11
 
 
 class Sizes(NamedTuple):
@@ -157,7 +159,7 @@ class Contacts(NamedTuple):
     shortening: Array  # (k, g, g) g(x)
     law: Array  # (k, LAW_PLACES) constants of point, surface and law; see ``forces.contact``
     knots: Array  # (pieces, 9) tabulated surfaces: arc length s, then cubics of x and y in s, m
-    seen: Array  # (2, k, 9) scratch: at the start of a step, and at the last evaluation of forces
+    seen: Array  # (2, k, 11) scratch: at the start of a step, and at the last evaluation of forces
 
 
 class Loads(NamedTuple):
@@ -247,7 +249,7 @@ def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts
         shortening=np.zeros((count, g, g)),
         law=np.zeros((count, LAW_PLACES)),
         knots=np.zeros((pieces, 9)),
-        seen=np.zeros((2, count, LOOK_COLUMNS)),
+        seen=np.zeros((2, count, SEEN_COLUMNS)),
     )
 
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Never
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration
-from flexarm.arguments import check_kind, check_mapping
+from flexarm.arguments import check_flag, check_kind, check_mapping
 from flexarm.arm import Arm
 from flexarm.engine.impacts import Checkpoints
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
+from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -25,10 +26,11 @@ from flexarm.integrate import Integrator
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of
-from flexarm.run_derivatives.adjoint import goal_gradient_of
+from flexarm.run_derivatives.adjoint import Gradient, goal_gradient_of
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
-from flexarm.simulation.preparation import run_options
+from flexarm.simulation.preparation import RunOptions, run_options
 from flexarm.simulation.result import coordinates_of
+from flexarm.simulation.second_run import relative_error, second_run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,6 +56,7 @@ def goal_gradient(
     atol: float = ATOL,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
+    error_estimate: bool = True,
     progress: bool | None = None,
     **unsupported: Never,
 ) -> xr.Dataset:
@@ -69,6 +72,9 @@ def goal_gradient(
             shape of the channel in the result of ``simulate``. Channels that follow from q and qd
             are possible.
         torque: samples (samples, joints), N m.
+        error_estimate: whether a run that meets a contact or a joint stop is repeated at a second
+            tolerance, as in ``sensitivities``. The attribute ``relative_error`` is the largest
+            difference of both gradients by ``torque``, relative to the largest entry.
 
     The other arguments are those of ``simulate``.
 
@@ -82,7 +88,8 @@ def goal_gradient(
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
-        AccuracyWarning: under the conditions of ``simulate``.
+        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
+            1e-2 (with a given step: 1e-3).
 
     Theory page "separation", (D.17).
     """
@@ -115,19 +122,31 @@ def goal_gradient(
         "base_acceleration": base_acceleration,
         "contacts": contacts,
     }
+    check_flag("error_estimate", error_estimate)
     with Meter("differentiating", progress) as meter:
-        checkpoints = Checkpoints.among(len(options.times))
-        known = simulated(arm, options, given, True, meter, checkpoints)
-        run = known.run
-        channels = channels_of(arm, run.samples, names)
-        arrays = {
-            name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
-            for name in names
-        }
-        assert known.samples is not None
-        found = goal_gradient_of(known, known.samples, arrays)
-    if run.doubt:
-        warn_caller(run.doubt, AccuracyWarning)
+
+        def differentiated(options: RunOptions) -> tuple[Run, Gradient]:
+            checkpoints = Checkpoints.among(len(options.times))
+            known = simulated(arm, options, given, True, meter, checkpoints)
+            channels = channels_of(arm, known.run.samples, names)
+            arrays = {
+                name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
+                for name in names
+            }
+            assert known.samples is not None
+            return known.run, goal_gradient_of(known, known.samples, arrays)
+
+        run, found = differentiated(options)
+        doubt, attributes = run.doubt, {}
+        second = second_run(run, options) if error_estimate else None
+        if second is not None:
+            other = differentiated(second.options)
+            error = relative_error(found.torque, other[1].torque)
+            attributes["relative_error"] = error
+            run, found = other if second.tighter else (run, found)
+            doubt = doubt or second.doubt(error)
+    if doubt:
+        warn_caller(doubt, AccuracyWarning)
     import xarray as xr
 
     own = coordinates_of(arm, run.sample_times)
@@ -138,5 +157,5 @@ def goal_gradient(
             "initial_rate": ("coordinate", found.state[1]),
         },
         coords={name: own[name] for name in ("joint", "coordinate")},
-        attrs={"integrator": run.integrator.name, "steps": run.progress.steps},
+        attrs={"integrator": run.integrator.name, "steps": run.progress.steps, **attributes},
     )

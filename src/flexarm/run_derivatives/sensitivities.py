@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Never
+from typing import TYPE_CHECKING, NamedTuple, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration
-from flexarm.arguments import check_kind, check_list_of
+from flexarm.arguments import check_flag, check_kind, check_list_of
 from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.channels import CHANNELS
@@ -33,8 +33,9 @@ from flexarm.run_derivatives.inputs import Inputs
 from flexarm.run_derivatives.loop_in_duals import loop_in_duals
 from flexarm.run_derivatives.parameters import Parameters, has_samples
 from flexarm.run_derivatives.preparation import check_channels, refuse_unsupported, simulated
-from flexarm.simulation.preparation import Torque, run_options
+from flexarm.simulation.preparation import RunOptions, Torque, run_options
 from flexarm.simulation.result import coordinates_of
+from flexarm.simulation.second_run import second_run, state_errors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,13 +67,14 @@ def sensitivities(
     atol: float = ATOL,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
+    error_estimate: bool = True,
     progress: bool | None = None,
     **unsupported: Never,
 ) -> xr.Dataset:
-    """Compute the derivatives of a run with respect to parameters, exact to rounding.
+    """Compute the derivatives of a run with respect to parameters.
 
-    They are the derivatives of the numbers that ``simulate`` computes, with the steps of the
-    integrator constant.
+    They are the derivatives of the steps of the integrator, exact to rounding at constant lengths.
+    They differ from those of the motion by the error of the steps.
 
     Args:
         arm: the arm.
@@ -83,6 +85,10 @@ def sensitivities(
             ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
         channels: names of channels that follow from q and qd; None: all of them.
+        error_estimate: whether a run that meets a contact or a joint stop is repeated at a second
+            tolerance, a hundredth of the first one (with a given step: half of it). The derivatives
+            are then those of the more accurate run, and their largest difference is the coordinate
+            ``relative_error``.
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
@@ -92,7 +98,8 @@ def sensitivities(
 
     Returns:
         Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
-        the channel per unit of the parameter.
+        the channel per unit of the parameter. The coordinate ``relative_error`` over ``parameter``
+        exists if the error was estimated.
 
     Raises:
         InputError: if an argument has the wrong type or value or is not supported, or a parameter
@@ -101,7 +108,8 @@ def sensitivities(
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
-        AccuracyWarning: under the conditions of ``simulate``.
+        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
+            1e-2 (with a given step: 1e-3).
 
     Theory page "separation", section 7.
     """
@@ -137,35 +145,55 @@ def sensitivities(
         stations=0,
         specialized=None,
     )
+    check_flag("error_estimate", error_estimate)
     with Meter("differentiating", progress) as meter:
-        known = simulated(arm, options, given, has_samples(paths), meter)
-        found = _derivatives(known, paths, names)
-    run = known.run
-    if run.doubt:
-        warn_caller(run.doubt, AccuracyWarning)
-    return _dataset(run, paths, found)
+
+        def differentiated(options: RunOptions) -> _Derivatives:
+            known = simulated(arm, options, given, has_samples(paths), meter)
+            return _derivatives(known, paths, names)
+
+        found = differentiated(options)
+        doubt = found.run.doubt
+        second = second_run(found.run, options) if error_estimate else None
+        errors = None
+        if second is not None:
+            other = differentiated(second.options)
+            errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
+            found = other if second.tighter else found
+            doubt = doubt or second.doubt(errors.max())
+    if doubt:
+        warn_caller(doubt, AccuracyWarning)
+    return _dataset(found, paths, errors)
 
 
-def _derivatives(
-    known: Parameters, paths: Sequence[str], names: Sequence[str]
-) -> list[dict[str, FloatArray]]:
+class _Derivatives(NamedTuple):
+    """Derivatives of a run by each parameter."""
+
+    run: Run
+    channels: list[dict[str, FloatArray]]
+    states: FloatArray  # (parameters, samples, 2, n, 1 + m)
+
+
+def _derivatives(known: Parameters, paths: Sequence[str], names: Sequence[str]) -> _Derivatives:
     """Return the derivatives of the channels by each parameter."""
     by = known.derivatives(paths)
     run, arm = known.run, known.run.arm
     events = crossings(known, paths)
     blocks = [by[first : first + DIRECTIONS] for first in range(0, len(by), DIRECTIONS)]
     found: list[dict[str, FloatArray]] = []
+    states: list[FloatArray] = []
     for block, one in zip(blocks, _runs_in_duals(known, blocks), strict=True):
         first, count = len(found), len(block)
         if run.watch is not None and run.watch.log.ended_by is not None:
             moved_to(one.samples, arm, events[-1], first, count)
         channels = channel_derivatives(arm, one, count, names)
         if run.watch is not None:
-            states = arm.unpadded(one.events.slopes[:count])
-            both = zip(channels, event_slopes(events, states, first), strict=True)
+            at_events = arm.unpadded(one.events.slopes[:count])
+            both = zip(channels, event_slopes(events, at_events, first), strict=True)
             channels = [{**channel, **event} for channel, event in both]
         found += channels
-    return found
+        states += list(one.samples.slopes[:count])
+    return _Derivatives(run, found, np.array(states))
 
 
 def _runs_in_duals(known: Parameters, blocks: Sequence[Sequence[Inputs]]) -> list[DualRun]:
@@ -179,9 +207,12 @@ def _runs_in_duals(known: Parameters, blocks: Sequence[Sequence[Inputs]]) -> lis
         return list(pool.map(partial(run_in_duals, known.run, known.inputs), blocks))
 
 
-def _dataset(run: Run, paths: Sequence[str], found: Sequence[dict[str, FloatArray]]) -> xr.Dataset:
+def _dataset(
+    derivatives: _Derivatives, paths: Sequence[str], errors: FloatArray | None
+) -> xr.Dataset:
     import xarray as xr
 
+    run, found = derivatives.run, derivatives.channels
     variables = {}
     for name in found[0]:
         unit, meaning, axes = _label(name)
@@ -201,6 +232,9 @@ def _dataset(run: Run, paths: Sequence[str], found: Sequence[dict[str, FloatArra
         *(variable[0] for variable in variables.values())
     )
     coordinates = {name: value for name, value in coordinates.items() if name in used}
+    if errors is not None:
+        labels = {"units": "1", "long_name": "estimated relative error of the derivatives"}
+        coordinates["relative_error"] = ("parameter", errors, labels)
     attributes = {"integrator": run.integrator.name, "steps": run.progress.steps}
     return xr.Dataset(variables, coords=coordinates, attrs=attributes)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
-from flexarm.integrate.nearness import step_on
+from flexarm.integrate.nearness import fix_branches, step_on
 from flexarm.integrate.samples import (
     begin_call,
     count_first,
@@ -19,8 +19,10 @@ from flexarm.integrate.samples import (
 from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import (
     LONGEST,
+    begin_springs,
     choose_step,
     combine,
+    fix_springs,
     followed,
     judge_end,
     judge_step,
@@ -69,9 +71,11 @@ def advance_explicit(
     t = begin_call(sizes, memory)
     if t >= until:
         return DONE
+    begin_springs(system, memory, adaptive)
     slope_at(system, t, from_right, state, torque, stages, zero)
     count_first(memory)
     step_on(system.drive.loads.contacts)
+    fix_branches(system.drive.loads.contacts, clock, counts)
     for _ in range(max_steps):
         h = clock[STEP]
         if adaptive:
@@ -88,7 +92,7 @@ def advance_explicit(
             combine(sizes, state, stages, A, s, s, h, new)
         counts[EVALUATIONS] += last - 1
         if adaptive:
-            status = judge_step(system, tolerance, memory, stages, record.error, record.order, t, h)
+            status = judge_step(system, tolerance, memory, stages, record.error, record.order, h)
         else:
             status = followed(sizes, tolerance, new, h)
         if status == PAUSED:
@@ -98,7 +102,7 @@ def advance_explicit(
         if last == s:
             slope_at(system, t_new, from_left, new, torque, stages, s)
             counts[EVALUATIONS] += 1
-        status = judge_end(system, memory, h, adaptive)
+        status = judge_end(system, tolerance, memory, h, adaptive)
         if status == PAUSED:
             continue
         if status != DONE:
@@ -125,9 +129,10 @@ def advance_explicit(
         t = t_new
         if adaptive:
             choose_step(clock, h, record.order, lands)
+            lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
-        if lands:  # the torque may jump here, and the last slope is the one from the left
+        if lands:  # a force may change here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
     clock[BETWEEN] = 1.0

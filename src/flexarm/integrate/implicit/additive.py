@@ -18,10 +18,18 @@ import numpy as np
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
-from flexarm.integrate.nearness import step_on
+from flexarm.integrate.nearness import fix_branches, step_on
 from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
 from flexarm.integrate.status import DONE, PAUSED
-from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
+from flexarm.integrate.steps import (
+    begin_springs,
+    choose_step,
+    combine,
+    fix_springs,
+    judge_end,
+    judge_step,
+    step_landing,
+)
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import (
     FREE,
@@ -159,21 +167,23 @@ def advance_additive(
     t = begin_call(sizes, memory)
     if t >= until:
         return DONE
+    begin_springs(system, memory, controlled)
     slope_at(system, t, from_right, state, torque, stages, zero)
     count_first(memory)
     step_on(system.drive.loads.contacts)
+    fix_branches(system.drive.loads.contacts, clock, counts)
     for _ in range(max_steps):
         t_new, h, lands = step_landing(system.drive.stops, t, clock[STEP], until)
         additive_step(system, record, memory, t, h)
         counts[EVALUATIONS] += s - 1
-        status = judge_step(system, tolerance, memory, stages, record.error, record.order, t, h)
+        status = judge_step(system, tolerance, memory, stages, record.error, record.order, h)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
         slope_at(system, t_new, from_left, new, torque, stages, s)
         counts[EVALUATIONS] += 1
-        status = judge_end(system, memory, h, controlled)
+        status = judge_end(system, tolerance, memory, h, controlled)
         if status == PAUSED:
             continue
         if status != DONE:
@@ -186,9 +196,10 @@ def advance_additive(
                     stages[0, level, i, j] = stages[s, level, i, j]
         t = t_new
         choose_step(clock, h, record.order, lands)
+        lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
-        if lands:  # the torque may jump here, and the last slope is the one from the left
+        if lands:  # a force may change here, and the last slope is the one from the left
             slope_at(system, t, from_right, state, torque, stages, zero)
             counts[EVALUATIONS] += 1
     clock[BETWEEN] = 1.0

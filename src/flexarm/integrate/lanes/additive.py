@@ -144,7 +144,7 @@ def advance_additive_lanes(
             drives_of_lanes(sizes, drive, runs, memory, 0.0, not at_end, not from_left)
             _slopes(system, memory, s)
             keep_first_stage(sizes, memory, s)
-            begin_contacts(memory)
+            begin_contacts(runs, memory)
         reach = h * gamma
         drag_at(system, memory.softened, state)
         soften_for(system, memory.softened, reach, reach * h * gamma)

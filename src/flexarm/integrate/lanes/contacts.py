@@ -8,7 +8,7 @@ another.
 from __future__ import annotations
 
 from flexarm.integrate.lanes.data import LaneMemory, LaneRuns
-from flexarm.integrate.nearness import step_on
+from flexarm.integrate.nearness import begin_branches, fix_branches, step_on
 from flexarm.kernels.compilation.cache import apart, inner
 from flexarm.kernels.compilation.packs import LANES, PackArray, fill_lane
 from flexarm.kernels.forces.contact import (
@@ -39,6 +39,7 @@ def fill_contacts(runs: LaneRuns, memory: LaneMemory, lane: int, k: int, arm: in
     for i in range(own.law.shape[1]):
         for j in range(own.law.shape[2]):
             own.law[lane, i, j] = rows.law[k, i, j]
+    begin_branches(contacts_of_lane(memory, lane), own.adaptive)
 
 
 @apart
@@ -65,8 +66,10 @@ def touch_lanes(
 
 
 @apart
-def begin_contacts(memory: LaneMemory) -> None:
+def begin_contacts(runs: LaneRuns, memory: LaneMemory) -> None:
     """Make the last evaluation the start of a step in the lanes marked in ``accepted``."""
     for lane in range(LANES):
         if memory.accepted.array[0, lane] != 0.0:
-            step_on(contacts_of_lane(memory, lane))
+            k, own = memory.run[lane], contacts_of_lane(memory, lane)
+            step_on(own)
+            fix_branches(own, runs.clock[k], runs.counts[k])

@@ -53,8 +53,9 @@ class LaneContacts(NamedTuple):
     """Contacts of each lane, besides their places on the arm."""
 
     law: Array  # (LANES, k, LAW_PLACES)
-    seen: Array  # (LANES, 2, k, LOOK_COLUMNS)
+    seen: Array  # (LANES, 2, k, SEEN_COLUMNS)
     motion: PackArray  # (6,) scratch: position and velocity of a point, force on it
+    adaptive: bool  # whether steps end where a contact opens or closes
 
 
 class LaneMemory(NamedTuple):

@@ -142,7 +142,7 @@ def advance_explicit_lanes(
             _derivatives(sizes, constants, memory, written)
             if stage == 0:
                 keep_first_stage(sizes, memory, s)
-                begin_contacts(memory)
+                begin_contacts(runs, memory)
             if stage == s:
                 measure_steps(sizes, tolerance, method.control, memory)
                 if judge_steps(sizes, method.control, runs, memory):

@@ -89,9 +89,9 @@ class LaneStepper:
         """Return the stepper of a method with the scratch of the present thread."""
         calls: dict[str, _Call] = self._thread.__dict__.setdefault("calls", {})
         if method.name not in calls:
-            sizes, rows = self._sizes, len(method.tableau.c)
+            sizes = self._sizes
             own = self._constants, self._loads, self._tolerance
-            memory = _new_memory(*own, rows, self._several)
+            memory = _new_memory(*own, method, self._several)
             constants, tolerance = memory.constants, self._tolerance._replace(unit=memory.unit)
             if isinstance(method, Additive):
                 system = System(sizes, constants, drive, memory.work)  # type: ignore[arg-type]
@@ -120,10 +120,12 @@ def _additive(method: Additive) -> AdditiveLanes:
 
 
 def _new_memory(
-    constants: ArmConstants, loads: Loads, tolerance: Tolerance, rows: int, several: bool
-) -> LaneMemory:
-    """Allocate the scratch of a thread for a method with ``rows`` stages."""
+    constants: ArmConstants, loads: Loads, tolerance: Tolerance, method: LaneIntegrator,
+    several: bool,
+) -> LaneMemory:  # fmt: skip
+    """Allocate the scratch of a thread for a method."""
     n, m = constants.S.shape
+    rows = len(method.tableau.c)
     work: Any = {
         name: Packs.zeros(*array.shape)
         for name, array in new_workspace(constants)._asdict().items()
@@ -145,7 +147,7 @@ def _new_memory(
         accepted=Packs.zeros(1),
         work=Workspace(**work),
         loads=_loads_of_lanes(loads, several),
-        contacts=_no_contacts(loads.contacts),
+        contacts=_no_contacts(loads.contacts, method.adaptive),
         weights=np.zeros((1, rows)),
         run=np.full(LANES, -1),
         fresh=np.zeros(LANES, dtype=np.int64),
@@ -160,10 +162,10 @@ def _loads_of_lanes(loads: Loads, several: bool) -> Loads:
     return own._replace(contacts=_in_packs(loads.contacts, CONTACT_PLACES * several))
 
 
-def _no_contacts(contacts: Contacts) -> LaneContacts:
+def _no_contacts(contacts: Contacts, adaptive: bool) -> LaneContacts:
     """Allocate the contacts of the lanes."""
     seen = np.zeros((LANES, *contacts.seen.shape))
-    return LaneContacts(np.zeros((LANES, *contacts.law.shape)), seen, Packs.zeros(6))
+    return LaneContacts(np.zeros((LANES, *contacts.law.shape)), seen, Packs.zeros(6), adaptive)
 
 
 def _in_packs(record: Any, names: Iterable[str]) -> Any:

@@ -15,7 +15,8 @@ from typing import Any
 from flexarm.integrate.base import Tolerance
 from flexarm.integrate.lanes.contacts import contacts_of_lane, fill_contacts
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
-from flexarm.integrate.memory import EVALUATIONS, NORM, REJECTED, SAMPLES, STEP, STEPS, TIME
+from flexarm.integrate.memory import AHEAD, EVALUATIONS, NORM, REJECTED, SAMPLES, STEP, STEPS, TIME
+from flexarm.integrate.nearness import fix_branches
 from flexarm.integrate.status import DIVERGED, DONE, INERTIA_LOST, PAUSED
 from flexarm.integrate.steps import (
     choose_step,
@@ -285,7 +286,7 @@ def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: Lane
             memory.norm.array[0, lane], memory.norm.array[1, lane], memory.norm.array[2, lane]
         )
         if control.adaptive:
-            runs.clock[k, NORM] = norm
+            runs.clock[k, NORM], runs.clock[k, AHEAD] = norm, 0.0
             if not norm <= 1.0:
                 if control.error[0, control.error.shape[1] - 1] == 0.0:
                     runs.counts[k, EVALUATIONS] -= 1  # single runs evaluate accepted ends only
@@ -297,7 +298,9 @@ def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: Lane
             status = DIVERGED
         if status == DONE and memory.loads.contacts.body.shape[0] > 0:
             own, h = contacts_of_lane(memory, lane), memory.step.array[0, lane]
-            status = judge_contacts(own, runs.clock[k], runs.counts[k], h, control.adaptive)
+            reach = 1.0 / runs.unit[arm_of(runs, k), 0, 0, 0]
+            clock, counts = runs.clock[k], runs.counts[k]
+            status = judge_contacts(own, clock, counts, h, reach, control.adaptive)
         if status == DONE and not memory.norm.array[3, lane] > 0.0:
             status = INERTIA_LOST
         if status == DONE:
@@ -335,10 +338,12 @@ def end_steps(
             lands = memory.lands[lane] == 1
             if control.adaptive:
                 choose_step(runs.clock[k], memory.step.array[0, lane], control.order, lands)
+                own = contacts_of_lane(memory, lane)
+                lands = fix_branches(own, runs.clock[k], runs.counts[k]) or lands
             if t >= runs.until[k]:
                 _end_run(sizes, runs, memory, lane, DONE)
                 continue
-            if lands:  # the torque may jump here, and the last slope is the one from the left
+            if lands:  # a force may change here, and the last slope is the one from the left
                 memory.fresh[lane] = 1
         if runs.counts[k, STEPS] + runs.counts[k, REJECTED] >= max_steps:
             _end_run(sizes, runs, memory, lane, PAUSED)

@@ -15,8 +15,8 @@ symbol         meaning
 ``s``          arc length along a tabulated surface, m
 =============  =================================================================================
 
-Only two branches depend on the state, and both use real parts alone: the selection of the nearest
-piece of a table, and the steps of Newton's iteration. The spline is twice continuously
+Only three branches depend on the state, and all use real parts alone: the selection of the nearest
+piece of a table, the steps of Newton's iteration, and ``BY_SIGN``. The spline is twice continuously
 differentiable, so force and derivatives are continuous across the knots, and the point found does
 not depend on the path of the iteration.
 """
@@ -59,6 +59,11 @@ CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
 #: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
 #: gap, curvature of the surface, energy stored in the contact.
 POSITION, VELOCITY, FORCE, GAP, BEND, ENERGY = 0, 2, 4, 6, 7, 8
+#: More columns of ``Contacts.seen``: speed of penetration, and the branch of the law.
+CLOSING, BRANCH = 9, 10
+#: Branches of the law. Integrators fix one for a step: no force, or that of a spring, which the
+#: law continues smoothly beyond the surface; or the one of both by the signs of gap and push.
+ROUNDED, BY_SIGN, PUSHING, OPEN = 0.0, 1.0, 2.0, 3.0
 
 #: Rounding radius of the depth (m): far below any measurable length, far above rounding errors.
 CORNER = 1e-9
@@ -160,8 +165,8 @@ def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
 
 @merged
 def _power(depth: Any, exponent: Any) -> Any:
-    """Return depth^exponent for an exponent >= 1; analytic, and exactly the depth for 1."""
-    return depth * exp((exponent - 1.0) * log(depth + _TINY))
+    """Return depth |depth|^(exponent - 1) for an exponent >= 1; exactly the depth for 1."""
+    return depth * exp(0.5 * (exponent - 1.0) * log(depth * depth + _TINY))
 
 
 @merged
@@ -238,14 +243,19 @@ def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, An
 
 @merged
 def _force(
-    contacts: Contacts, k: int, gap: Any, nx: Any, ny: Any, vx: Any, vy: Any
-) -> tuple[Any, Any]:
+    contacts: Contacts, k: int, branch: float, gap: Any, closing: Any, nx: Any, ny: Any, vx: Any,
+    vy: Any,
+) -> tuple[Any, Any]:  # fmt: skip
     """Return the world force on the point of contact k: (T.5) normal, (T.6) tangential."""
     law = contacts.law
-    depth = positive_part(-gap, CORNER)
-    closing = -(nx * vx + ny * vy)
+    depth = -gap
+    push = 1.0 + law[k, DAMPING] * closing
     # A surface never pulls, however fast the point leaves it.
-    push = positive_part(1.0 + law[k, DAMPING] * closing, PUSH)
+    if branch == ROUNDED:
+        depth = positive_part(depth, CORNER)
+        push = positive_part(push, PUSH)
+    elif branch == OPEN or (branch == BY_SIGN and (real(gap) >= 0.0 or real(push) <= 0.0)):
+        depth = 0.0 * depth
     normal = law[k, STIFFNESS] * _power(depth, law[k, EXPONENT]) * push
     sliding = ny * vx - nx * vy
     rub = -law[k, FRICTION] * normal * tanh(sliding / law[k, FRICTION_SPEED])
@@ -256,10 +266,15 @@ def _force(
 def force_on_point(contacts: Contacts, k: int, x: Any, y: Any, vx: Any, vy: Any) -> tuple[Any, Any]:
     """Return the world force on the point of contact k at a world position and velocity.
 
-    The real parts of velocity, force, gap and curvature are written to ``seen``.
+    The real parts of all but the energy are written to ``seen``.
     """
     gap, nx, ny, bend = _near(contacts, k, x, y)
-    fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+    closing = -(nx * vx + ny * vy)
+    branch = contacts.seen[1, k, BRANCH]
+    fx, fy = _force(contacts, k, branch, gap, closing, nx, ny, vx, vy)
+    contacts.seen[1, k, CLOSING] = real(closing)
+    contacts.seen[1, k, POSITION] = real(x)
+    contacts.seen[1, k, POSITION + 1] = real(y)
     contacts.seen[1, k, FORCE] = real(fx)
     contacts.seen[1, k, FORCE + 1] = real(fy)
     contacts.seen[1, k, GAP] = real(gap)
@@ -313,7 +328,8 @@ def look_many(
         for k in range(contacts.body.shape[0]):
             x, y, vx, vy = motion_of_point(sizes, contacts, k, state, work)
             gap, nx, ny, bend = _near(contacts, k, x, y)
-            fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
+            closing = -(nx * vx + ny * vy)
+            fx, fy = _force(contacts, k, ROUNDED, gap, closing, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0
             stored = _power(positive_part(-gap, CORNER), above) / above
             values[sample, k, POSITION] = x

@@ -31,20 +31,23 @@ from flexarm.kernels.columns import (
     JOINT_DAMPING,
     JOINT_REST,
     JOINT_STIFFNESS,
+    LOWER_PUSHES,
     LOWER_STOP,
     ROTOR_INERTIA,
     SMOOTHING_RATE,
     STATIC_RISE,
     STOP_DAMPING,
     STOP_STIFFNESS,
+    STOPS_FIXED,
     STRIBECK_RATE,
+    UPPER_PUSHES,
     UPPER_STOP,
     VISCOUS,
     VISCOUS_EXCESS,
 )
 from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.compilation.numbers import exp, positive_part, sqrt, tanh
-from flexarm.kernels.layout import ArmConstants, Array, Sizes
+from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 
 #: Rounding radius at a stop (rad): far below the resolution of encoders, far above rounding errors.
 CORNER = 1e-9
@@ -93,7 +96,29 @@ def bristle_pull(constants: ArmConstants, i: int, decay: Any) -> Any:
 
 
 @merged
-def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, state: Array) -> Any:
+def _stop_torque(constants: ArmConstants, i: int, angle: Any, rate: Any, work: Workspace) -> Any:
+    """Return the torque (N m) of the stops of the joint of body i, (R.33).
+
+    If an integrator has fixed whether they push, the torque is that of linear springs, which it
+    continues smoothly beyond the stop.
+    """
+    c = constants
+    below = c.body[i, LOWER_STOP] - angle
+    above = angle - c.body[i, UPPER_STOP]
+    # A stop never pulls, however fast the joint leaves it.
+    slow = 1.0 - c.body[i, STOP_DAMPING] * rate
+    fast = 1.0 + c.body[i, STOP_DAMPING] * rate
+    by_angle = positive_part(below, CORNER) * positive_part(slow, PUSH)
+    by_angle -= positive_part(above, CORNER) * positive_part(fast, PUSH)
+    fixed = work.body[i, LOWER_PUSHES] * below * slow - work.body[i, UPPER_PUSHES] * above * fast
+    share = work.body[i, STOPS_FIXED]
+    return c.body[i, STOP_STIFFNESS] * ((1.0 - share) * by_angle + share * fixed)
+
+
+@merged
+def passive_torque(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, work: Workspace
+) -> Any:
     """Return the passive torque (N m) of the joint of body i at a state (2, n, 1 + m)."""
     c = constants
     angle = state[0, i, 0]
@@ -109,12 +134,7 @@ def passive_torque(sizes: Sizes, constants: ArmConstants, i: int, state: Array) 
             torque += c.body[i, BRISTLED] * level * sign  # instead of the function of the rate
             torque -= bristle_pull(c, i, decay) * state[1, i, len(sizes.modes)]
             torque -= c.body[i, BRISTLE_DAMPING] * rate
-        below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
-        above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
-        # A stop never pulls, however fast the joint leaves it.
-        rise = c.body[i, STOP_DAMPING] * rate
-        torque += c.body[i, STOP_STIFFNESS] * below * positive_part(1.0 - rise, PUSH)
-        torque -= c.body[i, STOP_STIFFNESS] * above * positive_part(1.0 + rise, PUSH)
+        torque += _stop_torque(c, i, angle, rate, work)
     return torque
 
 

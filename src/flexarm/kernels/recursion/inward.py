@@ -240,7 +240,7 @@ def inward(
         inverse = free / (D + (1.0 - free))
         held = (1.0 - free) + lag * inverse
         given = torque[i] * (1.0 - free)
-        passive = passive_torque(sizes, c, i, state)
+        passive = passive_torque(sizes, c, i, state, work)
         drive = torque[i] + passive - hw
         work.body[i, JOINT_UX] = Hxw
         work.body[i, JOINT_UY] = Hyw

@@ -157,7 +157,7 @@ def _wrenches(
         ky = ky + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_Y]
         kw = kw + c.body[i, TIP_INERTIA] * work.body[i, TIP_ACCELERATION_W]
         rx, ry, rw = body_wrench(sizes, c, i, acceleration, kx, ky, kw, work)
-        passive = passive_torque(sizes, c, i, state)
+        passive = passive_torque(sizes, c, i, state, work)
         relative = acceleration[i, 0]
         rotor = rotor_moment(sizes, c, i, work.body[i, ROOT_ACCELERATION_W] - relative, relative)
         work.force[i, 0] = c.body[i, FREE] * (rw + c.body[i, GEAR_RATIO] * rotor - passive)
