@@ -17,7 +17,7 @@ from flexarm.control.base import Controller, Reference, check_controller, check_
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
-from flexarm.engine.impacts import run_through_impacts
+from flexarm.engine.impacts import Beginning, compare_loops, run_through_impacts
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
@@ -191,6 +191,7 @@ def simulate(
         refuse_deep_start(simulated, state, placed)
         refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
         if controller is not None:
+            beginning = Beginning.of(run)
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
             unstable = instability(
@@ -199,6 +200,7 @@ def simulate(
             if unstable:
                 warn_caller(unstable, UnstableLoopWarning)
             result = _closed_loop(run, loop, unstable)
+            compare_loops(run, beginning, loop.execute_again)
         else:
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
