@@ -340,7 +340,7 @@ class OpenLanes(Lanes):
             run.state,
             tolerance._replace(unit=tip_units(run.arm), fastest=touch),
             self._options.duration,
-            lambda: system_of(run.arm, (), run.loads, run.drive),
+            partial(system_of, run.arm, (), run.loads, run.drive),
         )
         return choose_by_work(choice, start)
 

@@ -1,30 +1,30 @@
-"""Runs under a given torque: checkpoints, and repetitions if joints meet their stops.
+"""Repetitions of runs in which joints meet their stops.
 
 Each impact multiplies the errors made before it, by 5 to 20 with flexible links: an error of 1e-9
 of the reach at the first impact is 1e-4 at the sixth, even if the impacts are located exactly. So
-such a run is repeated with tighter tolerances until two runs agree to what the requested ones
+a run under a given torque is repeated with tighter tolerances until two runs agree to what the requested ones
 promise, or it gets a warning with the estimated error.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.engine.event_search import Mark
-from flexarm.engine.integrator_choice import Choice, choose_by_drive
-from flexarm.engine.stepping import Run, system_of
+from flexarm.engine.integrator_choice import Choice
+from flexarm.engine.open_loop import Checkpoints as Checkpoints
+from flexarm.engine.open_loop import run_open_loop
+from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import TIGHT
-from flexarm.engine.work import Start, choose_by_work, explicit_work
+from flexarm.engine.work import explicit_work
 from flexarm.errors import SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate import DormandPrince8, KennedyCarpenter5
-from flexarm.integrate.base import FloatArray, Progress, System, Tolerance
+from flexarm.integrate.base import FloatArray, Progress, Tolerance
 from flexarm.kernels.columns import BRISTLE_ROOT, BRISTLED, COULOMB, COULOMB_EXCESS
 
 #: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
@@ -44,68 +44,6 @@ _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
 #: which it gets a warning.
 _WRONG = 1e-3
-
-
-@dataclass
-class Checkpoints:
-    """Step control of a run at some of its samples; the states are those of the samples.
-
-    Attributes:
-        places: (k,) of the samples, ascending, without the first and the last one.
-        clocks: ``Memory.clock`` at each of them; empty if the step is searched for the whole run.
-    """
-
-    places: NDArray[np.intp]
-    clocks: list[FloatArray] = field(default_factory=list)
-
-    @classmethod
-    def among(cls, samples: int) -> Checkpoints:
-        """Return checkpoints whose number and distances are the square root of that of samples."""
-        apart = max(1, math.isqrt(samples))
-        return cls(np.arange(apart, samples - 1, apart))
-
-    def carry(self, run: Run, system: System) -> System:
-        """Advance a run to the last checkpoint; return the system for the next call."""
-        self.clocks.clear()
-        if run.default_step is None:
-            for time in run.sample_times[self.places]:
-                system = run.carry_to(system, float(time))
-                assert run.progress.memory is not None
-                self.clocks.append(run.progress.memory.clock.copy())
-        return system
-
-
-def run_open_loop(
-    run: Run, history: PiecewiseCubic, checkpoints: Checkpoints | None = None
-) -> None:
-    """Simulate a run under a given torque history, and fill ``checkpoints``.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-        SimulationError: if the run cannot continue.
-    """
-    run.history = history
-    changed = run.changes.times if run.changes is not None else np.zeros(0)
-    stops = np.concatenate([run.loads.stops_with(history), changed])
-    choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
-    loads = run.loads
-    start = Start(
-        run.arm,
-        run.progress.state,
-        run.tolerance,
-        run.duration,
-        lambda: system_of(run.arm, run.prescribed, loads, history),
-    )
-    ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
-    choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
-    if choice is not run.choice:
-        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
-        if run.watch is not None:
-            run.watch = replace(run.watch, integrator=choice.integrator)
-    system = run.system(history)
-    if checkpoints is not None:
-        system = checkpoints.carry(run, system)
-    run.carry_to(system, run.duration)
 
 
 def run_through_impacts(
@@ -132,25 +70,41 @@ def run_through_impacts(
     run_open_loop(run, history, checkpoints)
     if not meets_stops(run):
         return
-    allowed = allowed_error(requested)
     if not run.integrator.adaptive:
         _compare_with_half_the_step(run, beginning)
-        return
-    if 0.5 * requested < _TIGHTEST:
-        _compare_with_looser(run, beginning, allowed)
-        return
-    tight, factor = requested, TIGHT
+    elif 0.5 * requested < _TIGHTEST:
+        _compare_with_looser(run, beginning, allowed_error(requested))
+    else:
+        _tighten(run, beginning, history_of, checkpoints)
+
+
+def _tighten(
+    run: Run,
+    beginning: Beginning,
+    history_of: Callable[[float], PiecewiseCubic],
+    checkpoints: Checkpoints | None,
+) -> None:
+    """Repeat a run with tighter tolerances until two runs agree, or warn of the error."""
+    requested = beginning.tolerance.relative
+    tight, factor, allowed = requested, TIGHT, allowed_error(requested)
     while True:
         before = run.samples, run.sample_times, run.progress.sample
         factor = max(factor, _TIGHTEST / tight)
         tight *= factor
         beginning.repeat(run, tight / requested)
         run_open_loop(run, history_of(tight), checkpoints)
-        error = _error_of_finer(difference(run, *before), factor)
-        if not np.any(error > allowed) or 0.5 * tight < _TIGHTEST:
+        apart = difference(run, *before)
+        error = _error_of_finer(apart, factor)
+        if not np.any(error > allowed):
+            return
+        if 0.5 * tight < _TIGHTEST:
             break
         factor = 1.0 / _RATIO
-    _doubt(run, error, allowed)
+    if apart.max() > _PARTED and run.changes is None:
+        # Tolerances so different do not tell: one run may be wrong and the other right.
+        _compare_with_looser(run, beginning, allowed)
+    else:
+        _doubt(run, error, allowed)
 
 
 def meets_stops(run: Run) -> bool:
@@ -305,9 +259,10 @@ def _compare_with_half_the_step(run: Run, beginning: Beginning) -> None:
 
 
 def _compare_with_looser(run: Run, beginning: Beginning, allowed: float) -> None:
-    looser = scaled(beginning.tolerance, _RATIO)
-    apart = _verify(run, beginning, tolerance=looser)
-    _doubt(run, _error_of_finer(apart, 1.0 / _RATIO), allowed)
+    apart = _verify(run, beginning, tolerance=scaled(run.tolerance, _RATIO))
+    error = _error_of_finer(apart, 1.0 / _RATIO)
+    # Once two runs have parted, their difference is the best estimate.
+    _doubt(run, np.where(apart > _PARTED, apart, error), allowed)
 
 
 def _verify(run: Run, beginning: Beginning, **changed: Any) -> FloatArray:
