@@ -47,6 +47,7 @@ class Choice(NamedTuple):
     fastest: float = 1.0  # rad/s, which limits the steps of an explicit method
     open: bool = False  # "auto" without a step: the work of the run may still change the choice
     insisted: bool = False  # an integrator object, which is used whatever its work
+    work: float = 0.0  # estimated evaluations of an open-loop run
 
 
 def check_integrator(

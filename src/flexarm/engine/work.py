@@ -25,8 +25,9 @@ _PHASE = 0.5
 #: Explicit work above which a trial is made. Below, a run takes a few tens of milliseconds at most,
 #: and a second method would have to be compiled.
 _WORTH_A_TRIAL = 20_000.0
-#: Steps of the first round of a trial, and the part of the explicit work that all rounds may take.
-_FIRST_ROUND, _SHARE = 12, 0.05
+#: Steps of the first round of a trial; the part of the explicit work, and the evaluations, that all
+#: rounds may take.
+_FIRST_ROUND, _SHARE, _LONGEST_TRIAL = 12, 0.05, 2e5
 #: The implicit method is chosen if its work is less than this part of the explicit work: at equal
 #: tolerances its error is a hundred times as large, at equal error it takes 2.5 times as much.
 _CHEAPER = 1.0 / 3.0
@@ -34,11 +35,14 @@ _CHEAPER = 1.0 / 3.0
 #: ``_DECAY * visible ** _POWER`` for an amplitude of ``visible`` times the allowed error. Fitted to
 #: links of EI = 1e3 to 1e8 N m^2 that gravity sets into motion; ``visible`` is 40 to 4e4.
 _DECAY, _POWER = 6.0, 0.85
+#: Amplitude, as a multiple of the relative tolerance times the reach, above which a vibration counts
+#: as motion that must be followed.
+_SEEN = 100.0
 #: Evaluations of a step of the implicit method.
 _PER_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop:
-#: the explicit method takes more than 25 steps from one sample to the next.
-_SAMPLED = 150.0
+#: the explicit method takes more than 10 steps from one sample to the next.
+_SAMPLED = 60.0
 #: Work, in evaluations times coordinates, at which a run is refused: hours of computing; or, if
 #: another method takes less than a hundredth, a minute.
 _HOPELESS, _LONG, _BETTER = 1e11, 5e8, 0.01
@@ -82,7 +86,7 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
     work = _work_of(choice.integrator, start.duration, explicit, implicit)
     if not open_end:
         _refuse(choice.integrator, work, implicit, start.duration, size)
-    return choice
+    return choice._replace(work=work)
 
 
 def choose_by_samples(
@@ -137,17 +141,20 @@ def implicit_work(start: Start, explicit: float) -> float:
         ahead = rate * (start.duration - progress.time)
         work = progress.evaluations + min(ahead, _PER_STEP * _decay(start, progress.state))
         decided = work < _CHEAPER * explicit or work > explicit / _CHEAPER
-        if decided or progress.evaluations > _SHARE * explicit:
+        if decided or progress.evaluations > min(_SHARE * explicit, _LONGEST_TRIAL):
             return work
         steps *= 2
 
 
 def _decay(start: Start, state: FloatArray) -> float:
-    """Return the steps after which vibrations that are not resolved have decayed."""
+    """Return the steps after which vibrations have decayed; infinite if they must be followed."""
     tolerance = start.tolerance
-    size = (np.abs(state) / tolerance.unit)[:, :, 1:].max(initial=0.0)
-    visible = size / (tolerance.absolute + tolerance.relative * size)
-    return float(_DECAY * visible**_POWER)
+    absolute, relative, unit = tolerance.absolute, tolerance.relative, tolerance.unit
+    size = (np.abs(state) / unit)[:, :, 1:].max(initial=0.0)
+    reach = 1.0 / unit[0, :, 0].min()
+    if size > _SEEN * (absolute + relative * reach):
+        return np.inf
+    return float(_DECAY * (size / (absolute + relative * size)) ** _POWER)
 
 
 def explicit_work(fastest: float, duration: float) -> float:
@@ -156,9 +163,9 @@ def explicit_work(fastest: float, duration: float) -> float:
 
 
 def _work_of(integrator: Integrator, duration: float, explicit: float, implicit: float) -> float:
-    """Return the evaluations of a method; zero if no trial was needed."""
+    """Return the evaluations of a method; at most, if the implicit method was not tried."""
     if isinstance(integrator, KennedyCarpenter5):
-        return implicit if np.isfinite(implicit) else 0.0
+        return min(implicit, explicit)  # at equal tolerances it is hardly ever more expensive
     if integrator.adaptive or integrator.step is None:
         return explicit
     return duration / integrator.step
@@ -168,7 +175,7 @@ def _refuse(
     integrator: Integrator, work: float, implicit: float, duration: float, size: int
 ) -> None:
     """Raise if a run is hopeless."""
-    better = implicit < _BETTER * work and integrator.adaptive
+    better = implicit < _BETTER * work and (integrator.adaptive or integrator.step is None)
     if work * size <= (_LONG if better else _HOPELESS):
         return
     kind = type(integrator).__name__
@@ -180,5 +187,5 @@ def _refuse(
     if better:
         name = KennedyCarpenter5.name
         remedy = f"Use integrator='auto' or {name!r}, which takes about {implicit:.0e}"
-    hint = f"{remedy}, or pass the object flexarm.{kind}() to run it all the same."
+    hint = f"{remedy}, or pass the object flexarm.integrate.{kind}() to run it all the same."
     raise InputError(Problem("integrator", rule, hint=hint))

@@ -48,6 +48,7 @@ from flexarm.identification.record import (
 from flexarm.identification.result import Identification
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space, check_free
+from flexarm.identification.work import warn_of_work
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
@@ -134,6 +135,7 @@ def identify(
 
     Warns:
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
+        FlexarmWarning: if the times of a record are probably not in seconds.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
             controller, so that the estimates may be biased; or if a channel has a fit below 5 %.
     """
@@ -161,6 +163,7 @@ def identify(
     others = [kind(name, record, arm, options) for name, record in held_out.items()]
     if method == "prediction_error":
         _check_rates([*runs, *others])
+    warn_of_work([*runs, *others], space)
     problem = _problem(space, runs, _watch(progress), {}, disturbed)
     costs, best = _best(problem, count, random, loss, iterations)
     problem.restore(best)
