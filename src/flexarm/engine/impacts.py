@@ -2,8 +2,8 @@
 
 Each impact multiplies the errors made before it, by 5 to 20 with flexible links: an error of 1e-9
 of the reach at the first impact is 1e-4 at the sixth, even if the impacts are located exactly. So
-a run under a given torque is repeated with tighter tolerances until two runs agree to what the requested ones
-promise, or it gets a warning with the estimated error.
+a run under a given torque is repeated with tighter tolerances until two runs agree to what the
+requested ones promise, or it gets a warning with the estimated error.
 """
 
 from __future__ import annotations

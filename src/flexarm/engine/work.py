@@ -35,8 +35,8 @@ _CHEAPER = 1.0 / 3.0
 #: ``_DECAY * visible ** _POWER`` for an amplitude of ``visible`` times the allowed error. Fitted to
 #: links of EI = 1e3 to 1e8 N m^2 that gravity sets into motion; ``visible`` is 40 to 4e4.
 _DECAY, _POWER = 6.0, 0.85
-#: Amplitude, as a multiple of the relative tolerance times the reach, above which a vibration counts
-#: as motion that must be followed.
+#: Amplitude, as a multiple of the relative tolerance times the reach, above which a vibration is
+#: motion that must be followed.
 _SEEN = 100.0
 #: Evaluations of a step of the implicit method.
 _PER_STEP = 9.0

@@ -13,7 +13,7 @@ from flexarm.identification.space import Space
 from flexarm.linear import modes
 from flexarm.simulation.choice import integrator_of
 
-#: Phase (rad) of the slowest vibration between two samples above which a record does not contain it.
+#: Phase (rad) of the slowest vibration from sample to sample above which a record misses it.
 _UNRESOLVED = np.pi
 #: Evaluations of the dynamics times coordinates of a fit, about ten seconds; and runs of a fit for
 #: each free number.
@@ -43,8 +43,8 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         if work * arm.dof > _LONG:
             text = (
                 f"{run.name}: lasts {run.record.duration:.6g} s with a sample every "
-                f"{1.0 / run.record.rate:.3g} s, in which the slowest vibration of the arm turns by "
-                f"{phase:.2g} rad, and a fit would take about {work:.0e} evaluations of the "
+                f"{1.0 / run.record.rate:.3g} s, in which the slowest vibration of the arm turns "
+                f"by {phase:.2g} rad, and a fit would take about {work:.0e} evaluations of the "
                 "dynamics. Times are in seconds: are these in milliseconds?"
             )
             warn_caller(text, FlexarmWarning)
