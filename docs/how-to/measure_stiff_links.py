@@ -36,7 +36,8 @@ def row(rigidity: float) -> str:
 
 def table() -> str:
     """Return the table of all rigidities."""
-    head = '| rigidity (N m^2) | `dormand_prince_8` | `kennedy_carpenter_5` | `"auto"` selects | difference (m) |'
+    names = '`dormand_prince_8` | `kennedy_carpenter_5` | `"auto"` selects'
+    head = f"| rigidity (N m^2) | {names} | difference (m) |"
     return "\n".join([head, "| --- | --- | --- | --- | --- |", *map(row, RIGIDITIES)])
 
 
