@@ -7,9 +7,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.identification.record import check_records
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
-from flexarm.identification.work import warn_of_work
 
 pytestmark = pytest.mark.compiled
 

@@ -16,7 +16,7 @@ from flexarm.batch.lanes import Advance, Lanes, Ready, fits_lanes, is_absent
 from flexarm.batch.variations import Variations
 from flexarm.control.base import Reference, report_of
 from flexarm.engine.integrator_choice import Choice, friction_doubt
-from flexarm.engine.work import choose_by_samples
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.errors import FlexarmError, InputError
 from flexarm.hardware.instruments import stride_and_delay
 from flexarm.integrate.base import FloatArray, Status, Tolerance

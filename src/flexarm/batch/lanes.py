@@ -23,7 +23,7 @@ from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.engine.stepping import system_of
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
-from flexarm.engine.work import Start, choose_by_work
+from flexarm.engine.work.estimate import Start, choose_by_work
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic

@@ -15,7 +15,7 @@ from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
-from flexarm.engine.work import choose_by_samples
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate.base import FloatArray, Status, Tolerance

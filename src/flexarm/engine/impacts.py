@@ -16,11 +16,11 @@ import numpy as np
 
 from flexarm.engine.event_search import Mark
 from flexarm.engine.integrator_choice import Choice
-from flexarm.engine.open_loop import Checkpoints as Checkpoints
-from flexarm.engine.open_loop import run_open_loop
 from flexarm.engine.stepping import Run
 from flexarm.engine.tolerance import TIGHT
-from flexarm.engine.work import explicit_work
+from flexarm.engine.work.estimate import explicit_work
+from flexarm.engine.work.open_loop import Checkpoints as Checkpoints
+from flexarm.engine.work.open_loop import run_open_loop
 from flexarm.errors import SimulationError
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate import DormandPrince8, KennedyCarpenter5

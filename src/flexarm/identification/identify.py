@@ -46,9 +46,8 @@ from flexarm.identification.record import (
     check_some_records,
 )
 from flexarm.identification.result import Identification
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
-from flexarm.identification.work import warn_of_work
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles

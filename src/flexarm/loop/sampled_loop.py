@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.assembly.scratch import as_slice
 from flexarm.engine.integrator_choice import friction_doubt
 from flexarm.engine.stepping import Run
-from flexarm.engine.work import choose_by_samples
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, System

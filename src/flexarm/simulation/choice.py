@@ -10,8 +10,8 @@ from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.engine.events import event_log
 from flexarm.engine.integrator_choice import Choice
-from flexarm.engine.open_loop import choose
 from flexarm.engine.progress import Meter
+from flexarm.engine.work.open_loop import choose
 from flexarm.integrate import Integrator
 from flexarm.loop.sampled_loop import SampleSchedule
 from flexarm.simulation.preparation import run_options, start_of, torque_history

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm.engine.integrator_choice import choose_by_drive
 from flexarm.engine.stepping import Run, system_of
-from flexarm.engine.work import Start, choose_by_work
+from flexarm.engine.work.estimate import Start, choose_by_work
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, System
 
