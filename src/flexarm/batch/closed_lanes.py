@@ -16,6 +16,7 @@ from flexarm.batch.lanes import Advance, Lanes, Ready, fits_lanes, is_absent
 from flexarm.batch.variations import Variations
 from flexarm.control.base import Reference, report_of
 from flexarm.engine.integrator_choice import Choice, friction_doubt
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.errors import FlexarmError, InputError
 from flexarm.hardware.instruments import stride_and_delay
 from flexarm.integrate.base import FloatArray, Status, Tolerance
@@ -99,6 +100,7 @@ class ClosedLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         longest = float(run.drive.controller.sample_time)
+        choice = choose_by_samples(choice, run.arm, longest, self._options.duration)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:

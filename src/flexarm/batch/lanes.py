@@ -21,7 +21,9 @@ from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.engine.stepping import system_of
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
+from flexarm.engine.work.estimate import Start, choose_by_work
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -190,7 +192,10 @@ class Lanes(ABC):
 
     def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
-        choice = self._choice(run, self._tolerance._replace(fastest=fastest))
+        try:
+            choice = self._choice(run, self._tolerance._replace(fastest=fastest))
+        except InputError:  # a hopeless run, which ``alone`` reports
+            return None
         return None if choice.doubt else lane_method(choice.integrator)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
@@ -328,7 +333,16 @@ class OpenLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
-        return choose_by_drive(choice, run.arm, tolerance, stops, self._options.duration)
+        choice = choose_by_drive(choice, run.arm, stops, self._options.duration)
+        touch = max(tolerance.fastest, run.touch)
+        start = Start(
+            run.arm,
+            run.state,
+            tolerance._replace(unit=tip_units(run.arm), fastest=touch),
+            self._options.duration,
+            partial(system_of, run.arm, (), run.loads, run.drive),
+        )
+        return choose_by_work(choice, start)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
         histories = [run.drive for run in ready]

@@ -15,6 +15,7 @@ from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate.base import FloatArray, Status, Tolerance
@@ -88,7 +89,9 @@ class LanePlants:
         self.tick[places] = 0
         for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
             tolerance = self._tolerance._replace(fastest=frequency)
-            method = lane_method(choose_integrator("auto", None, self.arm, tolerance).integrator)
+            choice = choose_integrator("auto", None, self.arm, tolerance)
+            choice = choose_by_samples(choice, self.arm, self._sample_time)
+            method = lane_method(choice.integrator)
             assert method is not None  # "auto" has step control
             if method not in self._methods:
                 self._methods.append(method)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
-from flexarm.engine.impacts import ATOL, RTOL
-from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
-from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.loop.stability import LoopPole
 from flexarm.loop_analysis.sample_time import PHASE, controlled_modes, recommended_sample_time
 from flexarm.scenarios.scenario import Prepared
+from flexarm.simulation.choice import integrator_of
 
 Rows = list[tuple[str, str]]
 
@@ -60,23 +57,19 @@ def about_vibration(
     return rows
 
 
-def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
-    """Return the integrator of a run with these arguments of ``simulate``, and the reason."""
-    given = options or {}
-    q = np.asarray(given.get("initial", np.zeros(arm.dof)))
-    state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
-    tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
-    touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state))
-    prescribed = tuple(given.get("prescribed") or ())
-    choice = choose_integrator("auto", None, arm, tolerance, touch, prescribed)
-    text = f"{choice.integrator.name} is recommended: {choice.reason}"
-    requested, step = given.get("integrator", "auto"), given.get("step")
+def about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Rows:
+    """Return the integrator of a run with these arguments of ``simulate``, and the reason.
+
+    Without arguments, it is that of an arm which moves freely for one second.
+    """
+    arguments = dict(options or {"duration": 1.0})
+    requested, step = arguments.pop("integrator", "auto"), arguments.pop("step", None)
+    duration = arguments.pop("duration")
+    recommended = integrator_of(arm, duration, "auto", None, arguments)
+    text = f"{recommended.integrator.name} is recommended: {recommended.reason}"
     if requested == "auto" and step is None:
         return [("integrator", text)]
-    used = choose_integrator(requested, step, arm, tolerance, touch)
-    if "controller" not in given:
-        stops = getattr(given.get("torque"), "stops", np.zeros(0))
-        used = choose_by_drive(used, arm, tolerance, stops, given["duration"])
+    used = integrator_of(arm, duration, requested, step, arguments)
     reason = f" ({used.reason})" if requested == "auto" else ""
     return [("integrator", f"{used.integrator.name}{reason}; {text}")]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm.arguments import check_positive
 from flexarm.arm import Arm
-from flexarm.engine.tolerance import TIGHT, friction_rate
+from flexarm.engine.tolerance import TIGHT, damping_rate, friction_rate
 from flexarm.errors import InputError, Problem, shown
 from flexarm.integrate import (
     INTEGRATORS,
@@ -44,6 +44,10 @@ class Choice(NamedTuple):
     reason: str
     by_drive: bool = False  # "auto" with a step: the drive may still change the choice
     doubt: str = ""  # warning about the choice
+    fastest: float = 1.0  # rad/s, which limits the steps of an explicit method
+    open: bool = False  # "auto" without a step: the work of the run may still change the choice
+    insisted: bool = False  # an integrator object, which is used whatever its work
+    work: float = 0.0  # estimated evaluations of an open-loop run
 
 
 def check_integrator(
@@ -88,6 +92,8 @@ def choose_integrator(
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
+    The duration of the run, its drive and its sample time count in ``engine.work``.
+
     Args:
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
         prescribed: joints, by number from 1, whose motion is prescribed.
@@ -98,8 +104,22 @@ def choose_integrator(
     """
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
+    choice = _choose(requested, step, arm, tolerance, touch, prescribed)
+    # Strong damping limits an explicit step in the same way as a vibration.
+    damping = float(arm.assembly.constants.damping.max(initial=0.0))
+    return choice._replace(fastest=max(tolerance.fastest, damping, damping_rate(arm, prescribed)))
+
+
+def _choose(
+    requested: str | Integrator,
+    step: float | None,
+    arm: Arm,
+    tolerance: Tolerance,
+    touch: float,
+    prescribed: tuple[int, ...],
+) -> Choice:
     if isinstance(requested, Integrator):
-        return Choice(requested, "given by the user")
+        return Choice(requested, "given by the user", insisted=True)
     if requested == "auto":
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
@@ -108,6 +128,7 @@ def choose_integrator(
                 KennedyCarpenter5(),
                 "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
                 "fast for an explicit method",
+                open=True,
             )
         return _by_stiffness(arm, tolerance, touch, prescribed)
     return Choice(INTEGRATORS[requested](step=step), "named by the user")
@@ -125,9 +146,7 @@ def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: 
         refuse_bristles(arm, "integrator", shown(kind.name), hint)
 
 
-def choose_by_drive(
-    choice: Choice, arm: Arm, tolerance: Tolerance, stops: FloatArray, duration: float
-) -> Choice:
+def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:
     """Return the integrator of an open-loop run from the times at which its drive is not smooth.
 
     Args:
@@ -139,7 +158,7 @@ def choose_by_drive(
         return choice
     inside = stops[(stops > 0.0) & (stops < duration)]
     longest = float(np.diff(np.unique([0.0, *inside, duration])).max())
-    choice = _choose_by_longest(choice, arm, tolerance, longest) if choice.by_drive else choice
+    choice = _choose_by_longest(choice, longest) if choice.by_drive else choice
     doubt = friction_doubt(choice.integrator, arm, longest)
     return choice._replace(doubt=f"{choice.doubt} {doubt}".strip()) if doubt else choice
 
@@ -166,12 +185,10 @@ def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
     )
 
 
-def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: float) -> Choice:
+def _choose_by_longest(choice: Choice, longest: float) -> Choice:
     """Return the integrator of "auto" with a fixed step, of which the longest takes ``longest``."""
     step = float(choice.integrator.step or 0.0)
-    # Strong damping limits an explicit step in the same way as a vibration.
-    fastest = max(tolerance.fastest, float(arm.assembly.constants.damping.max(initial=0.0)))
-    angle = min(step, longest) * fastest
+    angle = min(step, longest) * choice.fastest
     if angle <= _STABLE:
         return choice
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
@@ -180,7 +197,8 @@ def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: 
         "step has no error estimate: halve it once and compare."
     )
     method = GeneralizedAlpha(step=step)
-    return Choice(method, f"order 2 with bending implicit: {reason}", doubt=doubt)
+    reason = f"order 2 with bending implicit: {reason}"
+    return choice._replace(integrator=method, reason=reason, doubt=doubt)
 
 
 def _by_stiffness(
@@ -219,6 +237,7 @@ def _by_stiffness(
     return Choice(
         DormandPrince8(),
         "order 8 with step control: fewest evaluations at the tolerances in use",
+        open=touch <= tolerance.fastest,
     )
 
 

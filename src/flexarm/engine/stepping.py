@@ -62,6 +62,36 @@ class Span(NamedTuple):
     end: int  # number of samples up to the change
 
 
+def system_of(
+    arm: Arm,
+    prescribed: tuple[int, ...],
+    loads: LoadHistory,
+    history: PiecewiseCubic,
+    specialized: bool | None = None,
+) -> System:
+    """Combine an arm, its loads and a torque history; the arguments are attributes of ``Run``."""
+    constants = constants_with(arm, prescribed)
+    coefficients = arm.padded_torque(history.coefficients)
+    contacts = loads.placed.contacts
+    drive = Drive(
+        history.breaks,
+        coefficients,
+        loads.stops_with(history),
+        # The kernels overwrite these values as time goes on, so each system has its own copy.
+        loads.placed._replace(
+            value=loads.placed.value.copy(),
+            base_acceleration=loads.placed.base_acceleration.copy(),
+            contacts=contacts._replace(seen=contacts.seen.copy()),
+        ),
+        loads.placed.value,
+        loads.factors.breaks,
+        loads.factors.coefficients,
+    )
+    kernels = KernelView(constants)
+    sizes = compile_time_sizes(constants) if specialized else kernels.sizes
+    return System(sizes, constants, drive, kernels.work)
+
+
 @dataclass
 class Run:
     """Arguments and current progress of one run.
@@ -95,26 +125,7 @@ class Run:
 
     def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
-        constants = constants_with(self.arm, self.prescribed)
-        coefficients = self.arm.padded_torque(history.coefficients)
-        loads, contacts = self.loads, self.loads.placed.contacts
-        drive = Drive(
-            history.breaks,
-            coefficients,
-            loads.stops_with(history),
-            # The kernels overwrite these values as time goes on, so each system has its own copy.
-            loads.placed._replace(
-                value=loads.placed.value.copy(),
-                base_acceleration=loads.placed.base_acceleration.copy(),
-                contacts=contacts._replace(seen=contacts.seen.copy()),
-            ),
-            loads.placed.value,
-            loads.factors.breaks,
-            loads.factors.coefficients,
-        )
-        kernels = KernelView(constants)
-        sizes = compile_time_sizes(constants) if self.specialized else kernels.sizes
-        return System(sizes, constants, drive, kernels.work)
+        return system_of(self.arm, self.prescribed, self.loads, history, self.specialized)
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray

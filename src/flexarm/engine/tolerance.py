@@ -18,10 +18,11 @@ _INTERIOR = 0.1
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
 
-#: ``Tolerance.unit`` of each arm, its ``friction_rate`` by prescribed joints, and the frequency
+#: ``Tolerance.unit`` of each arm, its rates of joints by prescribed joints, and the frequency
 #: computed last, with its posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
 _friction: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
+_damping: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
@@ -112,6 +113,23 @@ def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
 def _friction_rate(c: ArmConstants) -> float:
     coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
     slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+    return _fastest_decay(c, slope)
+
+
+def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
+    """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest.
+
+    The conditions and ``prescribed`` are those of ``friction_rate``.
+    """
+    rates = _damping.setdefault(arm, {})
+    if prescribed not in rates:
+        c = constants_with(arm, prescribed)
+        rates[prescribed] = _fastest_decay(c, c.joint_damping) if c.joint_damping.any() else 0.0
+    return rates[prescribed]
+
+
+def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
+    """Return the largest rate (1/s) of single joints under torques of ``slope`` (n,) per rate."""
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
     state = kernels.zeros(2)
     still = kernels.forward_dynamics(state, torque)[:, 0].copy()

@@ -54,7 +54,7 @@ from flexarm.identification.record import (
     check_some_records,
 )
 from flexarm.identification.result import Identification
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
@@ -147,6 +147,7 @@ def identify(
     Warns:
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
         ConvergenceWarning: if the fit has not converged.
+        FlexarmWarning: if the times of a record are probably not in seconds.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
             controller, so that the estimates may be biased; or if a channel has a fit below 5 %.
     """
@@ -179,6 +180,7 @@ def identify(
     others = [kind(name, record, arm, options) for name, record in held_out.items()]
     if method == "prediction_error":
         _check_rates([*runs, *others])
+    warn_of_work([*runs, *others], space)
     problem = _problem(space, runs, _watch(progress), {}, disturbed)
     costs, best = _best(problem, count, random, loss, iterations)
     problem.restore(best)

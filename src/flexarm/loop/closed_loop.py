@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from copy import deepcopy
 
 import numpy as np
 
@@ -39,6 +40,7 @@ class ClosedLoop:
             raise InputError(*problems)
         self._run = run
         self.controller = controller
+        self._given = reference
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         self._schedule = SampleSchedule(run, controller.sample_time, hardware)
         self._runaway = RunawayWatch(run.arm)
@@ -66,6 +68,15 @@ class ClosedLoop:
             self._look(schedule.time)
             if schedule.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
+
+    def execute_again(self, run: Run) -> None:
+        """Execute the loop for another run, with a copy of the controller from its start.
+
+        Raises:
+            SimulationError: like ``execute``.
+        """
+        controller = deepcopy(self.controller)
+        ClosedLoop(run, controller, self._given, self.hardware).execute()
 
     def _look(self, t: float) -> None:
         absurd = self._runaway(self._run.progress.state)

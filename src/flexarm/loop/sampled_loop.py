@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from flexarm.assembly.scratch import as_slice
 from flexarm.engine.integrator_choice import friction_doubt
 from flexarm.engine.stepping import Run
+from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, System
@@ -25,7 +27,7 @@ class SampleSchedule:
         keep: whether the applied torques are stored for ``acting.at``.
 
     Raises:
-        InputError: if the hardware does not fit the arm or the sample time.
+        InputError: if the hardware does not fit the arm or the sample time, or the run is hopeless.
     """
 
     def __init__(
@@ -33,6 +35,10 @@ class SampleSchedule:
     ) -> None:
         self.run, self._hardware = run, hardware
         self.sample_time = sample_time
+        run.choice = choose_by_samples(run.choice, run.arm, sample_time, run.duration)
+        run.integrator = run.choice.integrator
+        if run.watch is not None:
+            run.watch = replace(run.watch, integrator=run.integrator)
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time)
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)

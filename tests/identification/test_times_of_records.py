@@ -1,0 +1,36 @@
+"""Warnings of records whose times are probably in milliseconds."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.identification.record import check_records
+from flexarm.identification.runs import RecordRun, warn_of_work
+from flexarm.identification.space import Space, check_free
+
+pytestmark = pytest.mark.compiled
+
+
+def warned(factor):
+    """Return the warnings for a record of 3 s whose times are multiplied by ``factor``."""
+    link = fa.Link(length=1.0, flexural_rigidity=50.0, mass_per_length=0.5, elements=2, modes=2)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)])
+    result = fa.simulate(arm, 3.0, torque=lambda t: [np.sin(20.0 * t)], rate=1000.0)
+    scaled = result.assign_coords(time=factor * result.time)
+    records = check_records("records", scaled)
+    options = {"integrator": "dormand_prince_8"}
+    runs = [RecordRun(name, record, arm, options) for name, record in records.items()]
+    space = Space(arm, None, check_free(["links[0].flexural_rigidity"]), records)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_work(runs, space)
+    return [str(one.message) for one in caught]
+
+
+def test_a_record_in_milliseconds_warns_before_the_fit():
+    assert warned(1.0) == []
+    (text,) = warned(1000.0)
+    assert "lasts 3000 s with a sample every 1 s" in text
+    assert text.endswith("are these in milliseconds?")
