@@ -1,8 +1,8 @@
 """Units of the fields of records, and numbers that are given with a unit: ``667 mm``.
 
-A field declares its unit once, in parentheses in its description. Documentation, studio, the checks
-of plausibility and the conversion of numbers with units read it there. Pint converts; it is imported
-when the first number with a unit occurs.
+A field declares its unit once, in parentheses in its description. The reference, the studio and the
+conversion of numbers with units read it there. Pint converts; it is imported when the first number
+with a unit occurs.
 """
 
 from __future__ import annotations
@@ -135,13 +135,13 @@ def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path,
     if isinstance(value, str):
         return _number(value, unit, path, faults)
     if isinstance(value, dict):
-        items = value.items() if maps else ()
+        items = dict(value) if maps else {}
     elif any(type(item) in (str, list, tuple) for item in value):
-        items = enumerate(value)
+        items = dict(enumerate(value))
     else:
         return value
     changed = {}
-    for key, item in items:
+    for key, item in items.items():
         if type(item) in (str, list, tuple):
             converted = _converted(item, unit, maps, (*path, key), faults)
             if converted is not item:

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.actions.contacts import place_contacts
 from flexarm.arguments import check_path
-from flexarm.arm import Arm
+from flexarm.arm import Arm, described_arm
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator
@@ -180,6 +180,7 @@ def prepare(
     place: Where = lambda _: "scenario",
     motion: TaskReference | None = None,
     followed: Followed | None = None,
+    arm: Arm | None = None,
 ) -> Prepared:
     """Create the arm, the motion and the drive of a scenario.
 
@@ -188,14 +189,19 @@ def prepare(
         place: function from key path to location in its file, for messages.
         motion: the scenario's motion, if it already exists.
         followed: the reference of its drive, if it already exists.
+        arm: its arm, if that already exists.
 
     Raises:
         InputError: if the motion leaves the arm's reach, or a part of the scenario does not fit
             the arm or the run.
         EquilibriumError: if no equilibrium is found for the start.
+
+    Warns:
+        ImplausibleValueWarning: if numbers of a new arm look like those of another unit.
     """
-    with problems_at(place, ""):
-        arm = Arm(scenario.arm)
+    if arm is None:
+        with problems_at(place, ""):
+            arm = described_arm(scenario.arm)
     if motion is None:
         with problems_at(place, "motion"):
             motion = motion_of(arm, scenario)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration, Environment
-from flexarm.arguments import check_kind, check_mapping, check_positive
+from flexarm.arguments import check_kind, check_mapping, check_positive, warn_of_degrees
 from flexarm.arm import Arm
 from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
@@ -162,6 +162,7 @@ def simulate(
             other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
+        ImplausibleValueWarning: if initial angles look like degrees, or ``rate`` like a time.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
     check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
@@ -182,6 +183,8 @@ def simulate(
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, shown(simulated.joints)))
     state = start_of(simulated, initial, initial_rate, reference, torque)
+    if initial is not None:
+        warn_of_degrees(initial=simulated.joint_angles(initial))
     log = event_log(simulated, events)
     acting = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(simulated, *acting)

@@ -114,8 +114,10 @@ def test_other_problems_are_reported_beside_wrong_units():
         "Link: length must be a length, got 2 s.",
         "Link: flexural_rigidity must have a unit that converts to N m^2, got 3 N.",
         "Link: mass_per_length must be at least 0, got -1.",
-        "Link: modes must be at most 8 (twice the number of elements of a segment), got 9. "
-        "Use more elements, or fewer modes.",
+        (
+            "Link: modes must be at most 8 (twice the number of elements of a segment), got 9. "
+            "Use more elements, or fewer modes."
+        ),
     ]
 
 
