@@ -78,7 +78,7 @@ def _link(rng: np.random.Generator, kind: str, length: float) -> Link:
     material = Material(
         density=float(rng.uniform(*densities)), youngs_modulus=log_uniform(rng, *moduli)
     )
-    section = _section(rng, length * log_uniform(rng, *depths))
+    section = _section(rng, length, length * log_uniform(rng, *depths))
     options: dict[str, Any] = {"length": length}
     if rng.random() < 0.3:
         options["hub_radius"] = length * log_uniform(rng, 0.02, 0.5)
@@ -103,11 +103,11 @@ def _link(rng: np.random.Generator, kind: str, length: float) -> Link:
     return Link(table=table, **options)
 
 
-def _section(rng: np.random.Generator, depth: float) -> Any:
+def _section(rng: np.random.Generator, length: float, depth: float) -> Any:
     width = depth * log_uniform(rng, 0.3, 30.0)
     wall = depth * log_uniform(rng, 0.01, 0.2)
     return [
-        Rectangle(width=width, height=depth),
+        Rectangle(width=min(width, 2.0 * length), height=depth),
         Circle(diameter=depth),
         Tube(outer_diameter=depth, thickness=wall),
         Box(width=depth * log_uniform(rng, 0.5, 3.0), height=depth, thickness=0.5 * wall),

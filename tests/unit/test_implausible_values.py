@@ -19,7 +19,7 @@ def arm_of(distance=0.002, backlash=0.0):
 def test_distances_of_gauges_and_backlashes():
     with pytest.warns(fa.ImplausibleValueWarning, match=r"distance is 0.5 m, 1 of the length"):
         arm_of(distance=0.5)
-    with pytest.warns(fa.ImplausibleValueWarning, match=r"backlash is 5 rad, 286 deg"):
+    with pytest.warns(fa.ImplausibleValueWarning, match=r"backlash is 5 rad, 286.5 deg"):
         arm_of(backlash=5.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -98,6 +98,9 @@ def judge(
     for k, number in enumerate(numbers):
         for rank, (unit, factor) in enumerate(MISTAKES.get(number.unit, ())):
             corrected = ratio * factor**number.power
+            possible = FACTS[number.unit][0] if number.unit in FACTS else None
+            if possible and not possible.low <= abs(number.value) * factor <= possible.high:
+                continue
             if not (within.low <= corrected <= within.high and corrected > 0.0):
                 continue
             unlikely = abs(math.log(corrected / within.usual)) + k + 1.5 * rank

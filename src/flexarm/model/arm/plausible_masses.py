@@ -14,6 +14,9 @@ from flexarm.model.plausible import STANDARD_GRAVITY, Number, Range, judge
 #: Young's modulus (Pa) of a solid square bar with the mass and the stiffness of a link and
 #: 2000 kg/m^3: from flat strips of gels to thin tubes of fibre composites.
 _MODULUS, _GEL = Range(0.0, 1e10, 1e15), Range(1e4, 1e10, 1e15)
+#: Mass per length over length squared, kg/m^3, of links with less than this modulus (Pa): those of
+#: elastomers have up to 600, of a bar that is half as deep and twice as wide as long.
+_BULK, _ELASTOMER = Range(0.0, 10.0, 1e3), 1e6
 #: Speed of sound times radius of gyration of the section over the length, m/s: 1e4 m/s times 0.1.
 _SPEED = Range(0.0, 30.0, 1.2e3)
 #: Deflection of a horizontal link by its weight over its length, with the linear theory: for arms
@@ -130,13 +133,19 @@ def _judge_link(
         statement = "as of a solid bar of a material with a modulus of {ratio} Pa"
         numbers = stiff, heavy._replace(power=-2.0)
         judge(findings, modulus, _GEL if soft else _MODULUS, statement, *numbers)
+        if modulus < _ELASTOMER and len(findings) == before:
+            statement = (
+                f"as of an elastomer ({modulus:.2g} Pa), {{ratio}} kg/m per square of the length"
+            )
+            judge(findings, per_length / length**2, _BULK, statement, heavy)
     if len(findings) == before:
         speed = math.sqrt(rigidity / per_length) / length
         statement = f"so stiff that the link alone vibrates with {0.56 * speed / length:.3g} Hz"
         numbers = stiff._replace(power=0.5), heavy._replace(power=-0.5)
         judge(findings, speed, _SPEED, statement, *numbers)
         statement = "so soft that its weight would bend the link by {ratio} times its length"
-        numbers = stiff._replace(power=-1.0), heavy
+        long = Number(f"{at}.length", length, "m", 3.0)
+        numbers = stiff._replace(power=-1.0), heavy, long
         judge(findings, sag, _SAG if falls else _FREE_SAG, statement, *numbers)
 
 
