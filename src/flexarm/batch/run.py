@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count, check_kind, check_options, warn_of_degrees
+from flexarm.arguments import check_count, check_kind, check_options
 from flexarm.arm import Arm
 from flexarm.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
@@ -32,7 +32,9 @@ from flexarm.errors import (
 )
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
+from flexarm.model.plausible import warn_of
 from flexarm.processes import check_workers
+from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import arm_text, package_version, software_versions
 from flexarm.simulation.run import simulate
@@ -161,8 +163,8 @@ def simulate_batch(
     checked = run_options(duration, rate=rate, **given)
     check_samples(reduced, float(checked.times[-1]))
     first = own.arms[0]
-    if own.initial is not None:
-        warn_of_degrees(initial=own.initial[..., first.joint_index].ravel())
+    starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
+    warn_of(implausible_run(first, checked.duration, rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))

@@ -43,6 +43,7 @@ from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.initial_state import Start, start_of, with_holding
 from flexarm.scenarios.motions import TaskReference, motion_of
 from flexarm.scenarios.references import Followed, reference_of, torque_of
+from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:
@@ -73,6 +74,13 @@ class Prepared:
     text: str
     events: Sequence[EventSpec] = ()
     in_volts: bool = False
+
+    def implausible(self) -> list[str]:
+        """Return a sentence for each implausible number of the run."""
+        options = self.options
+        angles = self.arm.joint_angles(options["initial"])
+        others = (options.get(name) for name in ("controller", "reference", "hardware"))
+        return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
 
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""

@@ -16,14 +16,7 @@ from flexarm.engine.events import EventLog
 from flexarm.engine.new_run import initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.errors import (
-    ImplausibleValueWarning,
-    InputError,
-    Problem,
-    check_array,
-    shown,
-    warn_caller,
-)
+from flexarm.errors import InputError, Problem, check_array, shown
 from flexarm.histories.functions import function_history
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -133,10 +126,6 @@ def run_options(
     atol = check_positive("atol", atol)
     if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem())
-    if duration * rate < 1.0 - 1e-9:
-        text = f"rate is {rate:.4g} Hz, less than one sample in the duration of {duration:.4g} s: "
-        text += f"did you mean {1.0 / rate:.4g} Hz (the time between samples, {rate:.4g} s)?"
-        warn_caller(text, ImplausibleValueWarning)
     if type(stations) is not int or stations != 0:
         stations = check_count("stations", stations, 2, MOST_STATIONS)
     return RunOptions(

@@ -158,7 +158,7 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     )
     data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
-    texts = (*implausible(arm.spec), *warnings_of(result))
+    texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
     found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
     spent = time.perf_counter() - began
     return Picture(data, texts, found, spent)

@@ -349,6 +349,15 @@ def test_long_findings_are_shortened():
             r"start contains 45 rad.*end contains 90",
         ),
         (lambda arm: fa.simulate(arm, 0.1, rate=0.001), r"rate is 0.001 Hz.*mean 1000 Hz"),
+        (
+            lambda arm: fa.simulate(
+                arm,
+                0.05,
+                controller=fa.JointPD(200.0, 20.0, sample_time=1.0),
+                reference=fa.joint_motion(arm, [0], [0.1], 100.0),
+            ),
+            r"controller.sample_time is 1 s.*0.001 s \(ms\).*reference.duration is 100 s.*0.1 s \(ms\)",
+        ),
         (lambda arm: fa.Plant(arm, 0.01).reset(arm.rest([90.0])), r"initial contains 90 rad"),
         (
             lambda arm: fa.simulate_batch(arm, 0.1, initial=np.tile(arm.rest([45.0]), (3, 1))),

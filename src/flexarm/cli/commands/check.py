@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm.arguments import warn_of_degrees
 from flexarm.arm import described_arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import collected_warnings, warn
@@ -39,6 +38,7 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
         raise InputError(Problem(path.name, rule, hint=hint))
     is_study = "drives" in document.value
     unstable: list[str] = []
+    odd: list[str] = []
     with collected_warnings() as built:
         if is_study:
             located = locate_study(document)
@@ -54,7 +54,8 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
             scenario, where = locate_scenario(document)
             prepared = prepare(scenario, where)
             arm = prepared.arm
-            warn_of_degrees(initial=arm.joint_angles(prepared.options["initial"]))
+            odd = prepared.implausible()
+            warn_of(odd)
             poles = prepared.loop_poles()
             texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
             unstable = list(filter(None, texts))
@@ -68,7 +69,7 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
     screen.print(facts(found))
     for text in unstable:
         warn(text)
-    if implausible(arm.spec):
+    if odd or implausible(arm.spec):
         screen.print("valid, but not plausible: see the warning")
     else:
         screen.print("ok, but for the warning" if unstable else "ok")

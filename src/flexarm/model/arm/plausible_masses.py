@@ -83,6 +83,12 @@ def judge_masses(findings: list[str], spec: ArmSpec) -> None:
                 _judge_spring(findings, at, joint, bends, torque, falls)
 
 
+def weights(spec: ArmSpec) -> list[float]:
+    """Return the torque (N m) by which gravity turns each joint of the horizontal, straight arm."""
+    parts = _outboard(spec, [_beam(link) for link in spec.links])
+    return [math.hypot(*spec.gravity) * abs(part.first) for part in parts]
+
+
 def _beam(link: Link) -> _Beam:
     material, section, table = link.material, link.section, link.table
     if table is not None:
@@ -145,8 +151,8 @@ def _judge_link(
         judge(findings, speed, _SPEED, statement, *numbers)
         statement = "so soft that its weight would bend the link by {ratio} times its length"
         long = Number(f"{at}.length", length, "m", 3.0)
-        numbers = stiff._replace(power=-1.0), heavy, long
-        judge(findings, sag, _SAG if falls else _FREE_SAG, statement, *numbers)
+        within = _SAG if falls else _FREE_SAG
+        judge(findings, sag, within, statement, stiff._replace(power=-1.0), heavy, long)
 
 
 def _judge_payload(
