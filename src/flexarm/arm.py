@@ -272,8 +272,9 @@ def described_arm(spec: ArmSpec) -> Arm:
     Warns:
         ImplausibleValueWarning: see ``Arm``.
     """
-    warn_of(implausible(spec))
-    return Arm(spec)
+    arm = Arm(spec)
+    warn_of(implausible(spec))  # an arm that cannot be assembled raises
+    return arm
 
 
 @public_call
@@ -311,10 +312,11 @@ def varied(
         mass_factor=mass_factor,
         friction=friction,
     )
+    changed = Arm(spec)
     if called_by_user():
         known = implausible(nominal)
         warn_of([finding for finding in implausible(spec) if finding not in known])
-    return Arm(spec)
+    return changed
 
 
 @public_call

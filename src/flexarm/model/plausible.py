@@ -92,7 +92,7 @@ def judge(
         statement: continues *NAME is VALUE,* and has ``{ratio}`` in it.
         numbers: those on which the ratio depends, the likeliest to be wrong first.
     """
-    if within.low <= ratio <= within.high:
+    if within.low <= ratio <= within.high or math.isnan(ratio):
         return
     meant, end, nearest = numbers[0], ".", math.inf
     for k, number in enumerate(numbers):

@@ -205,8 +205,8 @@ def run_study(
         ImplausibleValueWarning: if numbers of the arm look like those of another unit.
     """
     located = (study,) if isinstance(study, StudySpec) else locate_study(check_path("study", study))
-    warn_of(implausible(located[0].arm))
     prepared = PreparedStudy(*located)
+    warn_of(implausible(prepared.study.arm))
     if prepared.study.samples is not None:
         hint = "Use Study(...).run()."
         raise InputError(Problem("study", "has samples, which run_study does not run", hint=hint))

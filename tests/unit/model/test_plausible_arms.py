@@ -21,7 +21,7 @@ from flexarm.errors import InputError
 from flexarm.model import ArmSpec, load_arm_spec
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.file_format.identification_file import locate_identification
-from flexarm.model.paths import number_at, number_paths, with_numbers
+from flexarm.model.paths import number_at, number_paths, with_number, with_numbers
 from plausible_arms import plausible_spec
 
 ROOT = Path(__file__).parents[3]
@@ -334,6 +334,13 @@ def test_a_filter_silences_the_warning():
     assert caught == []
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e-100, 1e100, 1e300])
+def test_extreme_numbers_are_judged_without_errors(size):
+    for spec in (strip(), boom(), reach(joint=winding(0.05, 1.5))):
+        for path in number_paths(spec):
+            implausible(with_number(spec, path, size, checked=False))
+
+
 def test_long_findings_are_shortened():
     links = [{**STRIP, **rectangle(30, 2)}] * 4
     (text,) = _warned(lambda: fa.Arm(links=links))
@@ -356,7 +363,7 @@ def test_long_findings_are_shortened():
                 controller=fa.JointPD(200.0, 20.0, sample_time=1.0),
                 reference=fa.joint_motion(arm, [0], [0.1], 100.0),
             ),
-            r"controller.sample_time is 1 s.*0.001 s \(ms\).*reference.duration is 100 s.*0.1 s \(ms\)",
+            r"sample_time is 1 s.*0.001 s \(ms\).*reference.duration is 100 s.*0.1 s \(ms\)",
         ),
         (lambda arm: fa.Plant(arm, 0.01).reset(arm.rest([90.0])), r"initial contains 90 rad"),
         (

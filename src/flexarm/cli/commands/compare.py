@@ -76,8 +76,8 @@ def compare_file(
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))
     with collected_warnings() as built:
-        warn_of(implausible(located[0].arm))
         prepared = PreparedStudy(*located)
+        warn_of(implausible(prepared.study.arm))
     for text in dict.fromkeys(built):
         warn(text)
     with warnings.catch_warnings():  # printed below with the names of the runs

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 from flexarm.arguments import about_degrees
 from flexarm.model.arm.joints import Joint
@@ -52,6 +53,13 @@ _GEAR = 0.3
 def implausible(spec: ArmSpec) -> list[str]:
     """Return a sentence for each implausible number of an arm, with the unit that explains it."""
     findings: list[str] = []
+    # Products of numbers near the limits of floats; such arms cannot be assembled either.
+    with suppress(OverflowError, ZeroDivisionError):
+        _judge(findings, spec)
+    return findings
+
+
+def _judge(findings: list[str], spec: ArmSpec) -> None:
     _judge_gravity(findings, *spec.gravity)
     for i, link in enumerate(spec.links):
         _judge_link(findings, f"links[{i}]", link)
@@ -66,7 +74,6 @@ def implausible(spec: ArmSpec) -> list[str]:
         judge(findings, ratio, _OFFSET, "{ratio} times the reach of the arm", offset)
     if not findings:
         judge_masses(findings, spec)
-    return findings
 
 
 def _judge_gravity(findings: list[str], x: float, y: float) -> None:
