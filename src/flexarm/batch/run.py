@@ -131,6 +131,7 @@ def simulate_batch(
 
     Warns:
         FlexarmWarning: once, if runs have warnings.
+        ImplausibleValueWarning: if initial angles look like degrees, or ``rate`` like a time.
 
     Runs do not influence each other: the numbers of a run are the same, to the last bit, in any
     order, number and selection of runs and with any number of threads, and equal those of

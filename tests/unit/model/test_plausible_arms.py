@@ -294,7 +294,7 @@ def test_half_of_all_mistakes_of_a_factor_of_1000_are_noticed():
             noticed += bool(implausible(_mistake(rng, plausible_spec(rng))))
         except InputError:
             noticed += 1
-    assert noticed >= 0.5 * count, noticed / count
+    assert noticed >= 0.53 * count, noticed / count
 
 
 def _warned(call):
