@@ -1,6 +1,5 @@
 """Mistakes of unit and sign are noticed, and arms that exist are not."""
 
-import contextlib
 import copy
 import importlib
 import math
@@ -345,49 +344,6 @@ def test_long_findings_are_shortened():
     links = [{**STRIP, **rectangle(30, 2)}] * 4
     (text,) = _warned(lambda: fa.Arm(links=links))
     assert text.endswith("(3 more implausible numbers.)")
-
-
-@pytest.mark.parametrize(
-    ("call", "text"),
-    [
-        (lambda arm: fa.simulate(arm, 0.1, initial=arm.rest([90.0])), r"initial contains 90 rad"),
-        (
-            lambda arm: fa.joint_motion(arm, [-45], [90], 1.0),
-            r"start contains 45 rad.*end contains 90",
-        ),
-        (lambda arm: fa.simulate(arm, 0.1, rate=0.001), r"rate is 0.001 Hz.*mean 1000 Hz"),
-        (
-            lambda arm: fa.simulate(
-                arm,
-                0.05,
-                controller=fa.JointPD(200.0, 20.0, sample_time=1.0),
-                reference=fa.joint_motion(arm, [0], [0.1], 100.0),
-            ),
-            r"sample_time is 1 s.*0.001 s \(ms\).*reference.duration is 100 s.*0.1 s \(ms\)",
-        ),
-        (lambda arm: fa.Plant(arm, 0.01).reset(arm.rest([90.0])), r"initial contains 90 rad"),
-        (
-            lambda arm: fa.simulate_batch(arm, 0.1, initial=np.tile(arm.rest([45.0]), (3, 1))),
-            r"initial contains 45 rad",
-        ),
-        (
-            lambda arm: fa.circle_motion(arm, (0.2, 0.0), (0.25, 0.0), 360.0, 1.0),
-            r"angle contains 360 rad",
-        ),
-    ],
-)
-def test_arguments_of_calls(call, text):
-    arm = fa.Arm(links=[{**REACH, "elements": 1}], joints=[{"hub_inertia": 0.1}])
-    if "circle" in text or ("angle" in text and "initial" not in text):
-        arm = fa.Arm(links=[{**REACH, "length": 0.2}] * 2)
-    found = _warned(lambda: _tried(call, arm))
-    assert len(found) == 1, found
-    assert re.search(text, found[0])
-
-
-def _tried(call, arm):
-    with contextlib.suppress(InputError):  # a circle of many turns leaves the reach
-        call(arm)
 
 
 def test_check_does_not_say_ok_to_an_implausible_arm(tmp_path):
