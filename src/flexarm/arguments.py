@@ -112,18 +112,38 @@ def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
         InputError: if the value does not have that shape, or is not finite.
 
     Warns:
-        ImplausibleValueWarning: if the angles look like degrees: an angle exceeds two turns, and
-            all are multiples of 0.5, which those of an arm that turned several times are not.
+        ImplausibleValueWarning: if the angles look like degrees, see `about_degrees`.
     """
     angles = check_array(name, value, (joints,))
-    largest = float(abs(angles).max(initial=0.0))
-    if _TURNS < largest <= _DEGREES and not (2.0 * angles % 1.0).any():
-        text = (
-            f"{name} contains {largest:.4g} rad, more than two turns, and looks like degrees; "
-            "angles are in radians."
-        )
-        warn_caller(text, ImplausibleValueWarning)
+    warn_of_degrees(**{name: angles})
     return angles
+
+
+def warn_of_degrees(**angles: Iterable[float]) -> None:
+    """Warn once of all arguments whose angles look like degrees.
+
+    Warns:
+        ImplausibleValueWarning: see `about_degrees`.
+    """
+    texts = filter(None, (about_degrees(name, values) for name, values in angles.items()))
+    if text := " ".join(texts):
+        warn_caller(text, ImplausibleValueWarning)
+
+
+def about_degrees(name: str, angles: Iterable[float]) -> str:
+    """Return a sentence about angles that look like degrees rather than radians; else no text.
+
+    An angle exceeds two turns, and all are multiples of 0.5, which those of an arm that turned
+    several times are not.
+    """
+    values = [abs(float(angle)) for angle in angles]
+    largest = max(values, default=0.0)
+    if not _TURNS < largest <= _DEGREES or any(2.0 * value % 1.0 for value in values):
+        return ""
+    return (
+        f"{name} contains {largest:.4g} rad, more than two turns, and looks like degrees; "
+        "angles are in radians."
+    )
 
 
 def check_each(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -16,9 +16,9 @@ from flexarm.dynamics import Dynamics
 from flexarm.errors import (
     AccuracyWarning,
     ArgumentError,
-    ImplausibleValueWarning,
     InputError,
     Problem,
+    called_by_user,
     check_result,
     public_call,
     warn_caller,
@@ -27,14 +27,13 @@ from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
+from flexarm.model.arm.plausibility import implausible
 from flexarm.model.arm.variation import varied_spec
 from flexarm.model.help_text import signature_of
+from flexarm.model.plausible import warn_of
 from flexarm.notebook import html_table
 from flexarm.stations import MOST_STATIONS, Cut, cuts_at, forces_at, place_gauges, place_stations
 
-#: Largest plausible distance of a gauge from the neutral axis, in lengths of its link (a beam is
-#: more slender), and backlash, rad.
-_THICK, _LOOSE = 0.2, 0.5
 #: Relative error of a frequency by the points of a table that is worth a warning.
 _COARSE = 0.005
 
@@ -50,29 +49,6 @@ class Energy(NamedTuple):
     def total(self) -> float:
         """Sum of the three energies."""
         return self.kinetic + self.strain + self.gravity
-
-
-def _warn_of_units(spec: ArmSpec) -> None:
-    """Warn of gauges and backlashes that are too large for a machine.
-
-    Warns:
-        ImplausibleValueWarning: as if they were in millimetres or degrees.
-    """
-    found = [
-        f"links[{i}].gauges[{k}].distance is {gauge.distance:.4g} m, "
-        f"{abs(gauge.distance) / link.length:.3g} of the length of its link. It is the distance "
-        "from the neutral axis, about half the thickness of the link."
-        for i, link in enumerate(spec.links)
-        for k, gauge in enumerate(link.gauges)
-        if abs(gauge.distance) > _THICK * link.length
-    ]
-    found += [
-        f"joints[{i}].backlash is {joint.backlash:.4g} rad, {np.degrees(joint.backlash):.3g} deg."
-        for i, joint in enumerate(spec.joints)
-        if joint.backlash > _LOOSE
-    ]
-    if found:
-        warn_caller(" ".join(found), ImplausibleValueWarning)
 
 
 def _warn_of_tables(spec: ArmSpec) -> None:
@@ -114,6 +90,9 @@ class Arm(Dynamics):
     Raises:
         ModelError: if a quantity is missing or not possible; all problems are listed.
 
+    Warns:
+        ImplausibleValueWarning: if numbers look like those of another unit; it names all of them.
+
     Coordinates ``q`` (dof,): for each link its joint angle (rad), relative to the tip tangent of
     the previous link (the first: to world x), then its modal coordinates. World frame: origin at
     the base joint, x to the right, y up.
@@ -133,8 +112,9 @@ class Arm(Dynamics):
         gauges = [(i, gauge) for i, link in enumerate(spec.links) for gauge in link.gauges]
         self.gauges = tuple((i, gauge.station, gauge.distance) for i, gauge in gauges)
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
-        _warn_of_units(spec)
-        _warn_of_tables(spec)
+        if called_by_user():
+            warn_of(implausible(spec))
+            _warn_of_tables(spec)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None
@@ -153,9 +133,9 @@ class Arm(Dynamics):
         )
         return Arm(self.spec.model_copy(update={"links": links, "joints": joints}))
 
-    def __reduce__(self) -> tuple[type[Arm], tuple[ArmSpec]]:
+    def __reduce__(self) -> tuple[Callable[[ArmSpec], Arm], tuple[ArmSpec]]:
         # Create the arm from its specification, so that its arrays have the types of the kernels.
-        return type(self), (self.spec,)
+        return _copy_of, (self.spec,)
 
     def __repr__(self) -> str:
         theory = self.spec.theory
@@ -317,6 +297,22 @@ class Arm(Dynamics):
         return forces
 
 
+def _copy_of(spec: ArmSpec) -> Arm:
+    """Return the arm of a pickled description."""
+    return Arm(spec)
+
+
+def described_arm(spec: ArmSpec) -> Arm:
+    """Return the arm of a description by the user, such as that of a file.
+
+    Warns:
+        ImplausibleValueWarning: see ``Arm``.
+    """
+    arm = Arm(spec)
+    warn_of(implausible(spec))  # an arm that cannot be assembled raises
+    return arm
+
+
 @public_call
 def varied(
     arm: Arm,
@@ -339,17 +335,24 @@ def varied(
 
     Raises:
         InputError: if a factor is negative or not a number, or a list has the wrong length.
+
+    Warns:
+        ImplausibleValueWarning: if a changed number looks like one of another unit.
     """
-    return Arm(
-        varied_spec(
-            check_kind("arm", arm, Arm).spec,
-            payload_factor=payload_factor,
-            payload_mass=payload_mass,
-            flexural_rigidity_factor=flexural_rigidity_factor,
-            mass_factor=mass_factor,
-            friction=friction,
-        )
+    nominal = check_kind("arm", arm, Arm).spec
+    spec = varied_spec(
+        nominal,
+        payload_factor=payload_factor,
+        payload_mass=payload_mass,
+        flexural_rigidity_factor=flexural_rigidity_factor,
+        mass_factor=mass_factor,
+        friction=friction,
     )
+    changed = Arm(spec)
+    if called_by_user():
+        known = implausible(nominal)
+        warn_of([finding for finding in implausible(spec) if finding not in known])
+    return changed
 
 
 @public_call
@@ -358,8 +361,11 @@ def load_arm(path: str | PathLike[str]) -> Arm:
 
     Raises:
         ModelError: if the file does not describe an arm; all problems are listed with their lines.
+
+    Warns:
+        ImplausibleValueWarning: see ``Arm``.
     """
-    return Arm(load_arm_spec(check_path("path", path)))
+    return described_arm(load_arm_spec(check_path("path", path)))
 
 
 @public_call

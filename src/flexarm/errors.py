@@ -20,6 +20,8 @@ from reprlib import Repr
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -339,6 +341,18 @@ def warn_caller(text: str, category: type[Warning]) -> None:
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
+
+
+def called_by_user() -> bool:
+    """Return whether the public function that calls this one was called from outside the package.
+
+    Inside it, arms are variations of an arm that the user has described.
+    """
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None and frame.f_globals.get("__name__") == __name__:  # `public_call`
+        frame = frame.f_back
+    name = "" if frame is None else frame.f_globals.get("__name__", "")
+    return str(name).partition(".")[0] != __name__.partition(".")[0]
 
 
 def warn_deprecated(old: str, new: str, removal: str) -> None:

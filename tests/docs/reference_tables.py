@@ -15,15 +15,11 @@ from python_tables import python_tables
 
 from flexarm.engine.channels import CHANNELS
 from flexarm.model import json_schema
+from flexarm.model.units import unit_of
 
 FILE_FORMAT = "docs/reference/file-format.md"
 PYTHON = "docs/reference/python-api.md"
 RESULT = "docs/how-to/read-the-result.md"
-_UNITS = re.compile(
-    r"\s*\((m|rad|rad/s|s|1/s|Hz|kg|kg/m|kg m|kg m\^2|kg/m\^3|m/s\^2|Pa|N|N m|N m\^2|N m/rad|"
-    r"N m s/rad|N/m|m/s|s/m|N s/m|N m/s|1/rad|rad/s per 1/m|kg/s\^0\.5|N m/s\^0\.5|J|1/\(N s\))\)"
-)
-
 
 _SHORT = {word.lower(): word for word in ("PD", "PID", "LQG", "MPC", "RBF")}
 
@@ -76,10 +72,11 @@ def _keys(definition: dict[str, Any]) -> str:
 
 
 def _meaning_and_unit(description: str) -> tuple[str, str]:
-    unit = _UNITS.search(description)
-    if unit is None:
+    unit = unit_of(description)
+    if not unit:
         return description, ""
-    return _UNITS.sub("", description, count=1), unit[1].replace("^2", "²").replace("^3", "³")
+    meaning = re.sub(rf"\s*\({re.escape(unit)}\)", "", description, count=1)
+    return meaning, unit.replace("^2", "²").replace("^3", "³")
 
 
 def _default(schema: dict[str, Any]) -> str:
@@ -144,7 +141,9 @@ def _list(schema: dict[str, Any], many: bool) -> str:
 def _scalar(schema: dict[str, Any], many: bool) -> str:
     if schema["type"] == "boolean":
         return "`true` or `false`"
-    word = {"number": "number", "integer": "whole number"}.get(schema["type"], "text")
+    # A number with a unit may be text with another one, which the page says once.
+    kind = schema["type"][0] if isinstance(schema["type"], list) else schema["type"]
+    word = {"number": "number", "integer": "whole number"}.get(kind, "text")
     word += "s" * many
     if "minimum" in schema and "maximum" in schema:
         return f"{word} from {schema['minimum']:g} to {schema['maximum']:g}"

@@ -22,6 +22,7 @@ import os
 import re
 import shlex
 import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,8 @@ def test_blocks_with_another_program(page: str, program: str, folder: Path) -> N
 
 def run_blocks(page: str, program: str = "") -> None:
     """Run the blocks of a page; with ``program`` only those that require it."""
-    with np.printoptions():  # a page may set its own
+    with np.printoptions(), warnings.catch_warnings():  # a page may set its own
+        warnings.simplefilter("error", fa.ImplausibleValueWarning)
         _run_blocks(page, program)
 
 

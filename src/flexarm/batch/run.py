@@ -32,7 +32,9 @@ from flexarm.errors import (
 )
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
+from flexarm.model.plausible import warn_of
 from flexarm.processes import check_workers
+from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.preparation import Torque, run_options
 from flexarm.simulation.result import arm_text, package_version, software_versions
 from flexarm.simulation.run import simulate
@@ -129,6 +131,7 @@ def simulate_batch(
 
     Warns:
         FlexarmWarning: once, if runs have warnings.
+        ImplausibleValueWarning: if initial angles look like degrees, or ``rate`` like a time.
 
     Runs do not influence each other: the numbers of a run are the same, to the last bit, in any
     order, number and selection of runs and with any number of threads, and equal those of
@@ -161,6 +164,8 @@ def simulate_batch(
     checked = run_options(duration, rate=rate, **given)
     check_samples(reduced, float(checked.times[-1]))
     first = own.arms[0]
+    starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
+    warn_of(implausible_run(first, checked.duration, rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))

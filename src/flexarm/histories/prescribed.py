@@ -10,7 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice, check_function, check_number, check_times
+from flexarm.arguments import (
+    check_choice,
+    check_function,
+    check_number,
+    check_times,
+    warn_of_degrees,
+)
 from flexarm.arm import Arm
 from flexarm.assembly.coordinates import check_joint
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
@@ -75,6 +81,7 @@ class PrescribedAngle:
 
         knots = check_array("times", times, (-1,))
         values = check_array("angles", angles, (knots.size,))
+        warn_of_degrees(angles=values)
         check_choice("ends", ends, ENDS)
         if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
             rule = "be at least two, in increasing order"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from flexarm.arm import Arm
+from flexarm.arm import described_arm
 from flexarm.errors import InputError, Problem
 from flexarm.identification.identify import identify
 from flexarm.identification.reading import record_of_file
@@ -28,7 +28,7 @@ class PreparedIdentification:
 
     def __init__(self, path: Path) -> None:
         self.study, self._where = locate_identification(path)
-        self.arm = Arm(self.study.arm)
+        self.arm = described_arm(self.study.arm)
         self._folder = path.parent
         self._records = self._read("records")
         self._validation = self._read("validation")

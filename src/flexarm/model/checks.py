@@ -25,7 +25,8 @@ from pydantic import (
 
 from flexarm.errors import InputError, ModelError
 from flexarm.model.help_text import docstring_of, positional_fields, signature_of
-from flexarm.model.wording import Fault, worded
+from flexarm.model.units import in_si, units_of
+from flexarm.model.wording import Fault, Path, worded
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -124,6 +125,7 @@ class Given:
 class Record(BaseModel, metaclass=RecordType):
     """Base of user input: frozen, finite numbers; lists all problems in an error.
 
+    A field with a unit in its description accepts text with another unit: ``"667 mm"``.
     An unknown key or an invalid value raises `ModelError`. In Python, the fields are keyword
     arguments; those of a class that is defined with ``kw_only=False`` are positional, too, except
     fields with ``kw_only=True``.
@@ -182,6 +184,9 @@ class Record(BaseModel, metaclass=RecordType):
     def _check_all(cls, data: Any, handler: ValidatorFunctionWrapHandler) -> Self:
         if isinstance(data, cls):
             return data
+        wrong_units: dict[Path, Fault] = {}
+        if isinstance(data, dict):
+            data, wrong_units = in_si(data, _units(cls))
         try:
             record: Self = handler(data)
         except ValidationError as error:
@@ -189,6 +194,7 @@ class Record(BaseModel, metaclass=RecordType):
                 _hinted(worded(details, data, cls.model_fields), cls._hints)
                 for details in error.errors(include_url=False)
             ]
+            faults = [wrong_units.get(fault.path, fault) for fault in faults]
             if isinstance(data, Mapping):
                 wrong = {fault.path[0] for fault in faults if fault.path}
                 faults += cls._faults(Given(_right_fields(cls, data, wrong), data))
@@ -242,6 +248,12 @@ def _right_fields(
         except ValidationError:  # valid only after the validators of the record
             continue
     return right
+
+
+@cache
+def _units(cls: type[Record]) -> dict[str, tuple[str, bool]]:
+    """Return the units of the fields of a class."""
+    return units_of(cls.model_fields)
 
 
 @cache

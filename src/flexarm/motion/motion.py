@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_number, check_positive, check_times
+from flexarm.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
@@ -259,15 +259,18 @@ def joint_motion(
     Raises:
         InputError: if an argument has the wrong shape or is not finite, the duration is not
             positive, or the profile is unknown.
+
+    Warns:
+        ImplausibleValueWarning: if the angles look like degrees.
     """
     duration, start_time = checked_times(duration, start_time)
     law = timing_law(profile)
     chain = rigid_chain(arm)
-    shape = (arm.joints,)
+    angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
+    warn_of_degrees(**angles)
     return JointMotion(
         chain=chain,
-        start=check_array("start", start, shape),
-        end=check_array("end", end, shape),
+        **angles,
         duration=duration,
         law=law,
         start_time=start_time,

@@ -77,6 +77,7 @@ class Loops:
     ) -> None:
         self._content, self._plants, self._postures = content, plants, postures
         self._motion: TaskReference | None = None
+        self._arm: Arm | None = None
         self._followed: dict[str | None, Followed] = {}
         self.error = ""
 
@@ -91,7 +92,8 @@ class Loops:
             InputError: if it leaves the reach of the arm.
         """
         scenario = self.scenario(drive)
-        self._motion = motion_of(Arm(scenario.arm), scenario)
+        self._arm = Arm(scenario.arm)
+        self._motion = motion_of(self._arm, scenario)
 
     def assess(self, drive: Drive) -> Assessed:
         """Return the margins of a drive.
@@ -102,7 +104,7 @@ class Loops:
         scenario = self.scenario(drive)
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
-        prepared = prepare(scenario, motion=self._motion, followed=known)
+        prepared = prepare(scenario, motion=self._motion, followed=known, arm=self._arm)
         self._followed[kind] = prepared.followed
         controller = prepared.options["controller"]
         around: dict[str, Any] = {"hardware": prepared.options.get("hardware")}

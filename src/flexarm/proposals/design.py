@@ -91,7 +91,8 @@ class ControllerDesign:
     @property
     def controller(self) -> Controller:
         """The proposed controller; a new object in each call."""
-        made: Controller = prepare(self.scenario).options["controller"]
+        arm = Arm(self.scenario.arm)
+        made: Controller = prepare(self.scenario, arm=arm).options["controller"]
         return made
 
     @property

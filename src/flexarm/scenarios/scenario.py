@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.actions.contacts import place_contacts
 from flexarm.arguments import check_path
-from flexarm.arm import Arm
+from flexarm.arm import Arm, described_arm
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import events_of
 from flexarm.engine.integrator_choice import check_integrator
@@ -43,6 +43,7 @@ from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.initial_state import Start, start_of, with_holding
 from flexarm.scenarios.motions import TaskReference, motion_of
 from flexarm.scenarios.references import Followed, reference_of, torque_of
+from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.run import simulate
 
 if TYPE_CHECKING:
@@ -73,6 +74,13 @@ class Prepared:
     text: str
     events: Sequence[EventSpec] = ()
     in_volts: bool = False
+
+    def implausible(self) -> list[str]:
+        """Return a sentence for each implausible number of the run."""
+        options = self.options
+        angles = self.arm.joint_angles(options["initial"])
+        others = (options.get(name) for name in ("controller", "reference", "hardware"))
+        return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
 
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""
@@ -180,6 +188,7 @@ def prepare(
     place: Where = lambda _: "scenario",
     motion: TaskReference | None = None,
     followed: Followed | None = None,
+    arm: Arm | None = None,
 ) -> Prepared:
     """Create the arm, the motion and the drive of a scenario.
 
@@ -188,14 +197,19 @@ def prepare(
         place: function from key path to location in its file, for messages.
         motion: the scenario's motion, if it already exists.
         followed: the reference of its drive, if it already exists.
+        arm: its arm, if that already exists.
 
     Raises:
         InputError: if the motion leaves the arm's reach, or a part of the scenario does not fit
             the arm or the run.
         EquilibriumError: if no equilibrium is found for the start.
+
+    Warns:
+        ImplausibleValueWarning: if numbers of a new arm look like those of another unit.
     """
-    with problems_at(place, ""):
-        arm = Arm(scenario.arm)
+    if arm is None:
+        with problems_at(place, ""):
+            arm = described_arm(scenario.arm)
     if motion is None:
         with problems_at(place, "motion"):
             motion = motion_of(arm, scenario)

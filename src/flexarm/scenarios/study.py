@@ -15,7 +15,9 @@ from flexarm.control.base import Reference
 from flexarm.errors import InputError, Problem, public_call
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware, Scenario, StudySpec, locate_study
+from flexarm.model.arm.plausibility import implausible
 from flexarm.model.drives import CONTROLLED, ControllerDrive
+from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.processes import in_processes
@@ -64,7 +66,7 @@ class PreparedStudy:
                 with _problems_in_study(drive, motion):
                     kind = _reference_kind(scenario)
                     prepared = prepare(
-                        scenario, own, made.get(motion), followed.get((motion, kind))
+                        scenario, own, made.get(motion), followed.get((motion, kind)), self.arm
                     )
                 self._prepared[drive, motion] = prepared
                 made[motion] = prepared.motion
@@ -198,9 +200,13 @@ def run_study(
         ModelError: if the file is not valid; it lists every problem with its line.
         InputError: if a motion leaves the arm's reach, a drive does not fit the arm, or the study
             has samples.
+
+    Warns:
+        ImplausibleValueWarning: if numbers of the arm look like those of another unit.
     """
     located = (study,) if isinstance(study, StudySpec) else locate_study(check_path("study", study))
     prepared = PreparedStudy(*located)
+    warn_of(implausible(prepared.study.arm))
     if prepared.study.samples is not None:
         hint = "Use Study(...).run()."
         raise InputError(Problem("study", "has samples, which run_study does not run", hint=hint))

@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.actions.environment import BaseAcceleration, Environment
-from flexarm.arguments import check_count, check_flag, check_kind, check_positive
+from flexarm.arguments import (
+    check_count,
+    check_flag,
+    check_kind,
+    check_positive,
+    warn_of_degrees,
+)
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
@@ -169,6 +175,7 @@ class Plant:
         run = self._new_run(state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
+            warn_of_degrees(initial=arm.joint_angles(initial))
             refuse_deep_start(arm, state, run.loads.placed.contacts)
         self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None

@@ -39,9 +39,11 @@ from flexarm.integrate import Integrator
 from flexarm.loop.closed_loop import ClosedLoop
 from flexarm.loop.stability import instability
 from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
+from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.preparation import (
     Torque,
     between_samples,
@@ -166,6 +168,8 @@ def simulate(
             checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
+        ImplausibleValueWarning: if initial angles look like degrees, times like milliseconds,
+            ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
     check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
@@ -186,6 +190,9 @@ def simulate(
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, shown(simulated.joints)))
     state = start_of(simulated, initial, initial_rate, reference, torque)
+    angles = None if initial is None else simulated.joint_angles(initial)
+    given = angles, controller, reference, hardware
+    warn_of(implausible_run(simulated, options.duration, options.rate, *given))
     log = event_log(simulated, events)
     acting = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(simulated, *acting)

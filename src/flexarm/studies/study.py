@@ -25,7 +25,9 @@ from flexarm.errors import (
 from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
+from flexarm.model.arm.plausibility import implausible
 from flexarm.model.checks import checked_arguments
+from flexarm.model.plausible import warn_of
 from flexarm.processes import check_workers
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.study import PreparedStudy
@@ -71,6 +73,7 @@ class Study:
 
     Warns:
         FlexarmWarning: if the number of Sobol samples is not a power of two.
+        ImplausibleValueWarning: if numbers of the arm look like those of another unit.
     """
 
     @public_call
@@ -80,6 +83,7 @@ class Study:
         self._prepared = PreparedStudy(spec, place)
         self._executor = Executor(self._prepared, place)
         _warn_of_unbalanced(spec)
+        warn_of(implausible(spec.arm))
         self.samples = self._executor.samples.count
         self.runs = self.samples * int(np.prod(self._executor.shape))
 

@@ -18,6 +18,7 @@ from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
 from flexarm.linear import modes
 from flexarm.loop_analysis.margins import loop_margins
 from flexarm.model import PlantSpec
+from flexarm.model.arm.plausibility import implausible
 from flexarm.plot.animation.page import player_data
 from flexarm.plot.animation.scene import SceneOptions, scene_of, thin
 from flexarm.plot.drawn_arm import rigid_result
@@ -55,7 +56,7 @@ class Picture:
     """A finished run.
 
     Attributes:
-        data: of the player, as JSON. warnings: of the result.
+        data: of the player, as JSON. warnings: of the arm and of the result.
         frequencies: with locked joints at the start, Hz.
         seconds: computing time.
     """
@@ -157,9 +158,10 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     )
     data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
+    texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
     found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
     spent = time.perf_counter() - began
-    return Picture(data, tuple(warnings_of(result)), found, spent)
+    return Picture(data, texts, found, spent)
 
 
 def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:

@@ -69,11 +69,10 @@ def test_thickest_wall_is_nearly_solid():
             ),
         ),
         (
-            lambda: Material(density=-1, youngs_modulus="70 GPa"),
+            lambda: Material(density=-1, youngs_modulus="70 mm"),
             (
                 "Material: density must be greater than 0, got -1.\n"
-                "Material: youngs_modulus must be a number, got '70 GPa'. "
-                "Write the bare number, in SI units."
+                "Material: youngs_modulus must be a modulus, got 70 mm."
             ),
         ),
     ],

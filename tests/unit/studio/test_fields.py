@@ -21,13 +21,14 @@ from flexarm.model.quantities import (
     PerJoint,
     Positive,
 )
+from flexarm.model.units import unit_of
 from flexarm.model.wording import look
 from flexarm.studio.state import open_file, paper_project
 from flexarm.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS
 from flexarm.studio.values.field import fields_in
 from flexarm.studio.values.fields import FieldMaker, groups_of
 from flexarm.studio.values.new_values import new_record
-from flexarm.studio.values.ranges import Sizes, unit_of
+from flexarm.studio.values.ranges import Sizes
 from flexarm.studio.values.table_text import table_content
 
 ROOT = Path(__file__).parents[3]

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm.arm import Arm
+from flexarm.arm import described_arm
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, facts
 from flexarm.errors import InputError, Problem
 from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
+from flexarm.model.arm.plausibility import implausible
 from flexarm.model.file_format.changes import change_of, changed
 from flexarm.model.file_format.files import describes_arm_only, load_document
+from flexarm.model.plausible import warn_of
 from flexarm.scenarios.file_errors import Where
 from flexarm.scenarios.scenario import prepare
 from flexarm.scenarios.study import PreparedStudy
@@ -36,18 +38,24 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
         raise InputError(Problem(path.name, rule, hint=hint))
     is_study = "drives" in document.value
     unstable: list[str] = []
+    odd: list[str] = []
     with collected_warnings() as built:
         if is_study:
             located = locate_study(document)
             study = PreparedStudy(*located)
+            arm = study.arm
+            warn_of(implausible(arm.spec))
             unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
             found = [*about_arm(study.arm), *_about_study(*located), *about_vibration(study.arm)]
         elif describes_arm_only(document):
-            arm = Arm(load_arm_spec(document))
+            arm = described_arm(load_arm_spec(document))
             found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
         else:
             scenario, where = locate_scenario(document)
             prepared = prepare(scenario, where)
+            arm = prepared.arm
+            odd = prepared.implausible()
+            warn_of(odd)
             poles = prepared.loop_poles()
             texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
             unstable = list(filter(None, texts))
@@ -61,7 +69,10 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
     screen.print(facts(found))
     for text in unstable:
         warn(text)
-    screen.print("ok, but for the warning" if unstable else "ok")
+    if odd or implausible(arm.spec):
+        screen.print("valid, but not plausible: see the warning")
+    else:
+        screen.print("ok, but for the warning" if unstable else "ok")
 
 
 def _about_study(study: StudySpec, where: Where) -> list[tuple[str, str]]:

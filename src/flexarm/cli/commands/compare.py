@@ -19,6 +19,8 @@ from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import FlexarmWarning, InputError, Problem
 from flexarm.model import locate_study
+from flexarm.model.arm.plausibility import implausible
+from flexarm.model.plausible import warn_of
 from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
 from flexarm.processes import check_workers
 from flexarm.scenarios.study import PreparedStudy
@@ -75,6 +77,7 @@ def compare_file(
         raise InputError(Problem("--limit", "requires a study with samples"))
     with collected_warnings() as built:
         prepared = PreparedStudy(*located)
+        warn_of(implausible(prepared.study.arm))
     for text in dict.fromkeys(built):
         warn(text)
     with warnings.catch_warnings():  # printed below with the names of the runs

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm, load_arm
+from flexarm.arm import Arm, described_arm, load_arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.export import export_c
 from flexarm.bridges.fmu.export import export_fmu
@@ -98,7 +98,7 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
     """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
     document = load_document(path)
     if describes_arm_only(document):
-        arm = Arm(load_arm_spec(document))
+        arm = described_arm(load_arm_spec(document))
         return arm, None, np.zeros((2, arm.dof))
     prepared = prepare(*locate_scenario(document))
     arm, options = prepared.arm, prepared.options

@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm.arm import Arm
+from flexarm.arm import Arm, described_arm
 from flexarm.bending import bending_warning
 from flexarm.bridges.matlab.export import export_mat
 from flexarm.cli.failures import warn
@@ -65,6 +65,6 @@ def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
             raise error.at(str(path)) from None
     document = load_document(path)
     if describes_arm_only(document):
-        return Arm(load_arm_spec(document)), None
+        return described_arm(load_arm_spec(document)), None
     prepared = prepare(*locate_scenario(document))
     return prepared.arm, prepared.run()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm
+from flexarm.arm import Arm, described_arm
 from flexarm.bending import bending_warning, one_warning
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import at, joint_numbers
@@ -53,7 +53,7 @@ def show_modes(path: Path, options: ModesOptions) -> None:
         EquilibriumError: if there is no equilibrium under gravity or no steady spin.
     """
     changes = [change_of("--set", text) for text in options.sets]
-    arm = Arm(load_arm_spec(changed(load_document(path), changes)))
+    arm = described_arm(load_arm_spec(changed(load_document(path), changes)))
     posture = joint_numbers("--angles", arm, options.angles, "rad")
     joints, joints_text = _joints(arm, options)
     for option, place, suffixes in (

@@ -75,7 +75,7 @@ class TorqueDrive(Record):
     quantity: Literal["torque", "voltage"] = Field(
         default="torque",
         description="Quantity of the values: torque, or voltage of the motors of joints with a "
-        "winding (V).",
+        "winding (in V).",
     )
 
     _columns: ClassVar[tuple[str, ...]] = ("values",)

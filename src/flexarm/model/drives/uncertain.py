@@ -57,7 +57,7 @@ class AdaptiveParameters(ControllerParameters):
     damping: Damping
     adaptation: Annotated[Any, OneOrEach(NonNegative)] = Field(
         description="Adaptation gains, one for all parameters or one for each, in the unit of the "
-        "parameter squared per (N m rad)."
+        "parameter squared per N m rad."
     )
     # Typed, because pydantic before 2.12 loses the tags of a union in a record that is made twice.
     parameters: Annotated[Any, Typed(OneOrMany[Word])] = Field(

@@ -10,6 +10,7 @@ from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.file_format.files import FILE_VERSION
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
+from flexarm.model.units import QUANTITY_PATTERN, unit_of
 from flexarm.model.wording import suggestion
 
 _KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": StudySpec}
@@ -36,6 +37,9 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
         if "const" in definition.get("properties", {}).get("kind", {}):
             # The field has a default, so pydantic lists it as optional, but files require it.
             definition["required"] = ["kind", *definition.get("required", [])]
+        for name, field in definition.get("properties", {}).items():
+            if unit_of(field.get("description", "")):
+                definition["properties"][name] = _with_quantities(field)
     material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
     material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before validation
     properties: dict[str, Any] = whole["properties"]
@@ -53,3 +57,17 @@ def json_schema(kind: str = "scenario") -> dict[str, Any]:
         "additionalProperties": False,
         "$defs": definitions,
     }
+
+
+def _with_quantities(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a field with a unit, whose numbers may be text with a unit."""
+    if schema.get("type") == "number":
+        return {**schema, "type": ["number", "string"], "pattern": QUANTITY_PATTERN}
+    changed = dict(schema)
+    for key in ("anyOf", "oneOf", "prefixItems"):
+        if key in schema:
+            changed[key] = [_with_quantities(member) for member in schema[key]]
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            changed[key] = _with_quantities(schema[key])
+    return changed

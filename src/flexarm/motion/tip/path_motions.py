@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm.arguments import warn_of_degrees
 from flexarm.errors import public_call
 from flexarm.motion.tip.tip_motion import TipMotion, tip_motion
 from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
@@ -137,4 +138,5 @@ def circle_motion(
             is zero.
     """
     path = arc_path(center, start, angle)
+    warn_of_degrees(angle=(angle,))
     return tip_motion(arm, path, duration, profile, elbow, start_time, posture)

@@ -21,6 +21,7 @@ from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware
 from flexarm.model.scenarios.scenario import RunSettings
+from flexarm.model.units import unit_of
 from flexarm.model.wording import Path
 from flexarm.studio.state import STUDIED, Project
 from flexarm.studio.values.edits import (
@@ -37,7 +38,7 @@ from flexarm.studio.values.edits import (
 )
 from flexarm.studio.values.field import Choices, Entry, Field, Group, Part
 from flexarm.studio.values.forms import Form, Forms, field_forms, kind_of
-from flexarm.studio.values.ranges import Sizes, range_of, unit_of
+from flexarm.studio.values.ranges import Sizes, range_of
 from flexarm.studio.values.table_text import table_text
 
 #: Keys outside "More values"; of other records those that have a default.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 
+from flexarm.model.units import unit_of
 from flexarm.studio.values.forms import Form
 
 #: Nonnegative numbers that are zero in special cases only.
@@ -20,8 +20,6 @@ _USUAL = {
     "Hz": 10.0,
     "N": 10.0,
 }
-_IN_BRACKETS = re.compile(r"\(((?:[^()]|\([^()]*\))*)\)")
-_UNIT_WORDS = {"m", "s", "kg", "N", "Hz", "rad", "Pa", "J", "A", "V", "ohm", "1", "per"}
 _ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
@@ -45,15 +43,6 @@ class Sizes:
     links: int
     reach: float
     longest: float
-
-
-def unit_of(description: str) -> str:
-    """Return the first unit in a description, such as N m^2; empty if it has none."""
-    for text in _IN_BRACKETS.findall(description):
-        words = re.sub(r"\^-?\d(\.\d)?|[/()]", " ", text).split()
-        if words and set(words) <= _UNIT_WORDS and words != ["1"]:
-            return str(text)
-    return ""
 
 
 def range_of(name: str, value: float, description: str, form: Form, sizes: Sizes) -> Range:

@@ -1,0 +1,204 @@
+"""Units of the fields of records, and numbers that are given with a unit: ``667 mm``.
+
+A field declares its unit once, in parentheses in its description. The reference, the studio and the
+conversion of numbers with units read it there. Pint converts; it is imported when the first number
+with a unit occurs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, get_args
+
+from flexarm.model.wording import Fault, Path
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pydantic.fields import FieldInfo
+
+_IN_BRACKETS = re.compile(r"\(((?:[^()]|\([^()]*\))*)\)")
+_WORDS = {"m", "s", "kg", "N", "Hz", "rad", "Pa", "J", "A", "V", "ohm", "1", "per"}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+#: A number and its unit. Exponents have one digit, so that no power of numbers is computed.
+_QUANTITY = re.compile(
+    rf"\s*+((?>{_NUMBER}))\s*+"
+    r"((?:(?:[^\W\d_]|°)++(?:(?:\^|\*\*)?-?\d(?:\.\d)?|[²³])?|1(?=/)|[ ·*/()])+)"
+)
+#: An exponent without its sign: mm2.
+_BARE_POWER = re.compile(r"(?<=[^\W\d_])(?=-?\d)")
+_LONGEST = 60  # characters of a quantity
+#: The form of a quantity in JSON schemas.
+QUANTITY_PATTERN = rf"^\s*{_NUMBER}\s*[A-Za-zµμΩ°(1].*$"
+
+#: Kinds of quantities that have a name of their own, by unit.
+_KINDS = {
+    "m": "a length",
+    "s": "a time",
+    "kg": "a mass",
+    "rad": "an angle",
+    "rad/s": "an angular rate",
+    "Hz": "a frequency",
+    "Pa": "a modulus",
+    "kg/m^3": "a density",
+    "N": "a force",
+    "N m": "a torque",
+    "m/s": "a velocity",
+    "m/s^2": "an acceleration",
+    "V": "a voltage",
+    "ohm": "a resistance",
+}
+#: Angles have a dimension of their own: a hertz is not a radian per second, and N m is no spring.
+_DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = μ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+deci- = 1e-1 = d-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+giga- = 1e9 = G-
+metre = [length] = m = meter
+inch = 0.0254 * metre = in
+foot = 0.3048 * metre = ft
+second = [time] = s = sec
+minute = 60 * second = min
+hour = 3600 * second = h
+gram = [mass] = g
+tonne = 1e6 * gram = t
+pound = 453.59237 * gram = lb
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg = °
+turn = 6.283185307179586 * radian = rev = revolution
+rpm = turn / minute
+hertz = 1 / second = Hz
+newton = kilogram * metre / second ** 2 = N
+pound_force = 4.4482216152605 * newton = lbf
+newton_metre = newton * metre = Nm
+pascal = newton / metre ** 2 = Pa
+bar = 1e5 * pascal
+pound_per_square_inch = 6894.757293168361 * pascal = psi
+joule = newton * metre = J
+watt = joule / second = W
+ampere = [current] = A
+volt = watt / ampere = V
+ohm = volt / ampere = Ω
+"""
+
+
+def unit_of(description: str) -> str:
+    """Return the first unit in a description, such as N m^2; empty if it has none."""
+    for text in _IN_BRACKETS.findall(description):
+        words = re.sub(r"\^-?\d(\.\d)?|[/()]", " ", text).split()
+        if words and set(words) <= _WORDS and words != ["1"]:
+            return str(text)
+    return ""
+
+
+def units_of(fields: Mapping[str, FieldInfo]) -> dict[str, tuple[str, bool]]:
+    """Return the unit of each field that has one, and whether its value maps names to numbers."""
+    named = {name: unit_of(field.description or "") for name, field in fields.items()}
+    return {k: (unit, _maps(fields[k].annotation)) for k, unit in named.items() if unit}
+
+
+def _maps(annotation: Any) -> bool:
+    name = getattr(annotation, "__origin__", None)
+    return name is dict or any(map(_maps, get_args(annotation)))
+
+
+def in_si(
+    data: Mapping[str, Any], units: Mapping[str, tuple[str, bool]]
+) -> tuple[Mapping[str, Any], dict[Path, Fault]]:
+    """Convert the numbers with units in the raw input of a record.
+
+    Args:
+        units: of the fields, by `units_of`.
+
+    Returns:
+        The input with plain numbers, and the faults of units by their paths; text with a fault is
+        unchanged.
+    """
+    faults: dict[Path, Fault] = {}
+    changed = {}
+    for name, value in data.items():
+        if type(value) in (str, list, tuple, dict) and name in units:
+            converted = _converted(value, *units[name], (name,), faults)
+            if converted is not value:
+                changed[name] = converted
+    return ({**data, **changed} if changed else data), faults
+
+
+def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path, Fault]) -> Any:
+    """Return a value with the numbers in it in SI units; the same object if there are no units."""
+    if isinstance(value, str):
+        return _number(value, unit, path, faults)
+    if isinstance(value, dict):
+        items = dict(value) if maps else {}
+    elif any(type(item) in (str, list, tuple) for item in value):
+        items = dict(enumerate(value))
+    else:
+        return value
+    changed = {}
+    for key, item in items.items():
+        if type(item) in (str, list, tuple):
+            converted = _converted(item, unit, maps, (*path, key), faults)
+            if converted is not item:
+                changed[key] = converted
+    if not changed:
+        return value
+    if isinstance(value, dict):
+        return {**value, **changed}
+    return [changed.get(k, item) for k, item in enumerate(value)]
+
+
+def _number(text: str, unit: str, path: Path, faults: dict[Path, Fault]) -> Any:
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
+    if match is None:
+        return text
+    number, named = match.groups()
+    factor = factor_to(named.strip(), unit)
+    if isinstance(factor, float):
+        # Divide by 1000 rather than multiply by 0.001, which is rounded: 667 mm are 0.667 m.
+        divisor = round(1.0 / factor) if factor < 1.0 else 0
+        whole = divisor and abs(divisor * factor - 1.0) < 1e-15
+        return float(number) / divisor if whole else float(number) * factor
+    rule = _KINDS.get(unit)
+    rule = f"be {rule}" if rule else f"have a unit that converts to {unit}"
+    hint = f"The unit {factor} is not known." if factor else ""
+    faults[path] = Fault(path, rule, " ".join(text.split()), hint)
+    return text
+
+
+@lru_cache(maxsize=1000)
+def factor_to(named: str, unit: str) -> float | str:
+    """Return the factor from a unit to another one.
+
+    Returns:
+        If the units are of different kinds, an empty text; if one is not known, its name.
+    """
+    pint, parse = _parser()
+    try:
+        text = f"1{named}" if named.startswith("/") else named
+        source = parse(_BARE_POWER.sub("^", text))
+        factor = (1.0 * source).to(parse(unit.replace(" per 1/", " "))).magnitude
+    except pint.UndefinedUnitError as error:
+        names = error.unit_names
+        return names if isinstance(names, str) else ", ".join(names)
+    except pint.DimensionalityError:
+        return ""
+    except Exception:  # pint reports wrong syntax by exceptions of several modules
+        return named
+    # Powers of ten are rounded in products of prefixes: 999.9999999999999 for g/cm^3.
+    short = float(f"{factor:.12g}")
+    return short if abs(short - factor) < 1e-15 * factor else float(factor)
+
+
+@cache
+def _parser() -> tuple[Any, Callable[[str], Any]]:
+    import pint
+
+    registry: Any = pint.UnitRegistry(None, cache_folder=None)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return pint, registry.parse_units
