@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 from flexarm.cli.failures import WRONG_INPUT, print_error
 
@@ -30,7 +31,7 @@ class _Stream(io.RawIOBase):
 
     def __init__(self, stream: io.TextIOWrapper, raises: bool) -> None:
         # The buffer of `python -u` is the file itself.
-        self._raw = getattr(stream.buffer, "raw", stream.buffer)
+        self._raw: Any = getattr(stream.buffer, "raw", stream.buffer)
         self._raises, self.failure = raises, ""
 
     def writable(self) -> bool:
@@ -42,7 +43,7 @@ class _Stream(io.RawIOBase):
     def fileno(self) -> int:
         return int(self._raw.fileno())
 
-    def write(self, data: object) -> int:
+    def write(self, data: Any) -> int:
         if not self.failure:
             try:
                 return int(self._raw.write(data))
@@ -50,7 +51,7 @@ class _Stream(io.RawIOBase):
                 self.failure = error.strerror or str(error)
                 if self._raises and threading.current_thread() is threading.main_thread():
                     raise _OutputError from None
-        return memoryview(data).nbytes  # type: ignore[arg-type]
+        return memoryview(data).nbytes
 
 
 @contextmanager
