@@ -360,7 +360,7 @@ def studio(
         ),
     ] = None,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Other than 127.0.0.1: a token is required.")
+        str, typer.Option(metavar="ADDRESS", help="Address of this machine to listen on.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8550,
     browser: Annotated[
