@@ -120,9 +120,10 @@ def test_every_address_requires_its_token(host, chromium, studio_file):
 def test_requests_of_other_pages_are_rejected(studio_running):
     address, _, token = studio_running.address.partition("?token=")
     cookie = {"Cookie": f"flexarm_studio_{studio_running.port}={token}"}
-    accepted = urllib.request.Request(address, headers=cookie)
-    with urllib.request.urlopen(accepted, timeout=60) as answer:
-        assert answer.status == 200
+    with urllib.request.urlopen(
+        urllib.request.Request(address, headers=cookie), timeout=60
+    ) as page:
+        assert page.status == 200
     for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
         requested = urllib.request.Request(address, headers=cookie | headers)
         with pytest.raises(HTTPError) as error:

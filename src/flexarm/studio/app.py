@@ -64,6 +64,8 @@ def serve(project: Project, host: str, port: int, token: str, show: bool) -> Non
         script = f"const makePlayer = {player_function()};\n{_text('studio.js')}"
         ui.add_head_html(f"<script>{script}</script>")
         await client.connected()
+        if client.is_deleted:
+            return  # a program requested the page and did not connect
         # A reloaded page continues with its state; a duplicated tab starts with a copy of it.
         owner, history = app.storage.tab.get(_TAB, (client.tab_id, History(project)))
         if owner != client.tab_id:

@@ -251,16 +251,14 @@ class Window:
                 self._say("The report was not written.\n" + _text_of(part))
                 self._status.set_text("")
             elif request.purpose == "margins":
-                if isinstance(part, Failure):  # the picture reports the same one
-                    cause = f": {_text_of(part)}" if request.project == self._pictured else "."
-                    part = Margins((), f"Margins are not computed{cause}")
-                if isinstance(part, Margins) and request.project == self.history.now:
-                    self._show_margins(part)
+                assert isinstance(part, Margins | Failure)
+                if request.project == self.history.now:
+                    self._show_margins(self._without(part) if isinstance(part, Failure) else part)
             elif number < max(self._shown, self._oldest):
                 return  # a newer picture is shown
             elif isinstance(part, Picture):
                 self._show_picture(request, number, part)
-            elif number == self._newest:
+            elif number == self._newest and isinstance(part, Failure):
                 self._show_failure(part)
 
     def _show_picture(self, request: Request, number: int, part: Picture) -> None:
@@ -279,6 +277,11 @@ class Window:
         _fill(self._failure, "")
         _mark(self._of_the_run, remove="waiting old")
         self._status.set_text(f"computed in {1e3 * self._seconds:.0f} ms")
+
+    def _without(self, failure: Failure) -> Margins:
+        """Return what is shown in place of margins; the picture may report the same failure."""
+        cause = f": {_text_of(failure)}" if self.history.now == self._pictured else "."
+        return Margins((), f"Margins are not computed{cause}")
 
     def _show_margins(self, part: Margins) -> None:
         self._note.set_text(part.note)
