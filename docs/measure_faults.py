@@ -46,6 +46,9 @@ def main() -> None:
     report("SIGTERM while writing", killed(result, signal.SIGTERM))
     report("damaged result", damaged_results(result))
     report("damaged cache file", damaged_cache())
+    report("exchanged cache files", exchanged_cache())
+    report("standard output that cannot be written", unwritable_output())
+    report("foreign datagrams", foreign_datagrams())
     report("Ctrl-C while compiling", interrupted_compilation())
 
 
@@ -204,6 +207,112 @@ def damaged_cache() -> Counter[str]:
         path.write_bytes(damaged(content))
         loaded = kept.load_overload(signature, work.targetctx)
         outcomes["LOADED" if loaded is not None else "discarded"] += 1
+    return outcomes
+
+
+def exchanged_cache() -> Counter[str]:
+    """Put the file of each of five equal-looking kernels in place of each other one."""
+    import importlib
+
+    source = HERE / "alike.py"
+    head = "from flexarm.kernels.compilation.cache import compiled\n"
+    one = "@compiled\ndef work{0}(x):\n    return {0}.0 * x\n"
+    source.write_text(head + "".join(one.format(k) for k in range(1, 6)))
+    sys.path.insert(0, str(HERE))
+    kernels = [getattr(importlib.import_module("alike"), f"work{k}") for k in range(1, 6)]
+    for work in kernels:
+        work(1.5)
+    paths = [next(HERE.glob(f"alike.{work.py_func.__name__}-*.code")) for work in kernels]
+    contents = [path.read_bytes() for path in paths]
+    outcomes: Counter[str] = Counter()
+    for work, path in zip(kernels, paths, strict=True):
+        kept = code_cache.CodeCache(work.py_func, HERE, True)
+        for other in contents:
+            if other != contents[paths.index(path)]:
+                path.write_bytes(other)
+                loaded = kept.load_overload(work.signatures[0], work.targetctx)
+                outcomes["LOADED" if loaded is not None else "discarded"] += 1
+    return outcomes
+
+
+def unwritable_output() -> Counter[str]:
+    """Print the help of every command, and more, to a full disk and to a closed pipe."""
+    import typer.main
+
+    from flexarm.cli.main import app, main
+
+    arm = HERE / "arm.yaml"
+    fa.save_arm(fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)]), arm)
+    cases, waiting = [["--version"], ["schema"], ["check", arm], ["modes", arm]], []
+    waiting.append(([], typer.main.get_command(app)))
+    while waiting:
+        words, command = waiting.pop()
+        cases.append([*words, "--help"])
+        waiting += [([*words, n], c) for n, c in getattr(command, "commands", {}).items()]
+    errors = HERE / "errors"
+    outcomes: Counter[str] = Counter()
+    for case in cases:
+        for kind in ("full", "closed"):
+
+            def command(case: list = case, kind: str = kind) -> None:
+                reading, writing = os.pipe()
+                os.close(reading)
+                full = os.open("/dev/full", os.O_WRONLY)
+                os.dup2(writing if kind == "closed" else full, 1)
+                os.dup2(os.open(errors, os.O_CREAT | os.O_TRUNC | os.O_WRONLY), 2)
+                sys.argv = ["flexarm", *map(str, case)]
+                main()
+
+            process = in_another_process(command)
+            status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+            text = errors.read_text()
+            told = text.count("standard output could not be written")
+            trace = "TRACEBACK" if "Traceback" in text else "no traceback"
+            outcomes[f"exit {status}, {told} message, {trace}"] += 1
+    return outcomes
+
+
+def foreign_datagrams() -> Counter[str]:
+    """Run a loop over UDP 50 times while another program sends datagrams to the controller."""
+    import socket
+    import threading
+
+    import numpy as np
+
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)])
+    motion = fa.joint_motion(arm, [0.0], [0.5], 0.05)
+    law = {"proportional": [8.0], "derivative": [3.0], "sample_time": 0.001}
+    wanted = fa.simulate(arm, 0.03, controller=fa.JointPD(**law), reference=motion, rate=1000.0)
+    names = ("reference_angle", "reference_rate", "reference_acceleration")
+    sizes = dict.fromkeys(("joint_angle", "joint_rate", *names), 1)
+    outcomes: Counter[str] = Counter()
+    for _ in range(50):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            at = f"127.0.0.1:{probe.getsockname()[1]}"
+        over = threading.Event()
+
+        def disturb(at: str = at, over: threading.Event = over) -> None:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+                while not over.wait(0.0005):
+                    number = RANDOM.choice([-2.0, -1.0, 0.0, 1.0, 7.0])
+                    row = np.array([RANDOM.random(), number, 0.0, *np.ones(RANDOM.randrange(9))])
+                    data = RANDOM.choice([row.tobytes(), RANDOM.randbytes(RANDOM.randrange(99))])
+                    one.sendto(data, (at.split(":")[0], int(at.split(":")[1])))
+
+        options = {"readings": sizes, "timeout": 30.0}
+        law_of_the_run = threading.Thread(
+            target=fa.realtime, args=(at, fa.JointPD(**law)), kwargs=options
+        )
+        threads = [law_of_the_run, threading.Thread(target=disturb)]
+        for thread in threads:
+            thread.start()
+        run = fa.realtime(fa.Plant(arm, 0.001), at, 0.03, motion, clock=False, timeout=30.0)
+        law_of_the_run.join()
+        over.set()
+        threads[1].join()
+        same = np.allclose(run.torque, wanted.torque, rtol=0.0, atol=1e-12)
+        outcomes["as simulated" if same else "WRONG"] += 1
     return outcomes
 
 

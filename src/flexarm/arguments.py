@@ -33,6 +33,10 @@ T = TypeVar("T")
 #: Positive numbers below this are rejected like zero, because their inverses and products exceed
 #: the range of floats.
 _SMALLEST = 1e-150
+#: Largest length (bytes) of the name of a file or folder, in almost all file systems.
+_LONGEST_NAME = 255
+#: Variables of datasets that contain text.
+_TEXTS = ("controller", "plant", "reference", "failure")
 #: Largest plausible joint angle of a posture, rad: two turns.
 _TURNS = 4.0 * math.pi
 #: Larger angles (rad) than ten turns in degrees are no degrees.
@@ -242,8 +246,8 @@ def check_path(name: str, value: object) -> Path:
     """Return the path of a file, from text or a path object.
 
     Raises:
-        InputError: if the value is neither of them, has no file name, is too long, or contains a
-            null character.
+        InputError: if the value is neither of them, has no file name, is too long for a file
+            system, or contains a null character.
     """
     given = value if isinstance(value, str | PathLike) else None
     try:
@@ -251,6 +255,10 @@ def check_path(name: str, value: object) -> Path:
     except Exception:  # a user-defined path object may raise any exception
         text = None
     if isinstance(text, str) and len(text) < 4096 and "\0" not in text and Path(text).name:
+        longest = max(Path(text).parts, key=len)
+        if len(longest.encode(errors="surrogatepass")) > _LONGEST_NAME:
+            rule = f"have names of at most {_LONGEST_NAME} bytes"
+            raise InputError(Problem(name, rule, shown(value)))
         return Path(text)
     raise InputError(Problem(name, "be the path of a file", shown(value)))
 
@@ -367,7 +375,8 @@ def check_dataset(
     """Return a dataset that has the variables ``needed``; ``what`` describes it in the message.
 
     Raises:
-        InputError: if the value is not an ``xarray.Dataset``, or lacks one of the variables.
+        InputError: if the value is not an ``xarray.Dataset``, or lacks one of the variables, or one
+            that consists of numbers in the original was replaced by something else.
     """
     import xarray as xr
 
@@ -375,6 +384,11 @@ def check_dataset(
     for one in needed:
         if one not in dataset.variables:
             raise InputError(Problem(name, f"be {what}", f"a dataset without {one!r}"))
+        kind = dataset[one].dtype.kind
+        if one not in _TEXTS and kind not in "biuf":
+            raise InputError(
+                Problem(name, f"be {what}", f"a dataset with other values than numbers in {one!r}")
+            )
     return dataset
 
 

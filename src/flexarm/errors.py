@@ -214,7 +214,8 @@ def public_call(function: Callable[P, R]) -> Callable[P, R]:
     The place is the name of a function, ``simulate``, or of a constructor's class, ``Plant``; that
     of a method contains the class of its object: ``Arm.tip``. Other decorators are above this one.
     A problem that has a place keeps it: a line of a file, or the public call within this one whose
-    argument is wrong. The reasons are in decision 0026.
+    argument is wrong. The reasons are in decision 0026. A number beyond the range of floats is a
+    problem of the arguments.
     """
     return _named(function, "")
 
@@ -236,6 +237,10 @@ def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
         except InputError as error:
             error.at(place or _place(function, args))
             raise
+        except OverflowError as error:  # Python's floats and integers raise it, NumPy's do not
+            rule = f"contain a number that is too large ({error})"
+            where = place or _place(function, args)
+            raise InputError(Problem("the arguments", rule, where=where)) from error
 
     return call
 

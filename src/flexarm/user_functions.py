@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
 
-from flexarm.errors import FlexarmError, SimulationError
+from flexarm.errors import FlexarmError, InputError, Problem, SimulationError
 
+_UNFINISHED = (CoroutineType, GeneratorType, AsyncGeneratorType)
 #: Bisections of the interval in which a function begins to fail: to the last digit of the time.
 _HALVINGS = 60
 
@@ -20,13 +22,20 @@ def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
 
     Raises:
         FunctionError: if the function raises an exception; flexarm's own exceptions pass unchanged.
+        InputError: if it is asynchronous or a generator, which returns no value.
     """
     try:
-        return function(t)
+        value = function(t)
     except FlexarmError:
         raise
     except Exception as error:
         raise _failure(name, _first(t), error) from error
+    if isinstance(value, _UNFINISHED):
+        kind = "a generator" if isinstance(value, GeneratorType) else "an asynchronous function"
+        if isinstance(value, CoroutineType):
+            value.close()  # else Python warns that it was never awaited
+        raise InputError(Problem(name, "be a function that returns a value", kind))
+    return value
 
 
 def first_failure(

@@ -66,19 +66,20 @@ def studio(folder, *arguments):
             stated = log.read_text(encoding="utf-8")
             assert process.poll() is None, stated
             found = re.search(r"studio at (\S+)", stated)
-            if found and _listens(port):
+            server = found and Server(process, found[1].replace("0.0.0.0", "127.0.0.1"))
+            if server and _listens(server):
                 break
             time.sleep(0.1)
-        yield Server(process, found[1].replace("0.0.0.0", "127.0.0.1"))
+        yield server
     finally:
         process.terminate()
         process.wait(timeout=60)
     assert "Traceback" not in log.read_text(encoding="utf-8"), log.read_text(encoding="utf-8")
 
 
-def _listens(port):
+def _listens(server):
     with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+        return probe.connect_ex((server.host, int(server.port))) == 0
 
 
 class Screen:

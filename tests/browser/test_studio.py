@@ -87,6 +87,29 @@ def test_text_that_is_not_yaml_is_rejected(window):
     assert "is not valid YAML" in window.message(LENGTH)
 
 
+def opacity(page, selector):
+    return float(page.locator(selector).evaluate("one => getComputedStyle(one).opacity"))
+
+
+def test_values_of_a_run_in_progress_turn_grey(window):
+    """Here while the server cannot answer: what is shown belongs to another arm."""
+    page = window.page
+    window.choose("drive.kind", "joint PD")
+    page.locator(".numbers td").first.wait_for()
+    shown = (".picture", ".frequencies", ".numbers table")
+    assert [opacity(page, each) for each in shown] == [1.0] * 3
+    page.evaluate("""() => {
+        window.greys = [];
+        new MutationObserver(() => window.greys.push([...document.querySelectorAll('.waiting')]
+            .map((each) => each.className))).observe(document.querySelector('.stage'),
+            {subtree: true, attributes: true, attributeFilter: ['class']}); }""")
+    window.set(LENGTH, "0.55")
+    page.wait_for_function("!document.querySelector('.waiting')")
+    names = " ".join(name for each in page.evaluate("window.greys") for name in each)
+    assert "picture" in names
+    assert "frequencies" in names
+
+
 def test_failed_run_keeps_the_last_picture_and_marks_it(window):
     page = window.page
     window.type("motion.end[0]", "5")
@@ -95,8 +118,14 @@ def test_failed_run_keeps_the_last_picture_and_marks_it(window):
     assert "The picture shows the last run that worked." in page.locator(".failure").inner_text()
     grey = window.pixels()
     assert np.ptp(grey, axis=-1).max() < 10  # no colour is left
+    # The frequencies of the arm before are grey, too, and its margins are removed.
+    assert page.locator(".frequencies").inner_text().endswith("Hz")
+    assert opacity(page, ".frequencies") < 0.5
+    page.get_by_text("Margins are not computed.").wait_for()
+    assert page.locator(".numbers td").count() == 0
     window.type("motion.end[0]", "0.2")  # the style of the picture
     page.wait_for_function("!document.querySelector('.picture.old')")
+    assert opacity(page, ".frequencies") == 1.0
     assert not page.locator(".failure").is_visible()
     assert_shows(window, project_with())
 
@@ -125,6 +154,28 @@ def test_broken_file_is_reported_with_its_lines(window, tmp_path):
     rows = min(len(before), len(after))  # the notice above moves the canvas by a fraction of a row
     away = np.abs(after[:rows] - before[:rows]).max(axis=-1)
     assert (away > 60).mean() < 0.007  # a link of 0.61 instead of 0.6 m changes 0.9 %
+
+
+def test_a_file_that_is_not_sent_is_reported_with_its_cause(window, tmp_path):
+    notice = window.page.locator(".stage > .notice").first
+    texts = {
+        "notes.txt": ("a", "its name does not end in .yaml or .yml."),
+        "large.yaml": ("#" * 20_000_001, "it is larger than 20 MB."),
+        "lost.yaml": (SCENARIO, "the browser could not send it (status 0)."),
+    }
+    window.page.route("**/upload/**", lambda route: route.abort())
+    for name, (text, reason) in 2 * list(texts.items()):  # the same file again
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        window.open(tmp_path / name)
+        window.page.get_by_text(f"The file {name} was not opened: {reason}").wait_for()
+    window.page.unroute("**/upload/**")
+    (tmp_path / "empty.yaml").touch()
+    window.open(tmp_path / "empty.yaml")
+    window.page.get_by_text("The file empty.yaml was not opened.").wait_for()
+    (tmp_path / "good.yaml").write_text(SCENARIO.replace("0.6", "0.7"), encoding="utf-8")
+    window.show_file(tmp_path / "good.yaml")
+    assert not notice.is_visible()
+    assert window.value(LENGTH) == 0.7
 
 
 def test_texts_of_a_file_are_not_executed(window, tmp_path):

@@ -97,8 +97,10 @@ def test_memory_is_bounded(window, studio_running, capsys):
     assert sum(after) < sum(before) + 60.0
 
 
-def test_non_local_address_requires_its_token(chromium, studio_file):
-    with studio(studio_file.parent, str(studio_file), "--host", "0.0.0.0") as open_server:
+@pytest.mark.parametrize("host", ["127.0.0.2", "0.0.0.0"])
+def test_every_address_requires_its_token(host, chromium, studio_file):
+    """Also a loopback address, which other users of the machine reach."""
+    with studio(studio_file.parent, str(studio_file), "--host", host) as open_server:
         plain, _, token = open_server.address.partition("?token=")
         assert len(token) > 20
         context = chromium.new_context()
@@ -116,8 +118,14 @@ def test_non_local_address_requires_its_token(chromium, studio_file):
 
 
 def test_requests_of_other_pages_are_rejected(studio_running):
+    address, _, token = studio_running.address.partition("?token=")
+    cookie = {"Cookie": f"flexarm_studio_{studio_running.port}={token}"}
+    with urllib.request.urlopen(
+        urllib.request.Request(address, headers=cookie), timeout=60
+    ) as page:
+        assert page.status == 200
     for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
-        requested = urllib.request.Request(studio_running.address, headers=headers)
+        requested = urllib.request.Request(address, headers=cookie | headers)
         with pytest.raises(HTTPError) as error:
             urllib.request.urlopen(requested, timeout=60)
         with error.value as refusal:

@@ -53,12 +53,19 @@ def test_address_of_another_machine_is_rejected():
     assert "cannot be used" in done.stderr
 
 
-@pytest.mark.parametrize(("host", "shown"), [("127.0.0.1", "127.0.0.1"), ("::1", "[::1]")])
-def test_printed_address_is_a_valid_one(monkeypatch, host, shown):
-    """An address of IPv6 has brackets in front of the port."""
+@pytest.mark.parametrize(
+    ("host", "shown", "warned"),
+    [("127.0.0.1", "127.0.0.1", False), ("::1", "[::1]", False), ("0.0.0.0", "0.0.0.0", True)],
+)
+def test_printed_address_is_a_valid_one(monkeypatch, host, shown, warned):
+    """It contains the token; an address of IPv6 has brackets in front of the port."""
     pytest.importorskip("nicegui")
-    monkeypatch.setattr("flexarm.studio.app.serve", lambda *options: None)
+    served = []
+    monkeypatch.setattr("flexarm.studio.app.serve", lambda *options: served.extend(options))
     monkeypatch.setattr("flexarm.cli.commands.studio._check_address", lambda host, port: None)
     done = invoke("--host", host, "--port", 8123)
     assert done.exit_code == 0
-    assert f"studio at http://{shown}:8123/\n" in done.stdout
+    token = served[3]
+    assert len(token) > 20
+    assert f"studio at http://{shown}:8123/?token={token}\n" in done.stdout
+    assert ("not encrypted" in done.stdout) == warned

@@ -26,6 +26,28 @@ def _fails(*_: Any) -> Any:
     raise ZeroDivisionError("from the user's own function")
 
 
+async def _later(*_: Any) -> Any:
+    return 0.1
+
+
+def _one_by_one(*_: Any) -> Any:
+    yield 0.1
+
+
+class Later:
+    """An object whose call is asynchronous."""
+
+    async def __call__(self, *_: Any) -> Any:
+        return 0.1
+
+
+def _folder(suffix: str) -> Path:
+    """Return a folder whose name ends as that of a file."""
+    place = Path(f"folder{suffix}").absolute()
+    place.mkdir(exist_ok=True)
+    return place
+
+
 #: Functions that create each wrong value, by a name that a failing example shows.
 WRONG: dict[str, Callable[[], Any]] = {
     "None": lambda: None,
@@ -43,6 +65,7 @@ WRONG: dict[str, Callable[[], Any]] = {
     "zero": lambda: 0,
     "-1": lambda: -1,
     "-0.5": lambda: -0.5,
+    "1e200": lambda: 1e200,
     "1e300": lambda: 1e300,
     "-1e300": lambda: -1e300,
     "5e-324": lambda: 5e-324,
@@ -78,6 +101,8 @@ WRONG: dict[str, Callable[[], Any]] = {
     "dict": lambda: {"a": 1.0},
     "empty dict": dict,
     "dict of numbers": lambda: {1: 2, None: 3},
+    "dict of ranges": lambda: {None: (0.1, 0.2)},
+    "dict of a number": lambda: {1.5: 1.0},
     "set": lambda: {0.1, 0.2},
     "generator": lambda: (x for x in (0.1, 0.2)),
     "range": lambda: range(2),
@@ -93,6 +118,9 @@ WRONG: dict[str, Callable[[], Any]] = {
     "module": lambda: np,
     "function": lambda: lambda *_: 0.1,
     "function that fails": lambda: _fails,
+    "asynchronous function": lambda: _later,
+    "generator function": lambda: _one_by_one,
+    "object with an asynchronous call": Later,
     "function of nothing": lambda: lambda: 0.1,
     "function that returns text": lambda: lambda *_: "no",
     "payload": lambda: fa.Payload(mass=0.1),
@@ -103,6 +131,11 @@ WRONG: dict[str, Callable[[], Any]] = {
     "other arm": lambda: fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)]),
     "path of nothing": lambda: Path("/nowhere/at/all.yaml"),
     "folder": lambda: Path("/"),
+    "long name": lambda: Path("x" * 300 + ".nc"),
+    "long name of a table": lambda: "x" * 300 + ".csv",
+    "name with a null": lambda: "a\x00b.nc",
+    "below a file": lambda: "/etc/hostname/a.nc",
+    "folder with a suffix": lambda: _folder(".nc"),
     "error": lambda: ValueError("a value"),
     "slice": lambda: slice(2),
     "...": lambda: ...,

@@ -158,8 +158,13 @@ def test_lost_and_doubled_packets_do_not_change_a_lockstep_run():
     assert answered.packets_repeated > 0
 
 
-def test_layout_of_packets():
-    """Sequence number, time, readings, reference; answers with the number and the time."""
+@pytest.mark.parametrize("token", [12345.0, 0.0])
+def test_layout_of_packets(token):
+    """Token, sequence number, time, readings, reference; answers with the first three.
+
+    The first packet requests the run, with the number -2: the time of its answer is the token. That
+    of a controller that returns the first three numbers of every packet is 0.
+    """
     at = free_address()
     host, port = at.split(":")
     received = []
@@ -169,19 +174,24 @@ def test_layout_of_packets():
         while True:
             data, sender = one.recvfrom(9999)
             row = struct.unpack(f"<{len(data) // 8}d", data)
-            one.sendto(struct.pack("<4d", row[0], row[1], 0.5, -0.25), sender)
-            if row[0] == -1.0:
+            time = token if row[1] == -2.0 else row[2]
+            one.sendto(struct.pack("<5d", row[0], row[1], time, 0.5, -0.25), sender)
+            if row[1] == -1.0:
                 break
-            if not received or received[-1][0] != row[0]:
+            if not received or received[-1][1] != row[1]:
                 received.append(row)
     run, found = other.result(), np.array(received)
     ticks = np.arange(3)
-    np.testing.assert_array_equal(found[:, 0], ticks)
-    np.testing.assert_allclose(found[:, 1], H * ticks, rtol=1e-12)
+    np.testing.assert_array_equal(found[0, 1:3], [-2.0, 0.0])
+    np.testing.assert_array_equal(found[0, 3:], found[1, 3:])
+    found = found[1:]
+    np.testing.assert_array_equal(found[:, 0], token)
+    np.testing.assert_array_equal(found[:, 1], ticks)
+    np.testing.assert_allclose(found[:, 2], H * ticks, rtol=1e-12)
     wanted = [run.measured_joint_angle, run.measured_joint_rate, run.measured_strain]
     wanted += [f(H * ticks) for f in (motion().joint_angle, motion().joint_rate)]
     wanted += [motion().joint_acceleration(H * ticks)]
-    np.testing.assert_allclose(found[:, 2:], np.hstack(wanted), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(found[:, 3:], np.hstack(wanted), rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(run.torque, [[0.5, -0.25]] * 4)
 
 

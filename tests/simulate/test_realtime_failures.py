@@ -74,7 +74,7 @@ def test_an_answer_of_another_length_is_named():
     """Here of a controller for one joint."""
     at = free_address()
     other = Partner(fa.realtime, at, Fails(0, lambda torque: torque[:1]), readings=SENT)
-    with pytest.raises(fa.SimulationError, match="has 24 bytes instead of 32: sequence number"):
+    with pytest.raises(fa.SimulationError, match="has 32 bytes instead of 40: token, sequence"):
         fa.realtime(fa.Plant(arm(), H), at, 20 * H, motion(), clock=False)
     assert other.result().sizes["tick"] == 1
 
@@ -95,7 +95,7 @@ def test_nobody_sends():
 
 def test_packets_of_another_layout_and_another_sample_time():
     for options, message in (
-        ({"readings": READINGS}, "has 104 bytes instead of 56: sequence number, time"),
+        ({"readings": READINGS}, "has 112 bytes instead of 64: token, sequence number, time"),
         ({"readings": SENT}, "packet 1 has the time 0.002 s, but the controller"),
     ):
         at = free_address()

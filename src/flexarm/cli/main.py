@@ -16,6 +16,7 @@ from flexarm.cli.design import design
 from flexarm.cli.export import export
 from flexarm.cli.failures import end_orderly_when_terminated, report_failures
 from flexarm.cli.options import Angles, Inputs, Outputs, Sets
+from flexarm.cli.standard_streams import checked_streams
 
 app = typer.Typer(
     name="flexarm",
@@ -359,7 +360,7 @@ def studio(
         ),
     ] = None,
     host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Other than 127.0.0.1: a token is required.")
+        str, typer.Option(metavar="ADDRESS", help="Address of this machine to listen on.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8550,
     browser: Annotated[
@@ -389,7 +390,9 @@ def schema(
 def main() -> None:
     """Run the command line.
 
-    The exit status is 0, 1 (a run failed), 2 (wrong input), 130 (Ctrl-C) or 143 (SIGTERM).
+    The exit status is 0, 1 (a run failed), 2 (wrong input, or output that cannot be written),
+    130 (Ctrl-C) or 143 (SIGTERM).
     """
     end_orderly_when_terminated()
-    app()
+    with checked_streams():
+        app()

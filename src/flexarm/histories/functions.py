@@ -209,7 +209,7 @@ class _Follower:
             for t in in_order:
                 row = call(self._name, function, t)
                 # Copy, because the function may write each result into the same array or list.
-                rows.append(row if type(row) is tuple else copy(row))
+                rows.append(copy(row) if type(row) is list or hasattr(row, "__array__") else row)
         except FunctionError as failed:
             self._rows(in_order, rows)  # a wrong value before the failure is reported first
             before = in_order[len(rows) - 1] if rows else 0.0

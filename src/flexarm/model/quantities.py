@@ -86,9 +86,9 @@ def _named(value: Any) -> Any:
 def _mapped(value: Any) -> Any:
     if not isinstance(value, Mapping):
         raise refuse("be a mapping of names", value)
-    wrong = next((name for name in value if not isinstance(name, str)), None)
-    if wrong is not None:
-        raise refuse("have text as names", wrong, "Put the name in quotes.")
+    wrong = [name for name in value if not isinstance(name, str)]
+    if wrong:
+        raise refuse("have text as names", wrong[0], "Put the name in quotes.")
     unprintable = next((name for name in value if printable(name) != name), None)
     if unprintable is not None:
         raise refuse("have printable names", unprintable)

@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from flexarm.errors import InputError, Problem
 from flexarm.output.base import Format
 from flexarm.writing.places import AnyPath
 
@@ -26,10 +27,18 @@ _CHANGED = "the file is damaged, or another program has changed it"
 
 
 def encode_netcdf(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
-    """Yield the content of the NetCDF file of a dataset, followed by its digest."""
+    """Yield the content of the NetCDF file of a dataset, followed by its digest.
+
+    Raises:
+        InputError: if a variable or an attribute that was added or edited cannot be stored.
+    """
     # Copy the content: a view that outlives its buffer, as in a traceback, prints an error message.
     announced = dataset.assign_attrs({_ANNOUNCED: "SHA-256 after the end of the HDF5 content"})
-    content = bytes(announced.to_netcdf(engine="h5netcdf"))
+    try:
+        content = bytes(announced.to_netcdf(engine="h5netcdf"))
+    except (TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(Problem("result", f"cannot be stored: {reason}")) from None
     yield content
     yield _MARK + hashlib.sha256(content).digest()
 

@@ -13,6 +13,7 @@ from flexarm.errors import FlexarmError, FlexarmWarning
 from flexarm.integrate.base import FloatArray
 from flexarm.loop_analysis.margins import MARGINAL, loop_at, loop_margins, without_friction
 from flexarm.model import Contact, Hardware, Scenario
+from flexarm.model.checks import checked_arguments
 from flexarm.proposals.candidates import Candidate, Drive
 from flexarm.scenarios.motions import TaskReference, motion_of
 from flexarm.scenarios.references import Followed
@@ -142,7 +143,7 @@ def scenario_of(content: Mapping[str, Any], drive: Drive) -> Scenario:
     }
     (motion,) = content["motions"].values()
     run = {name: value for name, value in content["run"].items() if name != "settling"}
-    return Scenario.model_validate({**shared, "motion": motion, "drive": drive, "run": run})
+    return checked_arguments(Scenario, **shared, motion=motion, drive=drive, run=run)
 
 
 def _slowest_vibration(found: xr.Dataset) -> float:

@@ -15,11 +15,15 @@ from flexarm.real_time.packets import (
     END,
     OTHER_TIME,
     REFERENCE,
+    START,
+    Head,
     Layout,
     Packet,
     SentReference,
     WrongPacketError,
-    end_packet,
+    head_of,
+    new_token,
+    packed_head,
     torque_layout,
 )
 from flexarm.real_time.partners import PartnerError, updated
@@ -30,8 +34,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: Largest number of requests for a run that are remembered.
+_REQUESTS = 64
+
+
 class ControllerLoop:
     """A controller that listens at an address.
+
+    A packet of the past cannot contain a token that was drawn now. The run therefore begins with
+    the first packet that has a token with which a request was answered, and its sender is the
+    plant.
 
     Args:
         received: layout of the packets of the plant.
@@ -57,7 +69,11 @@ class ControllerLoop:
         self._samples: list[float] = []
         self._times = SampleTimes()
         self._last, self._answer = -1, b""
-        self._counts = {"packets_lost": 0, "packets_repeated": 0, "packets_discarded": 0}
+        self._tokens: dict[float, float] = {}  # those drawn here, by those of requests
+        self._token: float | None = None  # of the run
+        self._until = 0.0  # at which the run fails without a packet
+        names = ("lost", "repeated", "discarded", "foreign")
+        self._counts = {f"packets_{name}": 0 for name in names}
 
     def run(self) -> xr.Dataset:
         """Answer packets until the plant ends the run.
@@ -67,6 +83,7 @@ class ControllerLoop:
                 its ``result`` is the result so far.
         """
         self._controller.reset()
+        self._until = self._clock.now() + self._timeout
         try:
             while self._next():
                 pass
@@ -75,23 +92,55 @@ class ControllerLoop:
             failure.result = self._result(str(failure))
             raise failure from error.__cause__
         finally:
-            self._datagrams.send(end_packet(self._time))
+            if self._token is not None:
+                self._datagrams.send(packed_head(self._token, END, self._time))
             self._datagrams.close()
         return self._result("")
 
     def _next(self) -> bool:
         """Answer the next packet; return whether the run continues."""
-        data = self._datagrams.receive(self._timeout)
+        data = self._datagrams.receive(self._until - self._clock.now())
         started = self._clock.now()
-        if data is None:
-            reason = f"no packet at {self._address} for {self._timeout:g} s."
-            raise PartnerError(reason, "Start the plant, or increase timeout.")
+        head = None if data is None else head_of(data)
+        if data is not None and head is not None and self._is_of_the_run(head):
+            if head.number == END:
+                return False
+            self._answer_packet(data, started)
+            self._until = self._clock.now() + self._timeout
+        elif started >= self._until:
+            raise PartnerError(*self._silence())
+        return True
+
+    def _is_of_the_run(self, head: Head) -> bool:
+        """Return whether a packet is of the run, which it may begin; grant a requested run."""
+        if self._token is None and head.token in self._tokens.values():
+            self._token = head.token
+            self._datagrams.hold()
+        if head.token == self._token:
+            return True
+        if self._token is None and head.number == START:
+            if head.token not in self._tokens and len(self._tokens) == _REQUESTS:
+                del self._tokens[next(iter(self._tokens))]
+            token = self._tokens.setdefault(head.token, new_token())
+            self._datagrams.send(packed_head(head.token, START, token))
+        elif head.token not in self._tokens:  # else a repeated request
+            self._counts["packets_foreign"] += 1
+        return False
+
+    def _silence(self) -> tuple[str, str]:
+        """Return reason and hint of a run without packets."""
+        hint = "Start the plant, or increase timeout."
+        foreign = self._counts["packets_foreign"]
+        if foreign:
+            hint += f" {foreign} packets of other programs or earlier runs were ignored."
+        return f"no packet at {self._address} for {self._timeout:g} s.", hint
+
+    def _answer_packet(self, data: bytes, started: float) -> None:
+        """Answer a packet of the run, unless it is older than another one."""
         try:
             packet = self._received.unpacked(data)
         except WrongPacketError as error:
             raise PartnerError(f"a packet at {self._address} {error}") from None
-        if packet.number == END:
-            return False
         if packet.number == self._last:  # the answer was lost, or is on its way
             self._datagrams.send(self._answer)
             self._counts["packets_repeated"] += 1
@@ -99,7 +148,6 @@ class ControllerLoop:
             self._counts["packets_discarded"] += 1
         else:
             self._update(packet, started)
-        return True
 
     def _update(self, packet: Packet, started: float) -> None:
         """Compute and send the torque for a new packet."""
@@ -117,7 +165,8 @@ class ControllerLoop:
         joints = self._torques[0].size if self._torques else -1
         torque = updated(self._controller, packet.time, measurement, self._reference, joints)
         layout = torque_layout(torque.size)
-        self._answer = layout.packed(Packet(k, packet.time, {"torque": torque}))
+        assert self._token is not None
+        self._answer = layout.packed(Packet(k, packet.time, {"torque": torque}), self._token)
         self._datagrams.send(self._answer)
         self._counts["packets_lost"] += k - self._last - 1
         self._last = k

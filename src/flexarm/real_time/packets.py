@@ -2,16 +2,23 @@
 
 A packet contains doubles (IEEE 754, 8 bytes each, little-endian)::
 
-    sequence number, time (s), values
+    token, sequence number, time (s), values
 
 The plant sends its readings, then, with a reference, its angles, rates and accelerations. The
-controller answers with the sequence number and the time of the packet, and the torques (N m).
-Sequence numbers count the samples from 0. The number -1, from either side, ends the run; values
-after it are ignored and may be missing.
+controller answers with the token, the sequence number and the time of the packet, and the torques
+(N m). Sequence numbers count the samples from 0. The number -1, from either side, ends the run;
+values after it are ignored and may be missing.
+
+The token keeps packets of other programs and of earlier runs apart. The plant draws a token and
+requests a run with it, in a packet with the number -2. The controller answers with the same token
+and number and, in place of the time, a token that it has drawn: that of the run, in all packets
+that follow. A controller whose run has begun ignores requests. Both sides ignore every packet with
+another token, and the plant every answer with another number or time.
 """
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
@@ -22,8 +29,8 @@ import numpy as np
 from flexarm.assembly.assemble import FloatArray
 from flexarm.control.base import Reference
 
-#: Sequence number of the packet that ends a run.
-END = -1
+#: Sequence numbers of the packets that end a run, and that request and grant one.
+END, START = -1, -2
 #: Values of a reference in a packet: names, and the methods of `Reference`.
 REFERENCE = {
     "reference_angle": "joint_angle",
@@ -34,11 +41,20 @@ REFERENCE = {
 #: from which the sample times of both sides differ.
 OTHER_TIME = 0.01
 _DOUBLE = np.dtype("<f8")
-_HEAD = 2
+#: Numbers before the values, and bits of a token, which a double contains exactly.
+HEAD, TOKEN_BITS = 3, 48
+
+
+class Head(NamedTuple):
+    """First numbers of a packet: the token, the sequence number, and the time (s)."""
+
+    token: float
+    number: float
+    time: float
 
 
 class Packet(NamedTuple):
-    """Content of a packet.
+    """Content of a packet without its token.
 
     Attributes:
         number: sequence number.
@@ -64,44 +80,53 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of bytes."""
-        return _DOUBLE.itemsize * (_HEAD + sum(map(prod, self.shapes.values())))
+        return _DOUBLE.itemsize * (HEAD + sum(map(prod, self.shapes.values())))
 
     def __str__(self) -> str:
         sizes = [f"{name} ({prod(shape)})" for name, shape in self.shapes.items()]
-        return ", ".join(["sequence number", "time", *sizes])
+        return ", ".join(["token", "sequence number", "time", *sizes])
 
-    def packed(self, packet: Packet) -> bytes:
+    def packed(self, packet: Packet, token: float) -> bytes:
         """Return the bytes of a packet."""
         values = [np.ravel(packet.values[name]) for name in self.shapes]
-        return np.concatenate([packet[:_HEAD], *values]).astype(_DOUBLE).tobytes()
+        return np.concatenate([[token, *packet[:2]], *values]).astype(_DOUBLE).tobytes()
 
     def unpacked(self, data: bytes) -> Packet:
-        """Return the packet of bytes.
+        """Return the packet of bytes with a token of this run.
 
         Raises:
             WrongPacketError: if their number is not that of the layout, or the sequence number is
                 not a whole number.
         """
-        head = np.frombuffer(data[: _DOUBLE.itemsize], _DOUBLE)
-        if len(data) % _DOUBLE.itemsize == 0 and head.size and head[0] == END:
-            return Packet(END, 0.0, {})
         if len(data) != self.size:
             raise WrongPacketError(
                 f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
             )
         row = np.frombuffer(data, _DOUBLE).astype(np.float64)
-        if not (row[0] == np.rint(row[0]) and row[0] >= 0):
-            raise WrongPacketError(f"has the sequence number {row[0]:g}")
-        values, first = {}, _HEAD
+        number, time = row[1:HEAD]
+        if not (number == np.rint(number) and number >= 0):
+            raise WrongPacketError(f"has the sequence number {number:g}")
+        values, first = {}, HEAD
         for name, shape in self.shapes.items():
             values[name] = row[first : first + prod(shape)].reshape(shape)
             first += prod(shape)
-        return Packet(int(row[0]), float(row[1]), values)
+        return Packet(int(number), float(time), values)
 
 
-def end_packet(time: float) -> bytes:
-    """Return the packet that ends a run."""
-    return Layout({}).packed(Packet(END, time, {}))
+def head_of(data: bytes) -> Head | None:
+    """Return the head of a packet of any layout; None for bytes that are too short."""
+    size = HEAD * _DOUBLE.itemsize
+    return Head(*np.frombuffer(data[:size], _DOUBLE).tolist()) if len(data) >= size else None
+
+
+def packed_head(token: float, number: int, time: float) -> bytes:
+    """Return the bytes of a packet without values."""
+    return Layout({}).packed(Packet(number, time, {}), token)
+
+
+def new_token() -> float:
+    """Return a random token, a whole number greater than zero."""
+    return float(1 + secrets.randbits(TOKEN_BITS))
 
 
 def torque_layout(joints: int) -> Layout:

@@ -93,9 +93,10 @@ def realtime(
         next sample time, ``torques_held`` those without an answer in time. A plant that is late
         does not skip samples: it catches up. Over UDP, ``packets_repeated`` counts the packets that
         the plant sent again, or that the controller answered again; ``packets_discarded`` the
-        answers to an earlier sample that reached the plant, or the packets that reached the
+        answers with another number or time than the sample, or the packets that reached the
         controller after a newer one; ``packets_lost``, of the controller only, the samples without
-        a packet before that of a later one.
+        a packet before that of a later one; ``packets_foreign`` the packets of other programs and
+        of earlier runs, which are ignored.
 
     Raises:
         InputError: if an argument has the wrong kind or value, the sample times differ, or the
@@ -103,9 +104,11 @@ def realtime(
         SimulationError: if the plant or the controller fails, the other process ends the run or is
             silent, or a packet has the wrong length. ``result`` is the result so far.
 
-    Packets are rows of little-endian doubles: sequence number, time (s), values. The plant sends
-    its readings, then the angles, rates and accelerations of the reference; the controller answers
-    with the same number and time, and the torques (N m). The number -1 ends the run.
+    Packets are rows of little-endian doubles: token, sequence number, time (s), values. The plant
+    sends its readings, then the angles, rates and accelerations of the reference; the controller
+    answers with the same token, number and time, and the torques (N m). The number -1 ends the run.
+    The plant requests a run with the number -2 and a random token; the controller answers with the
+    same token and number, and in place of the time with the token of the run, also random.
     """
     timeout = check_positive("timeout", timeout, "s")
     paced = check_flag("clock", clock)

@@ -6,7 +6,7 @@ import re
 import select
 import socket
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flexarm.errors import InputError, Problem, shown
 
@@ -44,11 +44,11 @@ def check_address(name: str, value: object) -> Address:
 
 
 class Datagrams:
-    """Datagrams to and from one partner.
+    """Datagrams to and from a partner.
 
     Args:
-        address: of the partner; with ``listen``, of this side, whose partner is the sender of the
-            first datagram.
+        address: of the partner; with ``listen``, of this side, whose datagrams go to the last
+            sender until `hold` is called.
 
     Raises:
         InputError: if this side cannot listen at the address.
@@ -56,7 +56,8 @@ class Datagrams:
 
     def __init__(self, address: Address, listen: bool) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._connected = not listen
+        self._listens = listen
+        self._partner: tuple[Any, ...] | None = None
         try:
             (self._socket.bind if listen else self._socket.connect)(address)
         except OSError as error:
@@ -70,21 +71,29 @@ class Datagrams:
     def send(self, data: bytes) -> None:
         """Send a datagram; one that cannot be delivered is lost."""
         with suppress(OSError):
-            self._socket.send(data)
+            if self._partner is None:
+                self._socket.send(data)
+            else:
+                self._socket.sendto(data, self._partner)
+
+    def hold(self) -> None:
+        """Exchange datagrams with the last sender alone."""
+        assert self._partner is not None
+        self._socket.connect(self._partner)
+        self._listens, self._partner = False, None
 
     def receive(self, seconds: float) -> bytes | None:
-        """Return the next datagram, or None if there is none within a time, s."""
+        """Return the next datagram, or None if there is none within a time, s, or one was lost."""
         # `select` waits for microseconds; the time limit of a socket is in milliseconds.
         ready, _, _ = select.select([self._socket], [], [], min(max(seconds, 0.0), _DAY))
         if not ready:
             return None
         try:
             data, sender = self._socket.recvfrom(_LONGEST)
-        except OSError:  # a datagram sent before was refused: the partner does not listen yet
+        except OSError:  # a datagram sent before was refused: the partner does not listen
             return None
-        if not self._connected:
-            self._socket.connect(sender)
-            self._connected = True
+        if self._listens:
+            self._partner = sender
         return data
 
     def close(self) -> None:

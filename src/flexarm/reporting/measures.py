@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm import Arm
+from flexarm.errors import shown
 from flexarm.plot.selection import Signals
 from flexarm.simulation.metrics import METRICS, metrics_of, tip_reference
 
@@ -100,31 +102,40 @@ def energies_table(result: xr.Dataset) -> Table:
     return Table("Energies", ("", "at the start", "highest", "at the end"), tuple(rows))
 
 
+def worded(form: str, value: object) -> str:
+    """Return a formatted attribute; its text if another program has replaced it by another kind."""
+    try:
+        return form.format(value)
+    except (TypeError, ValueError):
+        return shown(value)
+
+
 def run_facts(result: xr.Dataset) -> list[tuple[str, str]]:
     """Return names and values that describe how a run was computed."""
     attributes, time = result.attrs, result["time"].values
     rows = [("time", f"{number(time[0])} to {number(time[-1])} s, {time.size} samples")]
 
-    def add(name: str, key: str, form: str = "{}") -> None:
-        if attributes.get(key) not in (None, ""):
-            rows.append((name, form.format(attributes[key])))
+    def add(name: str, key: str, form: str = "{}", unless: str = "") -> None:
+        text = "" if attributes.get(key) is None else worded(form, attributes[key])
+        if text not in ("", unless):
+            rows.append((name, text))
 
     add("ended by", "ended_by")
     add("integrator", "integrator")
     add("its choice", "integrator_reason")
     if "rtol" in attributes and "atol" in attributes:
-        rows.append(("tolerances", f"{attributes['rtol']:g} relative, {attributes['atol']:g} m"))
+        relative, absolute = worded("{:g}", attributes["rtol"]), worded("{:g}", attributes["atol"])
+        rows.append(("tolerances", f"{relative} relative, {absolute} m"))
     add("steps", "steps")
     for name in ("rejected_steps", "impact_steps"):
-        if attributes.get(name):
-            add(name.replace("_", " "), name)
+        add(name.replace("_", " "), name, unless="0")
     add("evaluations", "evaluations")
     add("computing time", "wall_seconds", "{:.3g} s")
     add("controller", "controller")
     add("its sample time", "sample_time", "{:g} s")
-    calls = attributes.get("controller_calls")
-    if calls:
-        mean = 1e6 * attributes["controller_seconds"] / calls
+    calls, seconds = (attributes.get(f"controller_{name}") for name in ("calls", "seconds"))
+    if isinstance(calls, Real) and isinstance(seconds, Real) and float(calls):
+        mean = 1e6 * float(seconds) / float(calls)
         rows.append(("its computing time", f"{mean:.3g} µs for each of {calls} samples"))
     return rows
 
@@ -144,5 +155,6 @@ def key_figures(result: xr.Dataset, arm: Arm, reference: Any) -> list[tuple[str,
         moving = float(result["kinetic_energy"].values.max())
         found.append(("peak kinetic energy", number(moving), "J"))
     if "evaluations" in result.attrs:
-        found.append(("evaluations of the dynamics", f"{result.attrs['evaluations']:,}", ""))
+        count = worded("{:,}", result.attrs["evaluations"])
+        found.append(("evaluations of the dynamics", count, ""))
     return found

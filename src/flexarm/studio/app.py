@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ipaddress
+import secrets
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -13,7 +13,7 @@ from starlette.responses import Response
 
 from flexarm.plot.animation.page import player_function, style
 from flexarm.studio.compute import Failure, Request, parts_of
-from flexarm.studio.guard import Guard
+from flexarm.studio.guard import Guard, is_loopback
 from flexarm.studio.page import Window
 from flexarm.studio.state import History, Project
 from flexarm.studio.worker import Worker
@@ -25,21 +25,13 @@ _KEPT = 12 * 3600.0
 _RECONNECT = 60.0
 
 
-def is_loopback(host: str) -> bool:
-    """Return whether an address is reached from this machine only."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def serve(project: Project, host: str, port: int, token: str | None, show: bool) -> None:
+def serve(project: Project, host: str, port: int, token: str, show: bool) -> None:
     """Serve the studio until it is interrupted.
 
     Args:
         project: state of a new window.
         host, port: where to listen.
-        token: text that a browser must send; None for no such check.
+        token: text that a browser must send.
         show: whether to open a browser.
     """
     worker = Worker(parts_of, lambda text: Failure((("", text),)))
@@ -48,7 +40,8 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         worker.submit(purpose, Request(project, purpose), lambda number, part: None)
     windows: dict[str, Window] = {}
     app.storage.max_tab_storage_age = _KEPT
-    app.add_middleware(Guard, token=token, local=is_loopback(host))
+    first = secrets.token_urlsafe(24) if show else ""
+    app.add_middleware(Guard, token=token, first=first, local=is_loopback(host), port=port)
 
     @app.get("/picture/{key}")
     async def picture(key: str, shown: int = 0) -> Response:
@@ -71,6 +64,8 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         script = f"const makePlayer = {player_function()};\n{_text('studio.js')}"
         ui.add_head_html(f"<script>{script}</script>")
         await client.connected()
+        if client.is_deleted:
+            return  # a program requested the page and did not connect
         # A reloaded page continues with its state; a duplicated tab starts with a copy of it.
         owner, history = app.storage.tab.get(_TAB, (client.tab_id, History(project)))
         if owner != client.tab_id:
@@ -86,18 +81,18 @@ def serve(project: Project, host: str, port: int, token: str | None, show: bool)
         client.on_delete(leave)
 
     try:
-        _run(host, port, token, show)
+        _run(host, port, first)
     finally:
         worker.close()
 
 
-def _run(host: str, port: int, token: str | None, show: bool) -> None:
-    """Run the server; arguments as in `serve`."""
+def _run(host: str, port: int, first: str) -> None:
+    """Run the server, and open a browser with the secret ``first`` unless it is empty."""
     ui.run(
         host=host,
         port=port,
         title="flexarm studio",
-        show=show if token is None else (f"/?token={token}" if show else False),
+        show=f"/?token={first}" if first else False,
         reload=False,
         tailwind=False,
         reconnect_timeout=_RECONNECT,

@@ -1,7 +1,8 @@
-"""Guard of the server: a token where others can reach it, and no requests of other web pages."""
+"""Guard of the server: a token, and no requests of other web pages."""
 
 from __future__ import annotations
 
+import ipaddress
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -10,25 +11,35 @@ from urllib.parse import parse_qs, urlsplit
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-_COOKIE = "flexarm_studio"
-_LOCAL = ("127.0.0.1", "localhost", "::1")
+
+def is_loopback(host: str) -> bool:
+    """Return whether an address is reached from this machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 class Guard:
     """Middleware that answers only requests with the token and from the studio's own page.
 
-    A page of another site could otherwise let a browser send requests to a server on the same
-    machine. Such requests have another `Origin`, or another `Host` if the name of that site is
-    directed to this machine.
+    Other users of the same machine reach a loopback address, too. A page of another site could let
+    a browser send requests to a server on the same machine. Such requests have another `Origin`, or
+    another `Host` if the name of that site is directed to this machine.
 
     Args:
         app: the application behind it.
-        token: secret that the address contains once, and then a cookie; None for none.
+        token: secret that the address contains once, and then a cookie.
+        first: secret that stands for the token in the first request with it. It is that of the
+            browser that the program opens, because other users can read the addresses in the
+            arguments of programs.
         local: whether the server is reached from this machine only.
+        port: of the server. Cookies are shared by all ports of a machine.
     """
 
-    def __init__(self, app: ASGIApp, token: str | None, local: bool) -> None:
-        self._app, self._token, self._local = app, token, local
+    def __init__(self, app: ASGIApp, token: str, first: str, local: bool, port: int) -> None:
+        self._app, self._token, self._first, self._local = app, token, first, local
+        self._cookie = f"flexarm_studio_{port}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -48,24 +59,30 @@ class Guard:
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
         host = headers.get("host", "")
-        if self._local and _name_of(host) not in _LOCAL:
-            return PlainTextResponse("This studio is reached as 127.0.0.1 only.", 403)
+        if self._local and not is_loopback(_name_of(host)):
+            return PlainTextResponse("This studio is reached from its own machine only.", 403)
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc != host:
             return PlainTextResponse("Requests of other pages are refused.", 403)
-        if self._token is None or self._matches(_cookie_of(headers.get("cookie", ""))):
+        if _same(_value_of(self._cookie, headers.get("cookie", "")), self._token):
             return None
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        if scope["type"] == "http" and scope["path"] == "/" and self._matches(given):
+        if scope["type"] == "http" and scope["path"] == "/" and self._opens(given):
             response = RedirectResponse("/", 303)
-            response.set_cookie(_COOKIE, self._token, httponly=True, samesite="strict")
+            response.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
             return response
         text = "The token is missing or wrong. Open the address that flexarm studio printed."
         return PlainTextResponse(text, 403)
 
-    def _matches(self, given: str) -> bool:
-        assert self._token is not None
-        return compare_digest(given.encode(), self._token.encode())
+    def _opens(self, given: str) -> bool:
+        if self._first and _same(given, self._first):
+            self._first = ""
+            return True
+        return _same(given, self._token)
+
+
+def _same(given: str, secret: str) -> bool:
+    return compare_digest(given.encode(), secret.encode())
 
 
 def _name_of(host: str) -> str:
@@ -76,9 +93,10 @@ def _name_of(host: str) -> str:
         return ""
 
 
-def _cookie_of(text: str) -> str:
+def _value_of(name: str, text: str) -> str:
+    """Return the value of a cookie; empty if it is missing."""
     try:
-        cookie: Any = SimpleCookie(text).get(_COOKIE)
+        cookie: Any = SimpleCookie(text).get(name)
     except CookieError:
         return ""
     return "" if cookie is None else str(cookie.value)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from nicegui import ui
-from nicegui.events import UploadEventArguments
+from nicegui.events import GenericEventArguments, UploadEventArguments
 
-from flexarm.errors import InputError
+from flexarm.errors import InputError, printable
 from flexarm.model.wording import Path, path_text
 from flexarm.studio.compute import Failure, Margins, Part, Picture, Report, Request
 from flexarm.studio.panel import Panel
@@ -21,6 +21,13 @@ from flexarm.studio.values.edits import shown_by
 from flexarm.studio.worker import Worker
 
 _LARGEST_FILE = 20_000_000  # bytes
+#: Name of a file that the browser does not send, or could not send, and the reason.
+_REJECTED = "(all) => emit(all[0].file.name, all[0].failedPropValidation)"
+_FAILED = "(info) => emit(info.files[0].name, `status ${info.xhr.status}`)"
+_REASONS = {
+    "accept": "its name does not end in .yaml or .yml.",
+    "max-file-size": f"it is larger than {_LARGEST_FILE / 1e6:g} MB.",
+}
 _MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
 
 
@@ -67,13 +74,10 @@ class Window:
         with ui.element("header").classes("bar"):
             ui.label("flexarm studio").classes("brand")
             self._name = ui.label().classes("file")
-            upload = ui.upload(
-                auto_upload=True,
-                max_file_size=_LARGEST_FILE,
-                on_upload=self._open,
-                on_rejected=lambda: self._say("The file is larger than 20 MB."),
-            )
+            upload = ui.upload(auto_upload=True, max_file_size=_LARGEST_FILE, on_upload=self._open)
             upload.classes("hidden").props("accept=.yaml,.yml")
+            upload.on("rejected", self._refuse, js_handler=_REJECTED)
+            upload.on("failed", self._refuse, js_handler=_FAILED)
             self._upload = upload
             pick = f"() => getElement({upload.id}).$refs.qRef.pickFiles()"
             _button("Open", "Open an arm, scenario or study file").on("click", js_handler=pick)
@@ -90,15 +94,24 @@ class Window:
             self._status = ui.label().classes("status").props("role=status")
 
     async def _open(self, event: UploadEventArguments) -> None:
-        content = await event.file.read()
         self._upload.reset()
         try:
-            project = open_bytes(content, event.file.name)
+            project = open_bytes(await event.file.read(), event.file.name)
         except InputError as error:
-            self._say(f"The file was not opened.\n{error}")
+            self._say(f"The file {printable(event.file.name)} was not opened.\n{error}")
+            return
+        except OSError as error:  # of the temporary file of a large upload
+            self._say(f"The file was not opened: {error.strerror or error}.")
             return
         self._say("")
         self._put(project)
+
+    def _refuse(self, event: GenericEventArguments) -> None:
+        """Report a file that was not sent."""
+        name, cause = map(str, event.args)
+        self._upload.reset()
+        reason = _REASONS.get(cause, f"the browser could not send it ({cause}).")
+        self._say(f"The file {printable(name)} was not opened: {reason}")
 
     def _save(self, kind: str) -> None:
         name, text = self.history.now.files()[kind]
@@ -142,6 +155,9 @@ class Window:
                 self._note = ui.label().classes("quiet")
         for label in (self._notice, self._failure, self._warnings):
             label.set_visibility(False)
+        # What belongs to a run: grey while it is that of another project.
+        self._of_the_run = (self._picture, self._warnings, self._frequencies)
+        self._of_the_loop = (self._margins, self._note)
 
     def _say(self, text: str) -> None:
         _fill(self._notice, text)
@@ -193,7 +209,7 @@ class Window:
             return
         self._requested = project
         self._worker.forget(self._margins_key)
-        self._margins.classes(add="waiting")
+        _mark(self._of_the_loop, add="waiting")
         if project == self._pictured:
             self._worker.forget(self.key)
             self._oldest = self._newest + 1  # pictures on their way are of other projects
@@ -201,6 +217,7 @@ class Window:
             return
         request = Request(project)
         self._newest = self._worker.submit(self.key, request, self._deliver(request))
+        _mark(self._of_the_run, add="waiting")
         self._status.set_text("computing …")
 
     def _settle(self) -> None:
@@ -231,15 +248,17 @@ class Window:
                 self._status.set_text("report written")
             elif request.purpose == "report":
                 assert isinstance(part, Failure)
-                self._say("\n".join(text for _, text in part.problems))
-            elif isinstance(part, Margins):
+                self._say("The report was not written.\n" + _text_of(part))
+                self._status.set_text("")
+            elif request.purpose == "margins":
+                assert isinstance(part, Margins | Failure)
                 if request.project == self.history.now:
-                    self._show_margins(part)
-            elif request.purpose == "margins" or number < max(self._shown, self._oldest):
-                return  # the picture reports the same failure; or a newer picture is shown
+                    self._show_margins(self._without(part) if isinstance(part, Failure) else part)
+            elif number < max(self._shown, self._oldest):
+                return  # a newer picture is shown
             elif isinstance(part, Picture):
                 self._show_picture(request, number, part)
-            elif number == self._newest:
+            elif number == self._newest and isinstance(part, Failure):
                 self._show_failure(part)
 
     def _show_picture(self, request: Request, number: int, part: Picture) -> None:
@@ -256,13 +275,18 @@ class Window:
     def _be_current(self) -> None:
         """Show that the picture is that of the newest request."""
         _fill(self._failure, "")
-        self._picture.classes(remove="old")
+        _mark(self._of_the_run, remove="waiting old")
         self._status.set_text(f"computed in {1e3 * self._seconds:.0f} ms")
+
+    def _without(self, failure: Failure) -> Margins:
+        """Return what is shown in place of margins; the picture may report the same failure."""
+        cause = f": {_text_of(failure)}" if self.history.now == self._pictured else "."
+        return Margins((), f"Margins are not computed{cause}")
 
     def _show_margins(self, part: Margins) -> None:
         self._note.set_text(part.note)
         self._margins.clear()
-        self._margins.classes(remove="waiting")
+        _mark(self._of_the_loop, remove="waiting")
         if not part.rows:
             return
         with self._margins:
@@ -273,22 +297,30 @@ class Window:
                             ui.label(text)
 
     def _show_failure(self, part: Failure) -> None:
-        """Show why there is no picture; the last one stays, marked as old."""
+        """Show why there is no picture; the last run stays, marked as old."""
         old = self.latest is not None
         head = "The picture shows the last run that worked." if old else "There is no picture."
-        _fill(self._failure, "\n".join([*(text for _, text in part.problems), head]))
+        _fill(self._failure, f"{_text_of(part)}\n{head}")
         for name, text in part.problems:
             if name:
                 self._panel.explain_named(name, text)
-        self._picture.classes(add="old")
+        _mark(self._of_the_run, remove="waiting", add="old")
         self._status.set_text("not computed")
-        self._margins.clear()
-        self._note.set_text("")
 
 
 def _button(text: str, help_text: str, call: Callable[[], None] | None = None) -> ui.button:
     button = ui.button(text, on_click=call).props("flat dense no-caps")
     return button.tooltip(help_text)
+
+
+def _mark(elements: Sequence[ui.element], add: str = "", remove: str = "") -> None:
+    """Add and remove classes of elements."""
+    for element in elements:
+        element.classes(add=add, remove=remove)
+
+
+def _text_of(failure: Failure) -> str:
+    return "\n".join(text for _, text in failure.problems)
 
 
 def _fill(label: ui.label, text: str) -> None:

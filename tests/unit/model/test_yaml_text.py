@@ -104,3 +104,27 @@ def test_table_is_written_and_read_back():
     text = to_yaml(content)
     assert parse(FILE, text).value == content
     assert text.startswith("values:\n- [0.0, -0.0]\n")
+
+
+def test_long_lists_are_refused_before_their_end_is_read(monkeypatch):
+    """The rest of the file is not YAML, which is not noticed."""
+    monkeypatch.setattr(yaml_text, "_MOST_MAPPINGS", 3)
+    text = "links:\n" + "  - {length: 1}\n" * 3
+    assert len(parse(FILE, text).value["links"]) == 3
+    assert parse(FILE, "[1, 2, 3, 4, 5]").value == [1, 2, 3, 4, 5]  # tables of numbers are longer
+    wrong = text + "  - {length: 1}\n  - [[[}\n"
+    assert result_of(wrong) == "file.yaml:5: the file has a list of more than 3 mappings."
+
+
+def test_values_are_counted_before_the_end_is_read(monkeypatch):
+    monkeypatch.setattr(yaml_text, "_MOST_VALUES", 10)
+    assert "the file has more than 10 values" in result_of("[" + "1, " * 30 + "[[}")
+
+
+@pytest.mark.parametrize("part", ["links: [{}]\n", "links: [{{length: 1.0, gauges: [{}]}}]\n"])
+def test_files_of_many_links_or_gauges_are_refused(part, tmp_path):
+    path = tmp_path / "many.yaml"
+    entries = "{station: 0.1, distance: 0.01}, " * 100_000
+    path.write_text("flexarm: 1\narm:\n  " + part.format(entries), encoding="utf-8")
+    with pytest.raises(fa.ModelError, match="a list of more than 5000 mappings"):
+        fa.load_arm(path)

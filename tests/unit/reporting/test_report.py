@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import html
 import json
 import re
@@ -14,7 +15,13 @@ import pytest
 import flexarm as fa
 from flexarm.plot.selection import Signals
 from flexarm.reporting import clock
-from flexarm.reporting.measures import energies, errors_table, extremes_table, key_figures
+from flexarm.reporting.measures import (
+    energies,
+    errors_table,
+    extremes_table,
+    key_figures,
+    run_facts,
+)
 from flexarm.reporting.panels import few_lines, fitted, panels
 
 LINK = {"length": 0.5, "flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 1}
@@ -240,3 +247,46 @@ def test_wrong_input_has_one_clear_message(options, words, tmp_path, monkeypatch
     assert len(caught.value.problems) == 1
     assert str(caught.value).startswith("report: ")
     assert not list(tmp_path.iterdir())
+
+
+EDITED = {
+    "text": "abc",
+    "nothing": None,
+    "no number": np.nan,
+    "list": np.array([1.0, 2.0]),
+    "bytes": b"x",
+    "object": object(),
+}
+
+
+@pytest.mark.parametrize("value", EDITED)
+def test_edited_attributes_are_shown_or_named(value):
+    """Another program, or the user, may have replaced any attribute of a result."""
+    shown = 0
+    for name in controlled().attrs:
+        result = controlled().copy()
+        result.attrs = {**controlled().attrs, name: EDITED[value]}
+        with contextlib.suppress(fa.InputError):
+            shown += "</html>" in fa.report(result)
+    assert shown >= len(controlled().attrs) - 5
+
+
+def test_a_text_in_place_of_a_tolerance_is_shown():
+    result = controlled().assign_attrs(rtol="tight")
+    assert ("tolerances", f"'tight' relative, {result.atol:g} m") in run_facts(result)
+
+
+def test_attributes_that_no_file_can_store_are_named(tmp_path):
+    result = controlled().assign_attrs(remark=None)
+    with pytest.raises(fa.InputError, match=r"result cannot be stored: .*remark"):
+        fa.write_result(result, tmp_path / "run.nc")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_tables_with_text_in_place_of_numbers_are_named():
+    options = {"controllers": {"pd": fa.JointPD([2.0, 0.5], [0.02, 0.005], sample_time=0.005)}}
+    table = fa.compare(arm(), **options, duration=0.05, references={"move": motion()})
+    changed = table.assign(torque_rms=table["torque_rms"].astype(str))
+    for draw in (fa.plot.comparison_figure, fa.plot.study):
+        with pytest.raises(fa.InputError, match="other values than numbers in 'torque_rms'"):
+            draw(changed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexarm.bridges.c_code.exported import Exported, origin
 from flexarm.bridges.c_code.named_function import NamedFunction
-from flexarm.real_time.packets import OTHER_TIME, REFERENCE, Layout
+from flexarm.real_time.packets import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
 
 _PROGRAM = """\
 #define _POSIX_C_SOURCE 200112L
@@ -17,13 +17,16 @@ _PROGRAM = """\
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
 #include "{name}.h"
 
-#define HEAD 2
+#define HEAD {head} /* Token, sequence number, time. */
 #define VALUES {values}
 #define JOINTS {joints}
 #define END (-1.0)
+#define START (-2.0)
+#define REQUESTS 64
 
 typedef unsigned char byte;
 
@@ -56,60 +59,144 @@ static void update(const double *values, double *torque)
 {calls}
 }}
 
-/* End the run, for a packet that does not fit; return the exit status. */
-static int refuse(int sock, const struct sockaddr_storage *plant, socklen_t size)
+/* A random whole number greater than zero; zero if the system has none. */
+static double new_token(void)
 {{
-    byte answer[8 * HEAD] = {{0}};
-    write_double(END, answer);
-    sendto(sock, answer, sizeof answer, 0, (const struct sockaddr *)plant, size);
-    return 1;
+    byte bytes[{token_bytes}];
+    double token = 0.0;
+    size_t k, count = 0;
+    FILE *source = fopen("/dev/urandom", "rb");
+    if (source != NULL) {{
+        count = fread(bytes, 1, sizeof bytes, source);
+        fclose(source);
+    }}
+    if (count < sizeof bytes) {{
+        return 0.0;
+    }}
+    for (k = 0; k < sizeof bytes; ++k) {{
+        token = 256.0 * token + bytes[k];
+    }}
+    return token + 1.0;
 }}
 
-/* Answer packets until the plant ends the run. */
-static int serve(int sock)
+/* Seconds of a clock that is never set. */
+static double seconds(void)
+{{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}}
+
+/* Send a packet without values. */
+static void send_head(int sock, const struct sockaddr_storage *plant, socklen_t size,
+    double token, double number, double time)
+{{
+    byte head[8 * HEAD];
+    write_double(token, head);
+    write_double(number, head + 8);
+    write_double(time, head + 16);
+    sendto(sock, head, sizeof head, 0, (const struct sockaddr *)plant, size);
+}}
+
+/* Answer a packet of the run, unless it is older than another one.
+   Return the number of bytes of the answer, or -1 for a packet that does not fit. */
+static int answer_packet(const byte *packet, ssize_t count, byte *answer)
+{{
+    static double last = END;
+    double values[VALUES], torque[JOINTS], h = {sample_time};
+    double number = read_double(packet + 8), time = read_double(packet + 16);
+    int k;
+    if (count != 8 * (HEAD + VALUES)) {{
+        fprintf(stderr, "a packet has another length than %d bytes:\\n"
+            "{layout}\\n", 8 * (HEAD + VALUES));
+        return -1;
+    }}
+    if (number > last) {{ /* Else its answer was lost, and is repeated. */
+        if (fabs(time - number * h) > {other_time} * h) {{
+            fprintf(stderr, "packet %.0f has the time %g s, but the controller with its "
+                "sample time of %g s expects %g s\\n", number, time, h, number * h);
+            return -1;
+        }}
+        for (k = 0; k < VALUES; ++k) {{
+            values[k] = read_double(packet + 8 * (HEAD + k));
+        }}
+        update(values, torque);
+        memcpy(answer, packet, 8 * HEAD);
+        for (k = 0; k < JOINTS; ++k) {{
+            write_double(torque[k], answer + 8 * (HEAD + k));
+        }}
+        last = number;
+    }}
+    return number == last ? 8 * (HEAD + JOINTS) : 0;
+}}
+
+/* The requests for a run, the newest in place of the oldest, and the tokens that answer them. */
+static double requests[REQUESTS], tokens[REQUESTS];
+static int remembered = 0;
+
+/* The token for a request. */
+static double grant(double request)
+{{
+    int k;
+    for (k = 0; k < remembered && k < REQUESTS; ++k) {{
+        if (requests[k] == request) {{
+            return tokens[k];
+        }}
+    }}
+    k = remembered++ % REQUESTS;
+    requests[k] = request;
+    return tokens[k] = new_token();
+}}
+
+static int is_granted(double token)
+{{
+    int k, found = 0;
+    for (k = 0; k < remembered && k < REQUESTS; ++k) {{
+        found = found || (token > 0.0 && tokens[k] == token);
+    }}
+    return found;
+}}
+
+/* Answer packets until the plant ends the run, for at most `limit` seconds without one.
+   The run begins with the first packet that has a token with which a request was answered. */
+static int serve(int sock, double limit)
 {{
     static byte packet[8 * (HEAD + VALUES) + 1], answer[8 * (HEAD + JOINTS)];
-    double values[VALUES], torque[JOINTS], last = END, h = {sample_time};
+    double run = 0.0, token, number, until = seconds() + limit;
     struct sockaddr_storage plant;
-    int k;
+    int count;
     for (;;) {{
         socklen_t size = sizeof plant;
-        ssize_t count = recvfrom(sock, packet, sizeof packet, 0, (struct sockaddr *)&plant, &size);
-        double number = count >= 8 ? read_double(packet) : NAN, time;
-        if (count < 0) {{
+        ssize_t length = recvfrom(sock, packet, sizeof packet, 0, (struct sockaddr *)&plant, &size);
+        if (length < 0 || seconds() > until) {{
             fprintf(stderr, "no packet before the time limit\\n");
             return 1;
         }}
+        token = length < 8 * HEAD ? 0.0 : read_double(packet);
+        number = read_double(packet + 8);
+        if (run == 0.0 && is_granted(token)) {{
+            run = token;
+        }}
+        if (run == 0.0 && token != 0.0 && number == START) {{
+            send_head(sock, &plant, size, token, START, grant(token));
+            continue;
+        }}
+        if (run == 0.0 || token != run) {{
+            continue; /* A packet of another program or of an earlier run. */
+        }}
         if (number == END) {{
-            sendto(sock, packet, 8 * HEAD, 0, (struct sockaddr *)&plant, size);
+            send_head(sock, &plant, size, run, END, read_double(packet + 16));
             return 0;
         }}
-        if (count != 8 * (HEAD + VALUES)) {{
-            fprintf(stderr, "a packet has another length than %d bytes:\\n"
-                "{layout}\\n", 8 * (HEAD + VALUES));
-            return refuse(sock, &plant, size);
+        count = answer_packet(packet, length, answer);
+        if (count < 0) {{
+            send_head(sock, &plant, size, run, END, 0.0);
+            return 1;
         }}
-        if (number < last) {{
-            continue; /* An old packet. */
+        if (count > 0) {{
+            sendto(sock, answer, (size_t)count, 0, (struct sockaddr *)&plant, size);
         }}
-        if (number > last) {{ /* Else its answer was lost: repeat it. */
-            time = read_double(packet + 8);
-            if (fabs(time - number * h) > {other_time} * h) {{
-                fprintf(stderr, "packet %.0f has the time %g s, but the controller with its "
-                    "sample time of %g s expects %g s\\n", number, time, h, number * h);
-                return refuse(sock, &plant, size);
-            }}
-            for (k = 0; k < VALUES; ++k) {{
-                values[k] = read_double(packet + 8 * (HEAD + k));
-            }}
-            update(values, torque);
-            memcpy(answer, packet, 8 * HEAD);
-            for (k = 0; k < JOINTS; ++k) {{
-                write_double(torque[k], answer + 8 * (HEAD + k));
-            }}
-            last = number;
-        }}
-        sendto(sock, answer, sizeof answer, 0, (struct sockaddr *)&plant, size);
+        until = seconds() + limit;
     }}
 }}
 
@@ -133,7 +220,11 @@ int main(int argc, char **argv)
         perror("cannot listen");
         return 1;
     }}
-    failed = serve(sock);
+    if (new_token() == 0.0) {{
+        fprintf(stderr, "no random numbers in /dev/urandom\\n");
+        return 1;
+    }}
+    failed = serve(sock, (double)limit.tv_sec);
     close(sock);
     return failed;
 }}
@@ -179,9 +270,13 @@ def udp_program(export: Exported, layout: Layout) -> str:
         ]
     title = "controller over UDP, for POSIX systems"
     rules = f" *\n * Packets of the plant are little-endian doubles:\n * {layout}.\n"
-    rules += " * Answers are sequence number, time, torques. The number -1 ends the run.\n */\n"
+    rules += " * Answers are token, sequence number, time, torques. The number -1 ends the run.\n"
+    rules += " * A packet with the number -2 requests a run. In its answer, a token that is drawn\n"
+    rules += " * here stands for the time; packets with another token are ignored.\n */\n"
     filled = _PROGRAM.format(
         name=export.name,
+        head=HEAD,
+        token_bytes=TOKEN_BITS // 8,
         values=first,
         joints=export.macro("JOINTS"),
         sample_time=export.macro("SAMPLE_TIME"),

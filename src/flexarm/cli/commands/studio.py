@@ -21,17 +21,17 @@ def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
     for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
         if find_spec(module) is None:
             raise library_missing(name, "studio")
-    from flexarm.studio.app import is_loopback, serve
+    from flexarm.studio.app import serve
+    from flexarm.studio.guard import is_loopback
     from flexarm.studio.state import open_file, paper_project
 
     project = paper_project() if file is None else open_file(file)
     _check_address(host, port)
-    token = None if is_loopback(host) else secrets.token_urlsafe(24)
+    token = secrets.token_urlsafe(24)
     name = f"[{host}]" if ":" in host else host
-    address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
     screen = console()
-    screen.print(f"studio at {address}", soft_wrap=True)
-    if token:
+    screen.print(f"studio at http://{name}:{port}/?token={token}", soft_wrap=True)
+    if not is_loopback(host):
         screen.print("Anyone with this address can use the studio. It is not encrypted.")
     screen.print("Ctrl-C ends it.")
     serve(project, host, port, token, show)

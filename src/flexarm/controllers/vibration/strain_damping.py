@@ -30,6 +30,7 @@ from flexarm.errors import (
     InputError,
     Problem,
     UnstableLoopWarning,
+    check_result,
     public_call,
     shown,
     warn_caller,
@@ -274,7 +275,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
                 [signal, np.zeros((len(law.A), n)), law.A],
             ]
         )
-        poles = np.linalg.eigvals(loop)
+        poles = np.linalg.eigvals(check_result(loop, law.A))
         limit = _NEAR * 2.0 * np.pi * highest
         # Integrals of the law have poles at zero.
         poles = poles[(np.abs(poles) < limit) & (np.abs(poles) > _INTEGRAL * limit)]

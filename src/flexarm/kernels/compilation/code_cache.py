@@ -7,9 +7,9 @@ itself is damaged, executes it. Two processes that compile at the same time can 
 refers to the code of other argument types. If its folder is not writable, it uses another one.
 
 Here the name of the folder contains a hash of all sources of the kernels. Each file contains the
-code of one kernel for one combination of argument types, preceded by a digest. A file that is
-damaged, or that belongs to another user, is discarded and compiled again. Errors of the cache never
-stop a run.
+code of one kernel for one combination of argument types, preceded by a digest and by its key: the
+sources, the kernel and the types. A file that is damaged, that is of another kernel, or that
+belongs to another user, is discarded and compiled again. Errors of the cache never stop a run.
 """
 
 from __future__ import annotations
@@ -205,10 +205,16 @@ class CodeCache(_Cache):
         return self._folder / f"{self._name()}-{name}.code"
 
     def _key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        """Return the key of the machine code: all dependencies except the package's sources."""
+        """Return the key of the machine code: the kernel and all on which its code depends.
+
+        The name of the folder stands for the package's sources, so that a file that was moved from
+        another folder, or renamed, does not match.
+        """
         function = self._function
+        kernel = self._folder.name, function.__module__, function.__qualname__
         bytecode = hashlib.sha256(function.__code__.co_code).hexdigest()
-        return (sig, codegen.magic_tuple(), sys.implementation.cache_tag, bytecode, self._stamp)
+        system = codegen.magic_tuple(), sys.implementation.cache_tag
+        return (*kernel, sig, *system, bytecode, self._stamp)
 
 
 def _has_addresses(version: Any) -> bool:

@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 #: Parser of libyaml; None if PyYAML was built without it.
 CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
 
-# Aliases can expand a small file to a huge one; no description needs this many values.
-_MOST_VALUES = 5_000_000
+# No description needs this many values, nor this many mappings in a list, such as links or gauges.
+# The limits bound the time until the answer: reading and checking a mapping takes up to 0.2 ms.
+# Aliases can expand a small file to a huge one, so values are counted with them, too.
+_MOST_VALUES = 2_000_000
+_MOST_MAPPINGS = 5_000
 
 _TAG = "tag:yaml.org,2002:"
 
@@ -51,13 +54,34 @@ for _name, _pattern, _first in (
     _Resolver.add_implicit_resolver(_TAG + _name, re.compile(f"(?:{_pattern})$"), [*_first])
 
 
-class _Loader(yaml.SafeLoader):
+class _TooManyError(Exception):
+    """A file exceeds a limit: the rule, and the line (from 0)."""
+
+
+class _Bounded:
+    """Composer that stops at the limits, before the rest of a long file is read."""
+
+    _nodes = 0
+
+    def compose_node(self: Any, parent: Any, index: Any) -> Any:
+        self._nodes += 1
+        mapping = type(index) is int and index >= _MOST_MAPPINGS  # an entry of a list
+        if self._nodes > 2 * _MOST_VALUES:  # keys are nodes, too
+            rule = f"has more than {_MOST_VALUES} values"
+        elif mapping and self.check_event(yaml.MappingStartEvent):
+            rule = f"has a list of more than {_MOST_MAPPINGS} mappings"
+        else:
+            return Composer.compose_node(self, parent, index)
+        raise _TooManyError(rule, self.peek_event().start_mark.line)
+
+
+class _Loader(_Bounded, yaml.SafeLoader):
     """Loader of nodes by PyYAML's own parser; constructs no Python objects."""
 
     yaml_implicit_resolvers = _Resolver.yaml_implicit_resolvers
 
 
-class _FastLoader(Composer, CParser or object, _Resolver):  # type: ignore[misc]
+class _FastLoader(_Bounded, Composer, CParser or object, _Resolver):  # type: ignore[misc]
     """Loader of the same nodes from the events of libyaml, in a seventh of the time.
 
     It does not use the composer of ``CParser``, which overflows the stack for deep nesting.
@@ -236,6 +260,9 @@ def parse(file: FilePath, text: str) -> Document:
         line = text.count("\n", 0, error.position) + 1
         rule = f"contains the character {error.character:#x}, which YAML does not allow"
         raise ModelError(Problem("the file", rule, where=f"{file}:{line}")) from None
+    except _TooManyError as error:
+        rule, line = error.args
+        raise ModelError(Problem("the file", rule, where=f"{file}:{line + 1}")) from None
     except RecursionError:
         raise ModelError(Problem("the file", "is nested too deeply", where=str(file))) from None
 
