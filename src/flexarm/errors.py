@@ -258,7 +258,7 @@ def _keywords(function: Callable[..., object]) -> frozenset[str] | None:
 
     They are read from its code, because ``inspect.signature`` takes longer for hundreds of calls.
     """
-    code = inspect.unwrap(function).__code__  # type: ignore[attr-defined]
+    code = inspect.unwrap(function).__code__
     if code.co_flags & inspect.CO_VARKEYWORDS:
         return None
     count = code.co_argcount + code.co_kwonlyargcount

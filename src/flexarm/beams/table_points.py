@@ -32,13 +32,9 @@ def interpolation_error(table: BeamTable) -> float:
 
     share = np.linspace(0.0, 1.0, _BETWEEN, endpoint=False)
     x = np.append((table.x[:-1, None] + np.diff(table.x)[:, None] * share).ravel(), table.x[-1])
-    linear, smooth = (
-        [interpolate(column) for column in (table.flexural_rigidity, table.mass_per_length)]
-        for interpolate in (
-            lambda column: np.interp(x, table.x, column),
-            lambda column: PchipInterpolator(table.x, column)(x),
-        )
-    )
+    columns = table.flexural_rigidity, table.mass_per_length
+    linear = [np.interp(x, table.x, column) for column in columns]
+    smooth = [np.asarray(PchipInterpolator(table.x, column)(x)) for column in columns]
 
     def integral(values: FloatArray) -> FloatArray:
         return np.asarray(cumulative_simpson(values, x=x, initial=0))

@@ -274,7 +274,8 @@ def undetermined(
 
     def deviations(vectors: FloatArray) -> FloatArray:
         """Return the standard deviations (k,) of combinations, the columns (n, k) of an array."""
-        return np.sqrt(np.maximum(np.sum(vectors * (covariance @ vectors), axis=0), 0.0))
+        squares = np.sum(vectors * (covariance @ vectors), axis=0)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     own = own_information(columns, priors, scale, physical)
     values, vectors = np.linalg.eigh(own)

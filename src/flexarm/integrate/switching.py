@@ -14,9 +14,9 @@ the steps, at constant lengths, is that of the motion. Theory page "integration"
 
 Another law with a kink follows the same steps: a function of the state whose sign selects the
 smooth branch, that branch fixed in the arrays of the kernel (``Workspace.body``, for a joint),
-``first_change`` in ``steps.judge_step``, and its count where the branch is fixed. If the force itself jumps, the
-derivative of the state needs one more term: the jump of the rate, times the derivative of the time
-of the change.
+``first_change`` in ``steps.judge_step``, and its count where the branch is fixed. If the force
+itself jumps, the derivative of the state needs one more term: the jump of the rate, times the
+derivative of the time of the change.
 
 =============  =================================================================================
 symbol         meaning

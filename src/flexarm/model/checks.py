@@ -56,9 +56,9 @@ class RecordType(ModelMetaclass):
             return super().__call__(**given)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
             found = [fault.problem(cls.__name__) for fault in faults_of(error)]
-            raise ModelError(*found).at(cls._called or cls.__name__) from None
+            raise ModelError(*found).at(cls._place()) from None  # type: ignore[attr-defined]
         except InputError as error:
-            raise error.at(cls._called or cls.__name__) from None
+            raise error.at(cls._place()) from None  # type: ignore[attr-defined]
 
     @property
     def __signature__(cls) -> Signature:
@@ -146,6 +146,11 @@ class Record(BaseModel, metaclass=RecordType):
     def __init_subclass__(cls, *, kw_only: bool = True, **config: Any) -> None:
         super().__init_subclass__(**config)
         cls._kw_only = kw_only
+
+    @classmethod
+    def _place(cls) -> str:
+        """Return the place of errors of the constructor."""
+        return cls._called or cls.__name__
 
     @classmethod
     def _from_python(cls, arguments: dict[str, Any]) -> dict[str, Any]:
