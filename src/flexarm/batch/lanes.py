@@ -21,7 +21,7 @@ from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
-from flexarm.engine.tolerance import fastest_frequencies, tip_units
+from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -116,7 +116,13 @@ class Lanes(ABC):
         arm = variations.arms[0]
         self._arm = arm if variations.same_arm else None
         self._bending = BendingErrors(arm)
-        self._tolerance = Tolerance(options.atol, options.rtol, tip_units(arm), 1.0)
+        self._tolerance = self._tolerance_of(arm)
+
+    def _tolerance_of(self, arm: Arm) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies."""
+        atol, rtol, horizon = self._options.atol, self._options.rtol, self._options.duration
+        absolute, scale = absolute_tolerance(arm, atol, rtol)
+        return Tolerance(absolute, rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -184,9 +190,10 @@ class Lanes(ABC):
 
     def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
         """Return the highest frequencies (k,) of runs, rad/s."""
+        least = 1.0 / self._options.duration
         if self._arm is not None and ready:
-            return fastest_frequencies(self._arm, np.array([run.state for run in ready]))
-        return np.array([fastest_frequencies(run.arm, run.state[None])[0] for run in ready])
+            return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
+        return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
 
     def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
@@ -209,8 +216,9 @@ class Lanes(ABC):
         states, count = np.array([run.state for run in ready]), len(ready)
         fastest = np.maximum(fastest, [run.touch for run in ready])
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
+        placed = [run.loads.placed for run in ready]
         runs = LaneRuns(
-            *arms_of_runs(arms, [run.loads.placed for run in ready]),
+            *arms_of_runs(arms, placed, self._options.atol, self._options.duration),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -293,7 +301,7 @@ class Lanes(ABC):
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance._replace(unit=tip_units(run.arm))
+            tolerance = self._tolerance_of(run.arm)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -323,7 +331,7 @@ class OpenLanes(Lanes):
         contacts = contacts_of_run(arm, self._environment.contacts, state)
         refuse_deep_start(arm, state, contacts)
         placed = loads.placed._replace(contacts=contacts)
-        return replace(loads, placed=placed), contact_frequency(contacts)
+        return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)

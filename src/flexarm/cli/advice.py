@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,9 +10,8 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
-from flexarm.engine.impacts import ATOL, RTOL
 from flexarm.engine.integrator_choice import choose_by_drive, choose_integrator
-from flexarm.engine.tolerance import tolerance_of
+from flexarm.engine.tolerance import RTOL, tolerance_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.loop.stability import LoopPole
@@ -65,8 +65,9 @@ def about_integrator(arm: Arm, options: dict[str, Any] | None = None) -> Rows:
     given = options or {}
     q = np.asarray(given.get("initial", np.zeros(arm.dof)))
     state = arm.padded(np.stack([q, np.zeros(arm.dof)]))
-    tolerance = tolerance_of(arm, state, given.get("atol", ATOL), given.get("rtol", RTOL))
-    touch = contact_frequency(contacts_of_run(arm, given.get("contacts", ()), state))
+    accuracy = given.get("atol"), given.get("rtol", RTOL)
+    tolerance = tolerance_of(arm, state, *accuracy, given.get("duration", math.inf))
+    touch = contact_frequency(arm, contacts_of_run(arm, given.get("contacts", ()), state))
     prescribed = tuple(given.get("prescribed") or ())
     choice = choose_integrator("auto", None, arm, tolerance, touch, prescribed)
     text = f"{choice.integrator.name} is recommended: {choice.reason}"

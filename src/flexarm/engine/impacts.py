@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from flexarm.engine.integrator_choice import choose_by_drive
 from flexarm.engine.stepping import Run
-from flexarm.engine.tolerance import TIGHT
+from flexarm.engine.tolerance import RTOL, TIGHT
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Progress, System
 
-#: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
-RTOL, ATOL = 1e-7, 1e-9
 #: Difference of both runs, as a fraction of the reach, above which the second run gets a warning.
 #: In trials the error of the second run was 1e-5 of the difference if that was small, and at most
 #: 1 % of it at this limit.
@@ -94,11 +92,11 @@ def run_through_impacts(
     history = history_of(tolerance.relative)  # also sets the start of prescribed joints
     start = first.state.copy()
     run_open_loop(run, history, checkpoints)
-    if first.impacts == 0 or (tolerance.relative, tolerance.absolute) != (RTOL, ATOL):
+    if first.impacts == 0 or tolerance.relative != RTOL:
         return
     before, before_times = run.samples, run.sample_times
     run.begin_again()
-    run.tolerance = tolerance._replace(relative=TIGHT * RTOL, absolute=TIGHT * ATOL)
+    run.tolerance = tolerance._replace(relative=TIGHT * RTOL, absolute=TIGHT * tolerance.absolute)
     run.sample_times, run.duration = times, duration
     run.samples = np.empty((len(times), *start.shape))
     run.progress = Progress(0.0, start, 0.0)
@@ -115,14 +113,17 @@ def run_through_impacts(
     if parted.size:
         run.doubt = (
             f"impacts on joint stops amplify errors: the motions at rtol={RTOL:g} and at "
-            f"rtol={TIGHT * RTOL:g} differ by {apart.max():.2g} m at the tip, and by 1 % of the "
+            f"rtol={TIGHT * RTOL:g} differ by {apart.max() * tolerance.scale:.2g} m at the tip, and by 1 % of the "
             f"reach from t = {run.sample_times[parted[0]]:.4g} s on. Do not rely on this result "
             "after that time."
         )
 
 
 def _apart(run: Run, before: FloatArray, before_times: FloatArray, count: int) -> FloatArray:
-    """Return the tip difference (m) from the earlier samples; zero if the times differ."""
+    """Return the tip difference, over ``Tolerance.scale``, from the earlier samples.
+
+    It is zero where the times differ.
+    """
     count = min(count, run.progress.sample)
     same = before_times[:count] == run.sample_times[:count]  # an event may be the last sample
     apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / run.tolerance.unit[0]

@@ -32,8 +32,6 @@ _NEARLY = 0.999
 #: Fraction of the turning time that a step may take if a contact is possible.
 _SHARE = 0.1
 _TINY = 1e-300
-#: Lowest speed of a contact (m/s); the time scale of a resting contact is that of its springs.
-_SLOWEST = 1e-3
 #: Longest fixed step, relative to the turning time or the time constant of friction and damping in
 #: a contact. Explicit methods are stable up to more than twice that.
 _STABLE = 1.0
@@ -115,7 +113,7 @@ def step_allowed(contacts: Contacts, h: float, adaptive: bool) -> float:
         path = h * speed
         if not touching and path <= before + after:
             continue
-        turning = turning_time(contacts, k, max(speed, _SLOWEST))
+        turning = turning_time(contacts, k, speed)
         if touching and adaptive:
             allowed = _WITHIN / (speed * _bulge(contacts, k))
         elif touching:

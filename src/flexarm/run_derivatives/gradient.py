@@ -11,7 +11,7 @@ from flexarm.actions.environment import BaseAcceleration
 from flexarm.arguments import check_kind, check_mapping
 from flexarm.arm import Arm
 from flexarm.engine.impacts import Checkpoints
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
 from flexarm.errors import (
     AccuracyWarning,
@@ -51,7 +51,7 @@ def goal_gradient(
     rate: float = 1000.0,
     step: float | None = None,
     rtol: float = RTOL,
-    atol: float = ATOL,
+    atol: float | None = None,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     progress: bool | None = None,

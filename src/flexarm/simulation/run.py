@@ -18,7 +18,7 @@ from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
 from flexarm.engine.impacts import run_through_impacts
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
@@ -80,7 +80,7 @@ def simulate(
     stations: int = 0,
     step: float | None = None,
     rtol: float = RTOL,
-    atol: float = ATOL,
+    atol: float | None = None,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     specialized: bool | None = None,
@@ -267,7 +267,7 @@ def _result(
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,
-        "atol": run.tolerance.absolute,
+        "atol": run.tolerance.absolute * run.tolerance.scale,
         "steps": progress.steps,
         "rejected_steps": progress.rejected,
         "impact_steps": progress.impacts,

@@ -51,17 +51,18 @@ from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspa
 #: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
 #: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
 #: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
-#: duration of a contact from it.
+#: duration of a contact from it. CORNER: rounding radius of the depth (m), ``ROUNDED`` of the reach.
 WEIGHT, LEVER = 0, 1
 STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
-CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
+CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY, CORNER = 7, 8, 10, 12, 13, 14, 15
 
 #: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
 #: gap, curvature of the surface, energy stored in the contact.
 POSITION, VELOCITY, FORCE, GAP, BEND, ENERGY = 0, 2, 4, 6, 7, 8
 
-#: Rounding radius of the depth (m): far below any measurable length, far above rounding errors.
-CORNER = 1e-9
+#: Rounding radius of the depth relative to the reach: far below any measurable length, far above
+#: rounding errors.
+ROUNDED = 1e-9
 #: Rounding radius of the relative increase of the force by damping.
 PUSH = 1e-6
 #: Number of Newton iterations. Near the surface three reach rounding errors, because the pieces
@@ -242,7 +243,7 @@ def _force(
 ) -> tuple[Any, Any]:
     """Return the world force on the point of contact k: (T.5) normal, (T.6) tangential."""
     law = contacts.law
-    depth = positive_part(-gap, CORNER)
+    depth = positive_part(-gap, law[k, CORNER])
     closing = -(nx * vx + ny * vy)
     # A surface never pulls, however fast the point leaves it.
     push = positive_part(1.0 + law[k, DAMPING] * closing, PUSH)
@@ -315,7 +316,7 @@ def look_many(
             gap, nx, ny, bend = _near(contacts, k, x, y)
             fx, fy = _force(contacts, k, gap, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0
-            stored = _power(positive_part(-gap, CORNER), above) / above
+            stored = _power(positive_part(-gap, contacts.law[k, CORNER]), above) / above
             values[sample, k, POSITION] = x
             values[sample, k, POSITION + 1] = y
             values[sample, k, VELOCITY] = vx
