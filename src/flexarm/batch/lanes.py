@@ -21,6 +21,7 @@ from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.engine.small_motion import doubt_of, tighter_absolute
 from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
@@ -230,10 +231,16 @@ class Lanes(ABC):
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero(runs.status == Status.DONE)
+        done = [
+            k for k in np.flatnonzero(runs.status == Status.DONE) if self._counts(method, runs, k)
+        ]
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        """Return whether a completed run is the result, and not to be repeated by ``alone``."""
+        return True
 
     @abstractmethod
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
@@ -317,6 +324,15 @@ class OpenLanes(Lanes):
         history = self._alone.history(k, arm, state, self._options.rtol)
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
+
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        if not method.adaptive:
+            return True
+        tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        if self._options.atol is None:
+            return tighter_absolute(tolerance, tolerance.relative, samples) is None
+        return not doubt_of(tolerance, samples)
 
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray

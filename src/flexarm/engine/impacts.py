@@ -113,9 +113,9 @@ def run_through_impacts(
     if parted.size:
         run.doubt = (
             f"impacts on joint stops amplify errors: the motions at rtol={RTOL:g} and at "
-            f"rtol={TIGHT * RTOL:g} differ by {apart.max() * tolerance.scale:.2g} m at the tip, and by 1 % of the "
-            f"reach from t = {run.sample_times[parted[0]]:.4g} s on. Do not rely on this result "
-            "after that time."
+            f"rtol={TIGHT * RTOL:g} differ by {apart.max() * tolerance.scale:.2g} m at the tip, "
+            f"and by 1 % of the reach from t = {run.sample_times[parted[0]]:.4g} s on. Do not rely "
+            "on this result after that time."
         )
 
 

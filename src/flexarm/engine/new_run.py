@@ -87,6 +87,7 @@ def new_run(
         prescribed=prescribed,
         stations=stations,
         specialized=specialized,
+        default_atol=atol is None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),

@@ -89,6 +89,7 @@ class Run:
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
+    default_atol: bool = False  # whether the absolute tolerance is the default one
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``

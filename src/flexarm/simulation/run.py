@@ -17,9 +17,9 @@ from flexarm.control.base import Controller, Reference, check_controller, check_
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
-from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
+from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
@@ -220,7 +220,7 @@ def _open_loop(
     started = time.perf_counter()
     failure: SimulationError | None = None
     try:
-        run_through_impacts(run, history_of)
+        run_accurately(run, history_of)
     except SimulationError as error:
         if run.history is None:  # a function of time failed before the run began
             raise

@@ -51,7 +51,7 @@ from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspa
 #: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
 #: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
 #: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
-#: duration of a contact from it. CORNER: rounding radius of the depth (m), ``ROUNDED`` of the reach.
+#: duration of a contact from it. CORNER: rounding radius of the depth, m.
 WEIGHT, LEVER = 0, 1
 STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
 CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY, CORNER = 7, 8, 10, 12, 13, 14, 15

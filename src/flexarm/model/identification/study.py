@@ -55,7 +55,7 @@ class FitSettings(Record):
     rtol: Positive = Field(default=1e-7, description="Relative tolerance of a step.")
     atol: Positive | None = Field(
         default=None,
-        description="Absolute tolerance of a step at the tip (m); by default rtol / 100 of the reach.",
+        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
     )
 
 

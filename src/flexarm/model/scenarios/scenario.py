@@ -87,7 +87,7 @@ class RunSettings(Record):
     rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
     atol: Positive | None = Field(
         default=None,
-        description="Absolute tolerance of a step at the tip (m); by default rtol / 100 of the reach.",
+        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
     )
     step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
 
