@@ -231,9 +231,8 @@ class Lanes(ABC):
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = [
-            k for k in np.flatnonzero(runs.status == Status.DONE) if self._counts(method, runs, k)
-        ]
+        done = np.flatnonzero(runs.status == Status.DONE)
+        done = done[[self._counts(method, runs, int(place)) for place in done]]
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
