@@ -167,7 +167,7 @@ def test_steps_end_at_the_corner_of_a_stop(name):
         )
         # A few steps follow the impact; without their ends at the corner the error is 20 times as
         # large.
-        assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=10.0 * rtol)
+        assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=15.0 * rtol)
 
 
 def test_motion_that_tolerances_do_not_determine_gives_a_warning(monkeypatch):
@@ -183,12 +183,14 @@ def test_motion_that_tolerances_do_not_determine_gives_a_warning(monkeypatch):
 
 @pytest.mark.parametrize(("share", "doubtful"), [(0.009, False), (0.011, True)])
 def test_warning_begins_at_a_hundredth_of_the_reach(share, doubtful, monkeypatch):
-    limits = fa.JointLimits(lower=-0.05, upper=0.05, stiffness=STIFFNESS)
+    limits = fa.JointLimits(lower=-0.04, upper=0.04, stiffness=STIFFNESS)
     links = [fa.Link(length=2.0, mass_per_length=1.0, flexible=False)]
     long = fa.Arm(links=links, joints=[fa.Joint(limits=limits)])
     module = sys.modules["flexarm.engine.impacts"]
     monkeypatch.setattr(
-        module, "_apart", lambda run, *_: np.full(len(run.sample_times), share * 2.0)
+        module,
+        "_apart",
+        lambda run, *_: np.full(len(run.sample_times), share),  # of the reach
     )
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")

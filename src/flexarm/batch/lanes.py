@@ -21,7 +21,7 @@ from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
-from flexarm.engine.small_motion import doubt_of, tighter_absolute
+from flexarm.engine.small_motion import small_motion
 from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
@@ -329,9 +329,8 @@ class OpenLanes(Lanes):
             return True
         tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        if self._options.atol is None:
-            return tighter_absolute(tolerance, tolerance.relative, samples) is None
-        return not doubt_of(tolerance, samples)
+        default = self._options.atol is None
+        return small_motion(tolerance, tolerance.relative, default, samples) is None
 
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray

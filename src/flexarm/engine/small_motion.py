@@ -1,4 +1,4 @@
-"""Runs under a given torque whose motion is small: tighter tolerances, or a warning.
+"""Runs under a given torque whose motion is small: they are repeated with tighter tolerances.
 
 The default absolute tolerance is a fraction of the reach. Where the whole motion is a small part of
 the reach, such as the vibration of a stiff beam, it would be a large part of the motion.
@@ -6,6 +6,7 @@ the reach, such as the vibration of a stiff beam, it would be a large part of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,11 +19,13 @@ from flexarm.integrate.base import FloatArray, Progress, Tolerance
 
 #: Absolute tolerance, in multiples of the relative one times the motion, above which a run with
 #: default tolerances is repeated, and that of the second run. In vibrations over 20 periods the
-#: error of the first run is then below 1e-4 of the motion, that of the second one below 1e-5.
+#: error of the first run is below 2e-4 of the motion, that of the second one near 1e-5.
 _LOOSE, _REPEATED = 10.0, 0.1
-#: Requested absolute tolerance, relative to the motion, above which a run gets a warning: errors
-#: reached 1 % of the motion in vibrations over 20 periods.
+#: The same for a requested absolute tolerance, over the motion, unless the relative one is larger.
 _NEAR = 1e-4
+#: Difference of both runs, relative to the motion, above which the requested tolerance gets a
+#: warning.
+_APART = 1e-2
 #: Number of samples that are examined first: most motions are large.
 _PARTS = 16
 #: Motion, relative to the reach, that counts as rest: initial states in equilibrium are accurate to
@@ -35,7 +38,7 @@ def run_accurately(
     history_of: Callable[[float], PiecewiseCubic],
     checkpoints: Checkpoints | None = None,
 ) -> None:
-    """Simulate under a torque; with the default ``atol``, repeat the run if its motion is small.
+    """Simulate under a torque; repeat the run if its motion is small beside the tolerance.
 
     The arguments and the exception are those of ``run_through_impacts``.
     """
@@ -43,46 +46,48 @@ def run_accurately(
     run_through_impacts(run, history_of, checkpoints)
     if not run.integrator.adaptive:
         return
-    samples = run.samples[: run.progress.sample]
-    relative = tolerance.relative
-    if run.default_atol:
-        tighter = tighter_absolute(run.tolerance, relative, samples)
-        if tighter is not None:
-            evaluations = run.discarded + run.progress.evaluations
-            start.restore(run, tolerance._replace(absolute=tighter))
-            run_through_impacts(run, history_of, checkpoints)
-            run.discarded += evaluations
-    else:
-        run.doubt = run.doubt or doubt_of(run.tolerance, samples)
+    first = run.samples[: run.progress.sample]
+    motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first)
+    if motion is None:
+        return
+    evaluations = run.discarded + run.progress.evaluations
+    start.restore(run, tolerance._replace(absolute=_REPEATED * tolerance.relative * motion))
+    run_through_impacts(run, history_of, checkpoints)
+    run.discarded += evaluations
+    if not run.default_atol:
+        run.doubt = run.doubt or _doubt(tolerance, run, first, motion)
 
 
-def tighter_absolute(tolerance: Tolerance, relative: float, samples: FloatArray) -> float | None:
-    """Return the absolute tolerance of a second run; None if one run is accurate enough.
+def small_motion(
+    tolerance: Tolerance, relative: float, default: bool, samples: FloatArray
+) -> float | None:
+    """Return the motion in a run that has to be repeated, and None if one run is accurate enough.
 
     Args:
-        tolerance: of the first run.
+        tolerance: of the run.
         relative: requested relative tolerance.
-        samples: (k, 2, n, 1 + m) of the first run.
-    """
-    motion = _motion(tolerance, samples, tolerance.absolute / (_LOOSE * relative))
-    return None if motion is None else _REPEATED * relative * motion
-
-
-def doubt_of(tolerance: Tolerance, samples: FloatArray) -> str:
-    """Return the warning for a requested absolute tolerance near the motion; empty if it is not.
-
-    A relative tolerance that is as large determines the errors, so it needs no warning.
-
-    Args:
+        default: whether the absolute tolerance is the default one.
         samples: (k, 2, n, 1 + m) of the run.
     """
-    motion = _motion(tolerance, samples, tolerance.absolute / max(_NEAR, tolerance.relative))
-    if motion is None:
+    share = _LOOSE * relative if default else max(_NEAR, relative)
+    return _motion(tolerance, samples, tolerance.absolute / share)
+
+
+def _doubt(requested: Tolerance, run: Run, first: FloatArray, motion: float) -> str:
+    """Return the warning for a requested absolute tolerance by the samples of the first run."""
+    second = run.samples[: run.progress.sample]
+    if _motion(requested, second, math.inf) is None:  # at rest: the first motion was the tolerance
+        return ""
+    count = min(len(first), len(second))
+    apart = np.abs(first[:count, 0] - second[:count, 0]).max(axis=0) / requested.unit[0]
+    share = float(apart.max()) / motion
+    if share <= _APART:
         return ""
     return (
-        f"the whole motion moves the tip by {motion * tolerance.scale:.2g} m, near the absolute "
-        f"tolerance of a step, atol={tolerance.absolute * tolerance.scale:.2g} m: do not rely on "
-        "this result. Reduce atol, or omit it."
+        f"atol={requested.absolute * requested.scale:.2g} m is near the whole motion of "
+        f"{motion * requested.scale:.2g} m at the tip, and would cause errors of {share:.0%} of "
+        f"it: the run was repeated with {run.tolerance.absolute * requested.scale:.2g} m. Reduce "
+        "atol, or omit it."
     )
 
 
