@@ -95,9 +95,8 @@ def move(units: Units, arm: fa.Arm) -> fa.motion.Motion:
 
 def closed_loop(units: Units, **options):
     arm = two_links(units)
-    return run(
-        units, arm, controller=pd(units), reference=move(units, arm), initial=None, **options
-    )
+    given = {"controller": pd(units), "reference": move(units, arm), "initial": None}
+    return run(units, arm, **given, **options)
 
 
 def pressed(units: Units):
@@ -125,10 +124,12 @@ def loaded(units: Units):
     acceleration = np.array([0.5, 0.2]) * units.factor("m/s^2")
     tip = np.array([0.5, -0.2, 0.1 * units.length]) * force
     loads = [units.record(load) for load in LOADS]
-    return run(
-        units, two_links(units), loads=loads, tip_force=tip, base_acceleration=acceleration,
-        stations=3, torque=lambda t: np.array([2.0 * np.sin(5.0 * t / units.time), 0.5]) * units.factor("N m"),
-    )  # fmt: skip
+    acting = {"loads": loads, "tip_force": tip, "base_acceleration": acceleration, "stations": 3}
+
+    def torque(t):
+        return np.array([2.0 * np.sin(5.0 * t / units.time), 0.5]) * units.factor("N m")
+
+    return run(units, two_links(units), torque=torque, **acting)
 
 
 def small(units: Units):
@@ -237,7 +238,8 @@ def outcome(case, units: Units) -> SimpleNamespace:
     if isinstance(result, dict):
         numbers = {name: np.asarray(value) / units.factor(u) for name, (value, u) in result.items()}
         return SimpleNamespace(numbers=numbers, texts=texts)
-    arm = two_links(units, **ARMS["elastic"] if result.q.shape[1] == 7 else {})
+    kinds = {2: two_links(units).rigid(), 6: two_links(units)}
+    arm = kinds.get(result.q.shape[1]) or two_links(units, **ARMS["elastic"])
     for name, values in result.data_vars.items():
         if values.dtype.kind == "f" and name not in ("event_q", "event_qd"):
             numbers[name] = values.values / units.channel(arm, values.units)

@@ -127,9 +127,11 @@ def simulate(
             its own. If the step is too long for "rk4", "auto" uses another method and warns. A
             fixed-step method without a step halves it until the tip differs by at most 1e-4 of
             the reach from the motion at twice the step.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
-            fixed step only the tolerance for functions of time. With the default values, a run in
-            which joints meet their stops is repeated with tolerances smaller by 1e-5.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
+            A run whose whole motion is small beside ``atol`` is repeated with a smaller one. With
+            the default ``rtol``, a run in which joints meet their stops is repeated with tolerances
+            smaller by 1e-5.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
@@ -158,8 +160,9 @@ def simulate(
     Warns:
         LargeDeflectionWarning: if a link exceeds the linear beam theory.
         AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
-            stops amplify errors to 1 % of the reach. For impacts, runs with a controller, or with
-            other tolerances, are not checked; see the attribute ``impact_steps``.
+            stops amplify errors to 1 % of the reach, or a given ``atol`` would have caused errors
+            of 1 % of the motion. Runs with a controller are not repeated, nor those through impacts
+            with another ``rtol``; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
