@@ -330,7 +330,8 @@ class OpenLanes(Lanes):
         tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
         default = self._options.atol is None
-        return small_motion(tolerance, tolerance.relative, default, samples) is None
+        steps = int(runs.counts[place, STEPS])
+        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray

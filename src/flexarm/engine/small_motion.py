@@ -23,6 +23,9 @@ from flexarm.integrate.base import FloatArray, Progress, Tolerance
 _LOOSE, _REPEATED = 10.0, 0.1
 #: The same for a requested absolute tolerance, over the motion, unless the relative one is larger.
 _NEAR = 1e-4
+#: Sum of the allowed errors of all steps, relative to the motion, up to which no run is repeated:
+#: short runs are accurate enough.
+_SUM = 1e-3
 #: Difference of both runs, relative to the motion, above which the requested tolerance gets a
 #: warning.
 _APART = 1e-2
@@ -47,7 +50,8 @@ def run_accurately(
     if not run.integrator.adaptive:
         return
     first = run.samples[: run.progress.sample]
-    motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first)
+    steps = run.progress.steps
+    motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first, steps)
     if motion is None:
         return
     evaluations = run.discarded + run.progress.evaluations
@@ -59,7 +63,7 @@ def run_accurately(
 
 
 def small_motion(
-    tolerance: Tolerance, relative: float, default: bool, samples: FloatArray
+    tolerance: Tolerance, relative: float, default: bool, samples: FloatArray, steps: int
 ) -> float | None:
     """Return the motion in a run that has to be repeated, and None if one run is accurate enough.
 
@@ -68,9 +72,10 @@ def small_motion(
         relative: requested relative tolerance.
         default: whether the absolute tolerance is the default one.
         samples: (k, 2, n, 1 + m) of the run.
+        steps: number of its steps.
     """
     share = _LOOSE * relative if default else max(_NEAR, relative)
-    return _motion(tolerance, samples, tolerance.absolute / share)
+    return _motion(tolerance, samples, tolerance.absolute * min(1.0 / share, steps / _SUM))
 
 
 def _doubt(requested: Tolerance, run: Run, first: FloatArray, motion: float) -> str:
