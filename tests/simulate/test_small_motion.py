@@ -79,6 +79,14 @@ def test_requested_tolerances_below_the_motion_do_not_warn():
     assert loose.warning == ""
 
 
+def test_searched_step_that_is_too_long_for_a_small_motion_warns():
+    """The search allows 1e-4 of the reach, which is the whole motion here."""
+    with pytest.warns(fa.AccuracyWarning, match="give a shorter step"):
+        _, error = released(beam(1.0), 1e-4, integrator="generalized_alpha")
+    assert error > 0.01
+    assert released(beam(1.0), 1e-2, integrator="rk4")[0].warning == ""
+
+
 def test_smooth_motion_near_a_requested_tolerance_does_not_warn():
     """A rigid arm that falls for 10 ms: the steps are exact whatever the tolerance."""
     arm = fa.Arm(

@@ -47,9 +47,10 @@ def run_accurately(
     """
     tolerance, start = run.tolerance, _Start(run)
     run_through_impacts(run, history_of, checkpoints)
-    if not run.integrator.adaptive:
-        return
     first = run.samples[: run.progress.sample]
+    if not run.integrator.adaptive:
+        run.doubt = run.doubt or _doubt_of_search(run, first)
+        return
     steps = run.progress.steps
     motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first, steps)
     if motion is None:
@@ -93,6 +94,21 @@ def _doubt(requested: Tolerance, run: Run, first: FloatArray, motion: float) -> 
         f"{motion * requested.scale:.2g} m at the tip, and would cause errors of {share:.0%} of "
         f"it: the run was repeated with {run.tolerance.absolute * requested.scale:.2g} m. Reduce "
         "atol, or omit it."
+    )
+
+
+def _doubt_of_search(run: Run, samples: FloatArray) -> str:
+    """Return the warning for a step that was found for larger motions; empty if it fits."""
+    if run.default_step is None:
+        return ""
+    motion = _motion(run.tolerance, samples, math.inf)
+    apart, scale = run.default_step.difference, run.tolerance.scale
+    if motion is None or apart <= _APART * motion * scale:
+        return ""
+    return (
+        f"the motion differs by {apart:.2g} m from that at twice the step, "
+        f"{apart / scale / motion:.0%} of the whole motion of {motion * scale:.2g} m at the tip: "
+        "give a shorter step."
     )
 
 
