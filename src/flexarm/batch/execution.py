@@ -19,9 +19,9 @@ from flexarm.bending import theory_error
 from flexarm.control.base import Controller
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.events import event_log
+from flexarm.engine.impacts import run_accurately
 from flexarm.engine.new_run import restarted
 from flexarm.engine.progress import Meter
-from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.histories.loads import LoadHistory

@@ -20,8 +20,8 @@ from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.impacts import small_motion
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
-from flexarm.engine.small_motion import small_motion
 from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory

@@ -16,9 +16,8 @@ from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import event_log
-from flexarm.engine.impacts import Checkpoints
+from flexarm.engine.impacts import Checkpoints, run_accurately
 from flexarm.engine.progress import Meter
-from flexarm.engine.small_motion import run_accurately
 from flexarm.errors import InputError, Problem, nearest, suggestion
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.compilation.packs import COMPILED

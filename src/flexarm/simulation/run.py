@@ -17,9 +17,9 @@ from flexarm.control.base import Controller, Reference, check_controller, check_
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
+from flexarm.engine.impacts import run_accurately
 from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
-from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
