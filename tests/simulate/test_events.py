@@ -62,9 +62,9 @@ def test_times_converge_with_the_tolerance():
         )
         expected = quarter * np.arange(1, result.sizes["event"] + 1)
         errors.append(abs(result.event_time.values - expected).max())
-    # In proportion to the tolerance; the factor of three allows for chance.
-    assert errors[1] < 0.03 * errors[0]
-    assert errors[2] < 0.03 * errors[1]
+    # In proportion to the tolerance; the factor of five allows for chance.
+    assert errors[1] < 0.05 * errors[0]
+    assert errors[2] < 0.05 * errors[1]
     assert errors[2] < 1e-7
 
 

@@ -167,7 +167,7 @@ def test_steps_end_at_the_corner_of_a_stop(name):
         )
         # A few steps follow the impact; without their ends at the corner the error is 20 times as
         # large.
-        assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=10.0 * rtol)
+        assert result.joint_rate.values[-1, 0] == pytest.approx(-3.0, rel=15.0 * rtol)
 
 
 def doubtful(result, exact, allowed):
@@ -226,7 +226,7 @@ def test_errors_of_closed_loops_through_impacts_are_estimated(rtol, warns):
 
 @pytest.mark.parametrize(("share", "warns"), [(0.9e-5, False), (1.1e-5, True)])
 def test_warning_begins_at_a_hundred_thousandth_of_the_reach(share, warns, monkeypatch):
-    limits = fa.JointLimits(lower=-0.05, upper=0.05, stiffness=STIFFNESS)
+    limits = fa.JointLimits(lower=-0.04, upper=0.04, stiffness=STIFFNESS)
     links = [fa.Link(length=2.0, mass_per_length=1.0, flexible=False)]
     long = fa.Arm(links=links, joints=[fa.Joint(limits=limits)])
     module = sys.modules["flexarm.engine.impacts"]

@@ -140,7 +140,7 @@ def test_surfaces_without_a_force_reference_are_ignored():
 def test_differences_equal_the_exact_linear_model():
     arm = paper_arm(hub_inertia=0.1)
     q = arm.rest([0.3, 0.8])
-    found = differenced(arm, q, ["joint_angle", "tip"], ())
+    found = differenced(arm, q, ["joint_angle", "tip"], (), 1.0)
     exact = fa.linearize(arm, q, outputs=["joint_angle", "tip"])
     for mine, theirs in ((found.A, exact.A), (found.B, exact.B)):
         # Central differences over 1e-5.

@@ -103,7 +103,7 @@ def test_attributes_describe_the_run(result, arm):
     assert attributes["integrator"] == "dormand_prince_8"
     assert attributes["integrator_reason"]
     assert attributes["rtol"] == 1e-7
-    assert attributes["atol"] == 1e-9
+    assert attributes["atol"] == pytest.approx(1e-9 * arm.lengths.sum(), rel=1e-12)
     assert 0 < attributes["steps"] < attributes["evaluations"]
     assert attributes["rejected_steps"] >= 0
     assert attributes["wall_seconds"] > 0.0

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from flexarm.actions.loads import marker, place_loads
 from flexarm.actions.surfaces import arc_of, pieces_of
 from flexarm.assembly.coordinates import Coordinates
 from flexarm.kernels.forces.contact import (
+    CORNER,
+    CORNER_SHARE,
     COUNT,
     CURVATURE,
     DAMPING,
@@ -45,7 +49,7 @@ def place_contacts(arm: Coordinates, contacts: Sequence[Contact]) -> Contacts:
     placed.shortening[:] = points.shortening
     first = 0
     for law, contact, lever in zip(placed.law, contacts, points.lever, strict=True):
-        law[WEIGHT], law[LEVER] = 1.0, lever
+        law[WEIGHT], law[LEVER], law[CORNER] = 1.0, lever, CORNER_SHARE * float(np.sum(arm.lengths))
         law[STIFFNESS], law[EXPONENT] = contact.stiffness, contact.exponent
         law[DAMPING] = contact.damping
         law[FRICTION], law[FRICTION_SPEED] = contact.friction, contact.friction_speed

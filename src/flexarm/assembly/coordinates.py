@@ -27,6 +27,25 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     raise InputError(Problem(name, rule, shown(joint)))
 
 
+def modal_size(arm: Coordinates) -> float:
+    """Return the modal coordinate (m kg^0.5) that counts as much as an angle of one radian.
+
+    It is the reach times the square root of the mass of the arm, so that norms of coordinates do
+    not depend on its size. An arm without mass has no modes.
+    """
+    c = arm.assembly.constants
+    size = float(c.length.sum()) * float(c.mass.sum() + c.tip_mass.sum()) ** 0.5
+    return size or 1.0
+
+
+def coordinate_sizes(arm: Coordinates) -> FloatArray:
+    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes."""
+    sizes = np.ones(arm.dof)
+    for piece in arm.assembly.pieces:
+        sizes[piece.modal] = modal_size(arm)
+    return sizes
+
+
 class Coordinates:
     """Generalised coordinates q (dof,) of an arm.
 

@@ -19,9 +19,9 @@ from flexarm.bending import theory_error
 from flexarm.control.base import Controller
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.events import event_log
-from flexarm.engine.impacts import run_through_impacts
 from flexarm.engine.new_run import restarted
 from flexarm.engine.progress import Meter
+from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
@@ -128,7 +128,7 @@ class OpenLoop:
             return failed(k, error)
         failure = ""
         try:
-            run_through_impacts(run, partial(self.history, k, run.arm, state))
+            run_accurately(run, partial(self.history, k, run.arm, state))
         except SimulationError as error:
             if run.history is None:  # a function of time failed before the run began
                 return failed(k, error)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm import Arm
-from flexarm.engine.tolerance import tip_units
+from flexarm.engine.tolerance import absolute_tolerance, tip_units
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray
@@ -18,17 +18,19 @@ from flexarm.kernels.layout import ArmConstants, Contacts, Loads
 
 
 def arms_of_runs(
-    arms: Sequence[Arm], loads: Sequence[Loads]
+    arms: Sequence[Arm], loads: Sequence[Loads], atol: float | None, horizon: float
 ) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
     """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
 
     Args:
         arms: of each run, or one of all.
         loads: of each run, on the same bodies. With one arm, only the contacts differ.
+        atol, horizon: of all runs, see ``tolerance_of``.
     """
     found = [arm.assembly.constants for arm in arms]
     constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
-    units = np.stack([tip_units(arm) for arm in arms])
+    scales = [absolute_tolerance(arm, atol, 1.0)[1] for arm in arms]
+    units = np.stack([tip_units(*pair, horizon) for pair in zip(arms, scales, strict=True)])
     touching = [one.contacts for one in loads]
     contacts = _stacked(touching[: len(arms)], CONTACT_PLACES)
     contacts = contacts._replace(law=np.stack([one.law for one in touching]))

@@ -21,8 +21,9 @@ from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.engine.small_motion import small_motion
 from flexarm.engine.stepping import system_of
-from flexarm.engine.tolerance import fastest_frequencies, tip_units
+from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.engine.work.estimate import Start, choose_by_work
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
@@ -118,7 +119,13 @@ class Lanes(ABC):
         arm = variations.arms[0]
         self._arm = arm if variations.same_arm else None
         self._bending = BendingErrors(arm)
-        self._tolerance = Tolerance(options.atol, options.rtol, tip_units(arm), 1.0)
+        self._tolerance = self._tolerance_of(arm)
+
+    def _tolerance_of(self, arm: Arm) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies."""
+        atol, rtol, horizon = self._options.atol, self._options.rtol, self._options.duration
+        absolute, scale = absolute_tolerance(arm, atol, rtol)
+        return Tolerance(absolute, rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -186,9 +193,10 @@ class Lanes(ABC):
 
     def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
         """Return the highest frequencies (k,) of runs, rad/s."""
+        least = 1.0 / self._options.duration
         if self._arm is not None and ready:
-            return fastest_frequencies(self._arm, np.array([run.state for run in ready]))
-        return np.array([fastest_frequencies(run.arm, run.state[None])[0] for run in ready])
+            return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
+        return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
 
     def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
         """Return the method of a run; None if lanes do not have it."""
@@ -214,8 +222,9 @@ class Lanes(ABC):
         states, count = np.array([run.state for run in ready]), len(ready)
         fastest = np.maximum(fastest, [run.touch for run in ready])
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
+        placed = [run.loads.placed for run in ready]
         runs = LaneRuns(
-            *arms_of_runs(arms, [run.loads.placed for run in ready]),
+            *arms_of_runs(arms, placed, self._options.atol, self._options.duration),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -228,9 +237,14 @@ class Lanes(ABC):
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
         done = np.flatnonzero(runs.status == Status.DONE)
+        done = done[[self._counts(method, runs, int(place)) for place in done]]
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        """Return whether a completed run is the result, and not to be repeated by ``alone``."""
+        return True
 
     @abstractmethod
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
@@ -298,7 +312,7 @@ class Lanes(ABC):
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance._replace(unit=tip_units(run.arm))
+            tolerance = self._tolerance_of(run.arm)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -315,6 +329,15 @@ class OpenLanes(Lanes):
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        if not method.adaptive:
+            return True
+        tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        default = self._options.atol is None
+        steps = int(runs.counts[place, STEPS])
+        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
+
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray
     ) -> tuple[LoadHistory, float]:
@@ -328,7 +351,7 @@ class OpenLanes(Lanes):
         contacts = contacts_of_run(arm, self._environment.contacts, state)
         refuse_deep_start(arm, state, contacts)
         placed = loads.placed._replace(contacts=contacts)
-        return replace(loads, placed=placed), contact_frequency(contacts)
+        return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
@@ -338,7 +361,7 @@ class OpenLanes(Lanes):
         start = Start(
             run.arm,
             run.state,
-            tolerance._replace(unit=tip_units(run.arm), fastest=touch),
+            self._tolerance_of(run.arm)._replace(fastest=touch),
             self._options.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )

@@ -13,8 +13,8 @@ from flexarm.arm import Arm
 from flexarm.batch.lane_arrays import arms_of_runs, factors_of
 from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import choose_integrator
-from flexarm.engine.new_run import ATOL, RTOL
-from flexarm.engine.tolerance import fastest_frequencies, tip_units
+from flexarm.engine.new_run import RTOL, UNBOUNDED
+from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.engine.work.estimate import choose_by_samples
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory, load_history
@@ -67,11 +67,14 @@ class LanePlants:
         self._fastest = np.ones(count)
         self._methods: list[LaneIntegrator] = []
         self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
-        self._tolerance = Tolerance(ATOL, RTOL, tip_units(arm), 1.0)
+        self._horizon = UNBOUNDED * sample_time
+        absolute, scale = absolute_tolerance(arm, None, RTOL)
+        unit = tip_units(arm, scale, self._horizon)
+        self._tolerance = Tolerance(absolute, RTOL, unit, 1.0 / self._horizon, scale)
         self._loads = load_history(arm, EMPTY, sample_time, RTOL)
         placed = self._loads.placed
         self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance, several=False)
-        self._constants = arms_of_runs([arm], [placed])
+        self._constants = arms_of_runs([arm], [placed], None, self._horizon)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
 
@@ -83,7 +86,7 @@ class LanePlants:
     def start(self, places: Places, q: FloatArray) -> None:
         """Begin anew at rest at the coordinates q (k, dof) of the plants ``places`` (k,)."""
         states = self.arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
-        fastest = fastest_frequencies(self.arm, states)
+        fastest = fastest_frequencies(self.arm, states, 1.0 / self._horizon)
         self.state[places], self._fastest[places] = states, fastest
         self._clock[places] = 0.0
         self.tick[places] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,6 +23,7 @@ from flexarm.batch.reductions import Reduction, check_channel, check_reductions,
 from flexarm.batch.variations import variations_of
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.progress import Meter
+from flexarm.engine.tolerance import absolute_tolerance
 from flexarm.errors import (
     FlexarmWarning,
     InputError,
@@ -207,9 +209,10 @@ def simulate_batch(
         "duration": checked.duration,
         "rate": checked.rate,
         "rtol": checked.rtol,
-        "atol": checked.atol,
         "wall_seconds": time.perf_counter() - started,
     }
+    if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
+        attributes["atol"] = math.prod(absolute_tolerance(first, checked.atol, checked.rtol))
     if len(own.arms) == 1:
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])

@@ -16,7 +16,6 @@ from flexarm.cli.failures import FAILED_RUN, print_error
 from flexarm.cli.postures import comma_separated
 from flexarm.cli.tables import console, numbers
 from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown
-from flexarm.loop_analysis.margins import MARGINAL
 from flexarm.proposals.design import ControllerDesign, check_new, design
 
 if TYPE_CHECKING:
@@ -70,7 +69,7 @@ def design_file(
     screen.print(_margins_of(found.table))
     for text in found.reasons:
         screen.print("\n".join(textwrap.wrap(text, _WIDTH)), soft_wrap=True)
-    if found.table["growth"].sel(candidate=found.chosen) >= MARGINAL:
+    if found.table["growth"].sel(candidate=found.chosen) > 0.0:
         print_error("no candidate is stable, so no scenario is written")
         raise typer.Exit(FAILED_RUN)
     found.save(out, overwrite=overwrite)

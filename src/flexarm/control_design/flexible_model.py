@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.assembly.coordinates import modal_size
 from flexarm.assembly.kernel_view import KernelView
 from flexarm.hardware.measurement import FloatArray
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 
-#: Step of central differences by elastic coordinates, m kg^0.5. It rotates links by less than
-#: 1e-3 rad, so the error is below a millionth.
+#: Step of central differences by elastic coordinates, relative to ``modal_size``. It rotates links
+#: by less than 1e-3 rad, so the error is below a millionth.
 _STEP = 1e-5
 
 
@@ -68,9 +69,10 @@ class FlexibleModel:
         straight = np.diff(self._joints_and_tip(angle, np.zeros(self.elastic.size)), axis=0)
         lengths = np.sum(straight**2, axis=1)
         columns = []
-        for small in _STEP * np.eye(self.elastic.size):
+        step = _STEP * modal_size(self.arm)
+        for small in step * np.eye(self.elastic.size):
             apart = self._joints_and_tip(angle, small) - self._joints_and_tip(angle, -small)
-            x, y = np.diff(apart / (2.0 * _STEP), axis=0).T
+            x, y = np.diff(apart / (2.0 * step), axis=0).T
             columns.append((straight[:, 0] * y - straight[:, 1] * x) / lengths)
         return np.diff(np.array(columns).T, axis=0, prepend=0.0)
 

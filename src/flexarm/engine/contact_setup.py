@@ -11,12 +11,13 @@ from flexarm.arm import Arm
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.nearness import turning_time
 from flexarm.kernels.compilation.cache import undecorated
-from flexarm.kernels.forces.contact import MOBILITY
+from flexarm.kernels.forces.contact import EXPONENT, MOBILITY, STIFFNESS
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact
 
-#: Speed (m/s) at which the first step evaluates contacts whose stiffness depends on the speed.
-_SPEED = 1.0
+#: Depth relative to the reach at which the first step evaluates contacts whose stiffness depends on
+#: the depth or the speed.
+_DEPTH = 1e-3
 #: Bend angle (rad) between the links at which a point is often more mobile than at the start.
 _BENT = 0.5 * np.pi
 
@@ -52,8 +53,11 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
     return float(np.linalg.eigvalsh(force @ pushed.T)[-1])
 
 
-def contact_frequency(placed: Contacts) -> float:
+def contact_frequency(arm: Arm, placed: Contacts) -> float:
     """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
-    turning = undecorated(turning_time)
-    times = [turning(placed, k, _SPEED) for k in range(placed.body.size)]
+    turning, law = undecorated(turning_time), placed.law
+    depth = _DEPTH * float(arm.lengths.sum())
+    # The speed is that of an undamped vibration of this depth.
+    speed = np.sqrt(law[:, STIFFNESS] * law[:, MOBILITY] * depth ** (law[:, EXPONENT] + 1.0))
+    times = [turning(placed, k, float(speed[k])) for k in range(placed.body.size)]
     return max((1.0 / time for time in times), default=0.0)

@@ -20,8 +20,9 @@ from flexarm.observe import contact_values
 #: Fractions of the reach: a larger depth is a visible error of the initial state, and a path that
 #: is closer than this to a surface counts as on it.
 _DEEP = 0.01
-#: Limit on the contact force, in multiples of the arm's weight with g = 9.81 m/s^2. Robots carry
-#: about their own weight at most, so no load at rest can have pressed a point in that deep.
+#: Limit on the contact force, in multiples of the arm's weight with g = 9.81 m/s^2, because an arm
+#: that moves horizontally has no other force to compare with. Robots carry about their own weight
+#: at most, so no load at rest can have pressed a point in that deep.
 _UNHELD, _GRAVITY = 10.0, 9.81
 #: Number of times along a motion at which the direction of its normal is checked.
 _LOOKS = 41

@@ -26,10 +26,9 @@ ALLOWED = 1e-4
 #: First step of the coarser trial: phase of the fastest mode (rad), and minimum number of steps.
 _RADIANS, _FEWEST = 1.0, 32
 #: Closed loops and plants are compared at the end of each sample time. The allowed difference is
-#: proportional to the sample time over the duration; a plant without one uses this duration (s).
-_UNBOUNDED = 10.0
-#: The rate of a joint counts in this comparison as the angle that it covers in this time (s).
-_DRIFT = 1.0
+#: proportional to the sample time over the duration. The rate of a joint counts in this comparison
+#: as the angle that it covers in this fraction of the duration.
+_DRIFT = 0.1
 #: Minimum number of halvings, and number of steps in a span above which the search then stops.
 _HALVINGS, _MOST_STEPS = 6, 1e7
 #: A trial verifies another one only if it makes this many times its steps. Both make the same steps
@@ -78,11 +77,13 @@ class DefaultStep:
         first: initial step (s) of the coarser trial.
         shortest: shortest step (s) of a finer trial that was accepted.
         difference: largest difference (m at the tip) of two trials that agreed.
+        scale: ``Tolerance.scale`` (m).
     """
 
     first: float
     shortest: float = math.inf
     difference: float = 0.0
+    scale: float = 1.0
     _step: float = math.inf  # of the coarser trial in the span before, s
     _coarse: Progress | None = field(default=None, repr=False)
 
@@ -121,7 +122,7 @@ class DefaultStep:
             run.progress.evaluations += start.evaluations
         step = pair.coarse.progress.step
         self.shortest = min(self.shortest, 0.5 * step)
-        self.difference = max(self.difference, pair.difference)
+        self.difference = max(self.difference, pair.difference * self.scale)
         self._coarse = pair.coarse.progress
         if halvings > 0:
             self._step = step
@@ -153,7 +154,7 @@ class DefaultStep:
 def default_step(integrator: Integrator, tolerance: Tolerance) -> DefaultStep | None:
     """Return the step-size search of a run, or None if the step is given or adaptive."""
     given = integrator.adaptive or getattr(integrator, "step", None) is not None
-    return None if given else DefaultStep(_RADIANS / tolerance.fastest)
+    return None if given else DefaultStep(_RADIANS / tolerance.fastest, scale=tolerance.scale)
 
 
 @dataclass
@@ -163,8 +164,8 @@ class _Pair:
     coarse: _Trial
     fine: _Trial
     whole: bool  # the span is the entire run: compare its samples, otherwise its final state
-    unit: FloatArray  # (levels, n, 1 + m) coordinates, and rates, per metre at the tip
-    allowed: float  # m at the tip
+    unit: FloatArray  # (levels, n, 1 + m) of ``Tolerance``: coordinates, and rates
+    allowed: float  # over ``Tolerance.scale``, at the tip
     difference: float = 0.0
     agreed: bool = False
 
@@ -179,8 +180,8 @@ class _Pair:
             coarse = replace(fine, samples=run.samples.copy())
             return cls(coarse, fine, whole, unit[:1], allowed)
         unit = unit.copy()
-        unit[1, :, 0] = np.minimum(unit[1, :, 0], unit[0, :, 0] / _DRIFT)
-        allowed *= (until - start.time) / min(run.duration, _UNBOUNDED)
+        unit[1, :, 0] = np.minimum(unit[1, :, 0], unit[0, :, 0] / (_DRIFT * run.horizon))
+        allowed *= (until - start.time) / run.horizon
         coarse = _Trial(run.progress, run.sample_times[:0], run.samples[:0])
         return cls(coarse, fine, whole, unit, allowed)
 
@@ -236,7 +237,7 @@ class _Pair:
         step = self.fine.progress.step
         reason = (
             f"no step was given, and at one of {step:.2g} s the motion still changes by "
-            f"{self.difference:.2g} m when the step is halved."
+            f"{self.difference * run.tolerance.scale:.2g} m when the step is halved."
         )
         for trial in (self.coarse, self.fine):
             if trial.status not in (Status.PAUSED, Status.DONE):

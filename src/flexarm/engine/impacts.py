@@ -17,7 +17,7 @@ import numpy as np
 from flexarm.engine.event_search import Mark
 from flexarm.engine.integrator_choice import Choice
 from flexarm.engine.stepping import Run
-from flexarm.engine.tolerance import TIGHT
+from flexarm.engine.tolerance import TIGHT, reach_of
 from flexarm.engine.work.estimate import explicit_work
 from flexarm.engine.work.open_loop import Checkpoints as Checkpoints
 from flexarm.engine.work.open_loop import run_open_loop
@@ -27,8 +27,6 @@ from flexarm.integrate import DormandPrince8, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Tolerance
 from flexarm.kernels.columns import BRISTLE_ROOT, BRISTLED, COULOMB, COULOMB_EXCESS
 
-#: Default tolerances: tip errors are near 1e-6 of the reach over the durations of the examples.
-RTOL, ATOL = 1e-7, 1e-9
 #: Tightest relative tolerance: below, rounding determines the error.
 _TIGHTEST = 1e-13
 #: Estimated error, as a part of the reach, above which a run through impacts gets a warning: this
@@ -216,7 +214,7 @@ def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> Non
     large = np.flatnonzero(error > allowed)
     if not large.size:
         return
-    reach = 1.0 / float(run.tolerance.unit[0, :, 0].min())
+    reach = reach_of(run.arm)
     text = (
         f"impacts on joint stops amplify errors: the error of the tip is about "
         f"{reach * error.max():.1g} m, and above {reach * allowed:.1g} m from t = "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,17 +16,19 @@ from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import default_step
 from flexarm.engine.event_search import Watch
 from flexarm.engine.events import EventLog
-from flexarm.engine.impacts import ATOL as ATOL
-from flexarm.engine.impacts import RTOL as RTOL
 from flexarm.engine.integrator_choice import choose_integrator
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
-from flexarm.engine.tolerance import tolerance_of
+from flexarm.engine.tolerance import RTOL as RTOL
+from flexarm.engine.tolerance import for_arm, tolerance_of
 from flexarm.errors import InputError, Problem, check_array
 from flexarm.histories.loads import LoadHistory, load_history
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
+
+#: Number of sample times that stand for the duration of a plant without one.
+UNBOUNDED = 1e4
 
 
 def new_run(
@@ -41,7 +44,7 @@ def new_run(
     integrator: str | Integrator,
     step: float | None,
     rtol: float,
-    atol: float,
+    atol: float | None,
     meter: Meter,
     stations: int = 0,
     specialized: bool | None = None,
@@ -59,8 +62,9 @@ def new_run(
             integrator has that name, or a change does not fit the arm.
     """
     touching = contacts_of_run(arm, environment.contacts, state)
-    touch = contact_frequency(touching)
-    tolerance = tolerance_of(arm, state, atol, rtol)
+    touch = contact_frequency(arm, touching)
+    horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
+    tolerance = tolerance_of(arm, state, atol, rtol, horizon)
     choice = choose_integrator(integrator, step, arm, tolerance, touch, prescribed)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
@@ -74,6 +78,7 @@ def new_run(
         tolerance=tolerance,
         progress=Progress(0.0, state, 0.0),
         duration=duration,
+        horizon=horizon,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
         loads=loads_of(rtol),
@@ -82,6 +87,7 @@ def new_run(
         prescribed=prescribed,
         stations=stations,
         specialized=specialized,
+        default_atol=atol is None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
@@ -98,8 +104,7 @@ def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: f
         state: (2, n, 1 + m).
         integrator, step: as requested for ``run``.
     """
-    requested = run.tolerance
-    tolerance = tolerance_of(run.arm, state, requested.absolute, requested.relative)
+    tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
     choice = choose_integrator(integrator, step, run.arm, tolerance, prescribed=run.prescribed)
     return replace(
         run,

@@ -22,7 +22,7 @@ from flexarm.engine.failures import failure_of
 from flexarm.engine.integrator_choice import Choice, friction_doubt
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
-from flexarm.engine.tolerance import tolerance_of
+from flexarm.engine.tolerance import for_arm
 from flexarm.errors import SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -105,6 +105,7 @@ class Run:
     tolerance: Tolerance
     progress: Progress
     duration: float
+    horizon: float  # s: the duration or, if it is not limited, a time of its order
     sample_times: FloatArray
     samples: FloatArray
     loads: LoadHistory
@@ -118,6 +119,7 @@ class Run:
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
+    default_atol: bool = False  # whether the absolute tolerance is the default one
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -218,9 +220,8 @@ class Run:
         progress.memory = progress.method = progress.entry = None
         touching = contacts_of_run(self.arm, self.environment.contacts, state)
         self.loads = replace(self.loads, placed=self.loads.placed._replace(contacts=touching))
-        asked = self.tolerance
-        tolerance = tolerance_of(self.arm, state, asked.absolute, asked.relative)
-        fastest = max(tolerance.fastest, contact_frequency(touching))
+        tolerance = for_arm(self.tolerance, self.arm, state, self.horizon)
+        fastest = max(tolerance.fastest, contact_frequency(self.arm, touching))
         self.tolerance = tolerance._replace(fastest=fastest)
         if self.default_step is not None:
             self.default_step = default_step(self.integrator, self.tolerance)

@@ -1,4 +1,4 @@
-"""Error tolerances of the coordinates, measured in metres at the tip of the arm."""
+"""Error tolerances of the coordinates, measured by displacements of the tip of the arm."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1
+#: Default relative tolerance: tip errors are near 1e-6 of the reach over the durations of the
+#: examples. The default absolute tolerance is this share of it, times the reach.
+RTOL, _SHARE = 1e-7, 1e-2
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
 
@@ -26,22 +29,60 @@ _damping: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictiona
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
-def tolerance_of(arm: Arm, state: FloatArray, absolute: float, relative: float) -> Tolerance:
+def absolute_tolerance(arm: Arm, atol: float | None, rtol: float) -> tuple[float, float]:
+    """Return the absolute tolerance of a run as a fraction of a length, and this length (m).
+
+    By default it is a hundredth of the relative one, and the length is the reach of the arm. Runs
+    of arms of different sizes then have one fraction, and step control is free of units.
+
+    Args:
+        atol: as requested, m at the tip; None for the default.
+    """
+    return (_SHARE * rtol, reach_of(arm)) if atol is None else (atol, 1.0)
+
+
+def tolerance_of(
+    arm: Arm, state: FloatArray, atol: float | None, rtol: float, horizon: float
+) -> Tolerance:
     """Return the tolerance of a run that starts at ``state`` (2, n, 1 + m).
 
     A joint angle moves the tip by the outboard reach; a mode moves it by its tip deflection and by
     its tip slope times the reach beyond. Rates are scaled to displacements by the mode's own
-    frequency.
+    frequency, those of joints by the lowest one or, without any, by the duration.
+
+    Args:
+        atol: absolute tolerance, m at the tip; None for the default.
+        horizon: duration of the run (s), or a duration of its order.
     """
-    return Tolerance(absolute, relative, tip_units(arm), fastest_frequency(arm, state))
+    absolute, scale = absolute_tolerance(arm, atol, rtol)
+    tolerance = Tolerance(absolute, rtol, tip_units(arm), 0.0, scale)
+    return for_arm(tolerance, arm, state, horizon)
 
 
-def tip_units(arm: Arm) -> FloatArray:
-    """Return ``Tolerance.unit`` of an arm, a copy."""
+def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -> Tolerance:
+    """Return a tolerance with the units and the highest frequency of another arm or state."""
+    fastest = max(fastest_frequency(arm, state), 1.0 / horizon)
+    return tolerance._replace(unit=tip_units(arm, tolerance.scale, horizon), fastest=fastest)
+
+
+def reach_of(arm: Arm) -> float:
+    """Return the distance (m) from the base to the tip of the straight arm."""
+    return 1.0 / float(tip_units(arm)[0, :, 0].min())
+
+
+def tip_units(arm: Arm, scale: float = 1.0, horizon: float = 1.0) -> FloatArray:
+    """Return coordinates and rates (2, n, 1 + m) per displacement of the tip by ``scale`` (m).
+
+    Args:
+        horizon: time (s) over which the rate of a joint counts, for an arm without bending.
+    """
     unit = _units.get(arm)
     if unit is None:
         unit = _units[arm] = _unit(arm)
-    return unit.copy()
+    unit = scale * unit
+    if not arm.assembly.constants.w2.any():
+        unit[1, :, 0] = unit[0, :, 0] / horizon
+    return unit
 
 
 def _unit(arm: Arm) -> FloatArray:
@@ -59,8 +100,8 @@ def _unit(arm: Arm) -> FloatArray:
     unit[0, :, 1:] = np.where(real, 1.0 / amplitude, 1.0)
     frequency = np.sqrt(np.where(real, c.w2, 1.0))
     unit[1, :, 1:] = unit[0, :, 1:] * frequency
-    slowest = float(frequency[real].min()) if real.any() else 1.0
-    unit[1, :, 0] = unit[0, :, 0] * slowest
+    if real.any():
+        unit[1, :, 0] = unit[0, :, 0] * float(frequency[real].min())
     if arm.assembly.has_bristles:  # a deflection has the tolerance of the joint angle
         root = c.bristles[:, 1]
         unit[0, :, -1] = np.inf
@@ -71,8 +112,8 @@ def _unit(arm: Arm) -> FloatArray:
 def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     """Estimate the highest frequency (rad/s) at a posture, from below, within a few per cent.
 
-    The result is at least 1 rad/s. A run that starts at the same posture as the previous run of
-    the arm reuses its frequency.
+    It is zero for an arm that cannot vibrate. A run that starts at the same posture as the previous
+    run of the arm reuses its frequency.
     """
     posture = state[0].tobytes()
     known = _frequencies.get(arm)
@@ -82,17 +123,17 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     return known[1]
 
 
-def fastest_frequencies(arm: Arm, states: FloatArray) -> FloatArray:
-    """Return ``fastest_frequency`` (k,) at the postures of states (k, 2, n, 1 + m)."""
+def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> FloatArray:
+    """Return ``fastest_frequency`` (k,), or ``least``, at postures of states (k, 2, n, 1 + m)."""
     c = arm.assembly.constants
-    found = np.ones(len(states))
+    found = np.zeros(len(states))
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
         moved, change = kernels.zeros(2), kernels.zeros(2)
         kernels.call(
             fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
         )
-    return found
+    return np.maximum(found, least)
 
 
 def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:

@@ -91,7 +91,7 @@ def identify(
     integrator: str | Integrator = "auto",
     step: float | None = None,
     rtol: float = 1e-7,
-    atol: float = 1e-9,
+    atol: float | None = None,
     progress: bool | None = None,
 ) -> Identification:
     """Estimate parameters of an arm from measured records by weighted least squares.

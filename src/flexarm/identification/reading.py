@@ -247,7 +247,8 @@ def _uniform(
             raise InputError(Problem(f"channels.{label.text}", rule, str(column.size)))
     first = -np.inf if description.start is None else description.start
     last = np.inf if description.end is None else description.end
-    inside = (times >= first - 1e-9) & (times <= last + 1e-9)
+    margin = 1e-9 * float(np.ptp(times))  # of rounded times
+    inside = (times >= first - margin) & (times <= last + margin)
     times = times[inside]
     if times.size < FEWEST:
         rule = f"has fewer than {FEWEST} samples between start and end"

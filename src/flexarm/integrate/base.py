@@ -67,7 +67,7 @@ class System(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Allowed error of one step; see ``flexarm.engine.tolerance``.
+    """Allowed error of one step, in lengths of ``scale``; see ``flexarm.engine.tolerance``.
 
     The allowed error of a joint angle is ``absolute * unit + relative * |angle|``; that of a mode
     is ``unit * (absolute + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. A
@@ -75,10 +75,11 @@ class Tolerance(NamedTuple):
     is neglected beside the joint angles.
     """
 
-    absolute: float  # m at the tip
+    absolute: float  # displacement of the tip over the scale
     relative: float
-    unit: FloatArray  # (2, n, 1 + m): coordinate or rate per metre of tip displacement
+    unit: FloatArray  # (2, n, 1 + m): coordinate or rate per tip displacement of one scale
     fastest: float  # rad/s, bound on the highest frequency
+    scale: float = 1.0  # m: reach of the arm by default, one metre for a given absolute tolerance
 
 
 @dataclass

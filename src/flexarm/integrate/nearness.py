@@ -20,6 +20,7 @@ from flexarm.kernels.forces.contact import (
     BRANCH,
     BY_SIGN,
     CLOSING,
+    CORNER,
     COUNT,
     DAMPING,
     EXPONENT,
@@ -42,8 +43,6 @@ _NEARLY = 0.999
 #: Fraction of the turning time that a step may take if a contact is possible.
 _SHARE = 0.1
 _TINY = 1e-300
-#: Lowest speed of a contact (m/s); the time scale of a resting contact is that of its springs.
-_SLOWEST = 1e-3
 #: Longest fixed step, relative to the turning time or the time constant of friction and damping in
 #: a contact. Explicit methods are stable up to more than twice that.
 _STABLE = 1.0
@@ -74,11 +73,13 @@ def turning_time(contacts: Contacts, k: int, speed: float) -> float:
     """Return the approximate time (s) to maximum depth of a contact at a closing speed, (T.9).
 
     If the radius of the surface is smaller than that depth, return the time to travel the radius,
-    because a point can pass through a soft post.
+    because a point can pass through a soft post. The time of a slower point than one that gets as
+    deep as the rounded corner is the time of the latter.
     """
     law = contacts.law
     above = real(law[k, EXPONENT]) + 1.0
     pull = real(law[k, STIFFNESS] * law[k, MOBILITY] * (2.0 + law[k, DAMPING] * speed))
+    speed = max(speed, math.sqrt(max(pull, 0.0) * real(law[k, CORNER]) ** above / above))
     if pull <= 0.0 or speed <= 0.0:
         return math.inf
     deepest: float = (above * speed * speed / pull) ** (1.0 / above)
@@ -139,9 +140,7 @@ def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
             changed = True
             counts[TOUCHES] += 1
             if now == PUSHING:
-                begin_pushing(
-                    clock, turning_time(contacts, k, max(_speed(contacts, 0, k), _SLOWEST))
-                )
+                begin_pushing(clock, turning_time(contacts, k, _speed(contacts, 0, k)))
     return changed
 
 
@@ -192,7 +191,7 @@ def step_to_contact(contacts: Contacts, clock: Array, h: float, reach: float) ->
         gaps = max(g0, 0.0) + max(g1, 0.0)
         if not pushing and _BEYOND * path <= gaps:
             continue
-        turning = turning_time(contacts, k, max(speed, _SLOWEST))
+        turning = turning_time(contacts, k, speed)
         if pushing or path > gaps:
             allowed = _step_within(contacts, k, h, path, turning)
             if allowed < _NEARLY * h:
@@ -219,7 +218,7 @@ def step_allowed(contacts: Contacts, h: float) -> float:
         touching = before + after == 0.0
         if not touching and h * speed <= before + after:
             continue
-        allowed = turning_time(contacts, k, max(speed, _SLOWEST))
+        allowed = turning_time(contacts, k, speed)
         if touching:
             allowed = min(allowed, _fastest_change(contacts, k))
         if allowed < _NEARLY * h:

@@ -118,7 +118,6 @@ def flexible_torque(
             initial=arm.rest(motion.joint_angle(0.0)) if initial is None else initial,
             rate=count / until,
             rtol=rtol,
-            atol=1e-2 * rtol,
             progress=False,
         )
     inner = [t for t in motion.breaks if 0.0 < t < until]

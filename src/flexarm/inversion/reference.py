@@ -106,7 +106,6 @@ def inversion_reference(
             initial=initial,
             rate=rate,
             rtol=1e-9,
-            atol=1e-11,
             progress=False,
         )
     times, angles = result.time.values, result.joint_angle.values

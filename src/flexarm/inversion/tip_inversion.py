@@ -301,7 +301,7 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        run = self._simulated(self.plant, supported, rate, rtol=1e-9, atol=1e-11)
+        run = self._simulated(self.plant, supported, rate, rtol=1e-9)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
         rates = run.qd.values[inside][:, joint]
@@ -310,7 +310,7 @@ class _Search:
         coefficients = make_lsq_spline(times, added, knots, k=DEGREE).c
         torque = CorrectedTorque(given.rigid, knots, coefficients)
         try:
-            alone = self._simulated(self.arm, torque, self.rate, rtol=1e-9, atol=1e-11)
+            alone = self._simulated(self.arm, torque, self.rate, rtol=1e-9)
         except SimulationError:
             return torque, np.inf
         return torque, self._misses(alone.time.values, alone.q.values)[3]

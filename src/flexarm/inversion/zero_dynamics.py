@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm.assembly.coordinates import coordinate_sizes
 from flexarm.errors import InputError, Problem
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 
@@ -108,7 +109,7 @@ def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Flo
     """Solve for equilibrium of the links with the tip in place by Newton's method."""
     arm, motion = constraint.arm, constraint.motion
     q = arm.rest(motion.joint_angle(t))
-    still = np.zeros((1, arm.dof))
+    still, unit = np.zeros((1, arm.dof)), coordinate_sizes(arm)
     for _ in range(_NEWTON_STEPS):
         along = dynamics_along(arm, q[None], still, still)
         value, by = constraint.misses(np.array([t]), q[None], along)
@@ -116,7 +117,7 @@ def _rest(constraint: TipConstraint, t: float, elastic: NDArray[np.intp]) -> Flo
         matrix = np.concatenate([along.force_by[0, elastic, 0], by[0]])
         step = np.linalg.solve(matrix, -missing)
         q = q + step
-        if np.max(np.abs(step)) < 1e-11 * (1.0 + np.max(np.abs(q))):
+        if np.max(np.abs(step / unit)) < 1e-11 * (1.0 + np.max(np.abs(q / unit))):
             return q
     rule = f"has no equilibrium with the tip in place at t = {t:.6g} s"
     raise InputError(Problem("motion", rule))

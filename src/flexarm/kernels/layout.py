@@ -37,7 +37,7 @@ from flexarm.kernels import columns
 Array = NDArray[Any]
 
 #: Columns of the law of one contact, named in ``kernels.forces.contact``.
-LAW_PLACES = 15
+LAW_PLACES = 16
 #: Columns of the observed quantities of one contact, named in ``kernels.forces.contact``.
 LOOK_COLUMNS = 9
 #: The same, with two more columns, of what integrators observe.

@@ -11,6 +11,7 @@ from flexarm.actions.contacts import place_contacts
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
 from flexarm.control.base import Controller, Reference
+from flexarm.engine.tolerance import reach_of, tip_units
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.loop_analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
@@ -28,13 +29,16 @@ from flexarm.observe import channels_of, contact_forces
 
 #: Growth over the run below which an instability is ignored.
 _NOTICED = 10.0
-#: Least growth (1/s) that is certain. The differences, with their error of 1e-9, move the double
-#: pole of a joint that is damped only by up to 0.03 1/s with a sample time of 1 ms.
-_CERTAIN = 0.05
+#: Least growth in a sample time that is certain. The differences, with their error of 1e-9, move
+#: the double pole of a joint that is damped only by up to 3e-5 in a sample time.
+_CERTAIN = 5e-5
 _OF_CONTACTS = ("contact_force", "contact_gap")
-#: Step of the differences, in the units of the coordinates and in N m; for a smooth function their
-#: error is then about 1e-9.
+#: Step of the differences of coordinates and rates, relative to those that move the tip by the
+#: reach; for a smooth function their error is then about 1e-9.
 _STEP = 1e-5
+
+#: Time in which rates of a rigid arm have effect, in sample times.
+_TIMES_LONGER = 1000.0
 
 
 class LoopPole(NamedTuple):
@@ -143,16 +147,18 @@ def describe_instability(poles: Sequence[LoopPole], sample_time: float, duration
     return ""
 
 
-def describe_slow_instability(poles: Sequence[LoopPole], duration: float) -> str:
+def describe_slow_instability(
+    poles: Sequence[LoopPole], sample_time: float, duration: float
+) -> str:
     """Describe the first pole that grows less than tenfold in a run; empty if none does.
 
     A run shows little of it, but a machine that works all day does.
 
     Args:
-        duration: of the run, s.
+        sample_time, duration: of the controller and of the run, s.
     """
     for when, growth, frequency, _ in poles:
-        if growth > _CERTAIN and growth * duration <= np.log(_NOTICED):
+        if growth * sample_time > _CERTAIN and growth * duration <= np.log(_NOTICED):
             return (
                 f"the sampled loop is slowly unstable {when}: a pole at {frequency:.3g} Hz grows "
                 f"tenfold every {np.log(_NOTICED) / growth:.2g} s, longer than the run of "
@@ -195,7 +201,7 @@ def _worst(
     def model_of(one: Arm) -> PlantModel:
         q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
         free = [name for name in signals if touched or name not in _OF_CONTACTS]
-        model = differenced(one, q, free, touched)
+        model = differenced(one, q, free, touched, _TIMES_LONGER * controller.sample_time)
         for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
             none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
@@ -210,7 +216,11 @@ def _worst(
 
 
 def differenced(
-    arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact]
+    arm: Arm,
+    q: FloatArray,
+    signals: Sequence[Any],
+    contacts: Sequence[Contact],
+    horizon: float,
 ) -> PlantModel:
     """Linearize by central differences of the functions that a run evaluates anyway.
 
@@ -220,6 +230,7 @@ def differenced(
     Args:
         q: (dof,), where the arm is at rest under some torque.
         signals: channels of results.
+        horizon: time (s) in which a rate moves a joint of a rigid arm noticeably.
     """
     dof, joints = arm.dof, arm.joints
     still = np.zeros(dof)
@@ -230,9 +241,13 @@ def differenced(
         place, rate, torque = np.split(x, [dof, 2 * dof])
         return arm.forward_dynamics(place, rate, torque, contacts=contacts)
 
-    steps = _STEP * np.eye(whole.size)
+    moving = arm.unpadded(tip_units(arm, reach_of(arm), horizon)).ravel()
+    # The dynamics is linear in the torques, so their steps may be large.
+    held = np.full(joints, np.abs(hold).max(initial=0.0) or 1.0)
+    size = np.concatenate([_STEP * moving, held])
+    steps = np.diag(size)
     slope = np.array([accelerations(whole + s) - accelerations(whole - s) for s in steps]).T
-    slope /= 2.0 * _STEP
+    slope /= 2.0 * size
     A, B = np.zeros((2 * dof, 2 * dof)), np.zeros((2 * dof, joints))
     A[:dof, dof:] = np.eye(dof)
     A[dof:], B[dof:] = slope[:, : 2 * dof], slope[:, 2 * dof :]
@@ -246,6 +261,6 @@ def differenced(
     found = {}
     for name in signals:
         values = channels[name].reshape(len(moved), -1)
-        C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * _STEP)
+        C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * size[: 2 * dof])
         found[name] = Signal(values[0], C, np.zeros((len(C), joints)))
     return PlantModel(A, B, found)

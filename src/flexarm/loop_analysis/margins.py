@@ -34,8 +34,8 @@ _FREQUENCIES, _AROUND = 300, 15
 #: Lowest frequency, relative to the Nyquist frequency.
 _LOWEST = 1e-6
 _HALVINGS = 40
-#: Largest growth (1/s) of a stable loop. Integrators without effect grow by rounding errors.
-MARGINAL = 1e-4
+#: Largest growth in a sample time that rounding causes, as of integrators without effect.
+ROUNDED_GROWTH = 1e-7
 #: Number of poles in tables, one for each complex pair.
 _POLES = 12
 #: Gain factors below this are zero except for rounding: the loop is stable when it is open.
@@ -169,8 +169,8 @@ def loop_margins(
             bent += kept
             check_single_rate(loop)
             poles = loop.poles()
-            growth[i, k], damping[:, i, k] = poles[0].real, _damping(poles)
-            margins = _margins_of(loop, bool(growth[i, k] < MARGINAL))
+            growth[i, k], damping[:, i, k] = growth_of(loop), _damping(poles)
+            margins = _margins_of(loop, bool(growth[i, k] <= 0.0))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
     warn_of_first(bent)
@@ -191,6 +191,12 @@ def loop_margins(
     labels = {"units": "1", "long_name": "damping ratio of the pole"}
     table["damping_ratio"] = (by_pole, damping[1], labels)
     return table
+
+
+def growth_of(loop: SampledLoop) -> float:
+    """Return the growth (1/s) of the dominant pole; zero if rounding may have caused it."""
+    growth = float(loop.poles()[0].real)
+    return growth if not 0.0 < growth * loop.sample_time < ROUNDED_GROWTH else 0.0
 
 
 def _damping(poles: ComplexArray) -> FloatArray:

@@ -15,9 +15,10 @@ from flexarm.control.base import Controller
 from flexarm.errors import InputError, Problem, public_call
 from flexarm.hardware.measurement import FloatArray
 from flexarm.loop_analysis.margins import (
-    MARGINAL,
+    ROUNDED_GROWTH,
     check_single_rate,
     frequency_grid,
+    growth_of,
     loop_at,
     places_of,
     plants_of,
@@ -100,7 +101,7 @@ def robustness(
     angles = np.unique(np.concatenate([frequency_grid(loop) for loop in loops]))
     returned = np.array([_transfer(loop, angles) for loop in loops])
     root = np.linalg.cholesky(arms[0].rigid().mass_matrix(at))
-    stable = all(loop.poles()[0].real < MARGINAL for loop in loops)
+    stable = all(growth_of(loop) <= 0.0 for loop in loops)
     mu = _bounds(returned, root, accepted) if stable else np.full((2, len(angles)), np.inf)
     omega = angles / loops[0].sample_time
     table = xr.Dataset(coords={"frequency": ("frequency", omega, {"units": "rad/s"})})
@@ -126,7 +127,7 @@ def _check_unstable_poles(loops: Sequence[SampledLoop]) -> None:
         InputError: in this case.
     """
     growth = [np.log(np.abs(np.linalg.eigvals(loop.plant.A[0])) + 1e-300) for loop in loops]
-    counts = [int(np.sum(each > MARGINAL * loops[0].sample_time)) for each in growth]
+    counts = [int(np.sum(each > ROUNDED_GROWTH)) for each in growth]
     if len(set(counts)) > 1:
         hint = "Choose a posture in which gravity acts alike on all plants."
         rule = "have the same number of unstable poles"

@@ -295,8 +295,9 @@ def _sizes(task: Task, guess: Plan) -> _Sizes:
     kinds = task.arm.joint_index, task.elastic
     found = [_size(values, kinds) for values in (guess.q, guess.slope, guess.curve)]
     largest = np.abs(guess.torque).max(axis=(0, 1))
-    torque = np.where(np.isfinite(task.torque), task.torque, np.maximum(largest, 1e-6))
     M = np.abs(task.arm.mass_matrix(task.start.q))
+    least = _LEAST_SIZE * np.diag(M)[task.arm.joint_index] / guess.duration**2
+    torque = np.where(np.isfinite(task.torque), task.torque, np.maximum(largest, least))
     residual = M @ found[2] / guess.duration**2
     q, slope, curve = found
     return _Sizes(q, slope, curve, torque, residual)

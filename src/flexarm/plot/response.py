@@ -26,6 +26,8 @@ _HIGHEST_PHASE = 135.0
 _BESIDE = 1e-4
 #: Damping ratio below which a vibration has no finite response at its frequency.
 _UNDAMPED = 1e-9
+#: Frequency of rigid motion from rounding errors, relative to the highest one.
+_RIGID = 1e-7
 
 
 @public_call_as("plot.bode")
@@ -158,7 +160,7 @@ def _range(model: LinearModel) -> NDArray[np.float64]:
     """Return frequencies that resolve all vibrations in the range, rad/s."""
     slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
     poles = model.poles[slowest_first]
-    poles = poles[np.abs(poles.imag) > 1e-2]
+    poles = poles[np.abs(poles.imag) > _RIGID * np.abs(poles).max(initial=0.0)]
     speed = np.abs(poles.imag)
     low, high = (0.1, 100.0) if speed.size == 0 else (0.1 * speed[0], 3.0 * speed[:5][-1])
     # Add the peaks between the grid points, or for undamped ones the points next to the peak.

@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.arm import Arm
 from flexarm.errors import FlexarmError, FlexarmWarning
 from flexarm.integrate.base import FloatArray
-from flexarm.loop_analysis.margins import MARGINAL, loop_at, loop_margins, without_friction
+from flexarm.loop_analysis.margins import loop_at, loop_margins, without_friction
 from flexarm.model import Contact, Hardware, Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.proposals.candidates import Candidate, Drive
@@ -48,7 +48,7 @@ class Assessed(NamedTuple):
     @property
     def stable(self) -> bool:
         """Whether the loop is stable on all plants at all postures."""
-        return self.margins["growth"] < MARGINAL
+        return self.margins["growth"] <= 0.0
 
     def value(self, disk_margin: float) -> tuple[bool, float, float]:
         """Return the value by which settings are compared; larger is better.

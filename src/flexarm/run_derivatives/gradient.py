@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration
 from flexarm.arguments import check_flag, check_kind, check_mapping
 from flexarm.arm import Arm
-from flexarm.engine.impacts import Checkpoints
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
+from flexarm.engine.work.open_loop import Checkpoints
 from flexarm.errors import (
     AccuracyWarning,
     InputError,
@@ -53,7 +53,7 @@ def goal_gradient(
     rate: float = 1000.0,
     step: float | None = None,
     rtol: float = RTOL,
-    atol: float = ATOL,
+    atol: float | None = None,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     error_estimate: bool = True,

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.actions.environment import Environment
-from flexarm.engine.impacts import Checkpoints
 from flexarm.engine.stepping import Run
+from flexarm.engine.work.open_loop import Checkpoints
 from flexarm.errors import InputError, Problem, shown
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.samples import added_coefficients, collected_samples

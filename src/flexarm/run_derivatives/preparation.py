@@ -16,8 +16,9 @@ from flexarm.arm import Arm
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import event_log
-from flexarm.engine.impacts import Checkpoints, run_through_impacts
 from flexarm.engine.progress import Meter
+from flexarm.engine.small_motion import run_accurately
+from flexarm.engine.work.open_loop import Checkpoints
 from flexarm.errors import InputError, Problem, nearest, suggestion
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.kernels.compilation.packs import COMPILED
@@ -81,7 +82,7 @@ def simulated(
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
     torque_of = partial(_with_stops, history_of) if by_samples else history_of
-    run_through_impacts(run, torque_of, checkpoints)
+    run_accurately(run, torque_of, checkpoints)
     return Parameters(
         run,
         environment,

@@ -16,7 +16,7 @@ from flexarm.arm import Arm
 from flexarm.control.base import Controller, Reference
 from flexarm.engine.channels import CHANNELS
 from flexarm.engine.events import Event
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
@@ -64,7 +64,7 @@ def sensitivities(
     rate: float = 1000.0,
     step: float | None = None,
     rtol: float = RTOL,
-    atol: float = ATOL,
+    atol: float | None = None,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     error_estimate: bool = True,

@@ -88,7 +88,7 @@ class Prepared:
 
     def slowly_unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe one that grows less than tenfold in the run; empty text if none does."""
-        return describe_slow_instability(poles, self.options["duration"])
+        return describe_slow_instability(poles, self.sample_time or 0.0, self.options["duration"])
 
     @property
     def sample_time(self) -> float | None:

@@ -20,7 +20,7 @@ from flexarm.arguments import (
 )
 from flexarm.arm import Arm
 from flexarm.engine.contact_start import refuse_deep_start
-from flexarm.engine.new_run import ATOL, RTOL, initial_state, new_run
+from flexarm.engine.new_run import RTOL, initial_state, new_run
 from flexarm.engine.progress import Meter
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import (
@@ -97,7 +97,7 @@ class Plant:
         integrator: str | Integrator = "auto",
         step: float | None = None,
         rtol: float = RTOL,
-        atol: float = ATOL,
+        atol: float | None = None,
         duration: float | None = None,
         specialized: bool = False,
         warn: bool = True,
@@ -124,7 +124,7 @@ class Plant:
             integrator=integrator,
             step=step,
             rtol=check_positive("rtol", rtol),
-            atol=check_positive("atol", atol),
+            atol=None if atol is None else check_positive("atol", atol),
             meter=Meter("stepping", False),
             specialized=check_flag("specialized", specialized),
             changes=changes,

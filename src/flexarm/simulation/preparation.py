@@ -39,7 +39,7 @@ class RunOptions(NamedTuple):
     rate: float  # Hz
     step: float | None  # s
     rtol: float
-    atol: float
+    atol: float | None  # m; None for the default
     breaks: FloatArray  # (k,) s
     interpolation: str  # of torque samples
     integrator: str | Integrator
@@ -101,7 +101,7 @@ def run_options(
     rate: float,
     step: float | None,
     rtol: float,
-    atol: float,
+    atol: float | None,
     breaks: ArrayLike,
     torque_interpolation: str,
     integrator: str | Integrator,
@@ -123,7 +123,7 @@ def run_options(
     known = check_array("breaks", breaks, (-1,))
     check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
     rtol = check_positive("rtol", rtol)
-    atol = check_positive("atol", atol)
+    atol = None if atol is None else check_positive("atol", atol)
     if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem())
     if type(stations) is not int or stations != 0:

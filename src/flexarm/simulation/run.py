@@ -17,9 +17,10 @@ from flexarm.control.base import Controller, Reference, check_controller, check_
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.engine.events import Event, event_log, event_variables
-from flexarm.engine.impacts import Beginning, compare_loops, run_through_impacts
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.impacts import Beginning, compare_loops
+from flexarm.engine.new_run import RTOL
 from flexarm.engine.progress import Meter
+from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
     AccuracyWarning,
@@ -82,7 +83,7 @@ def simulate(
     stations: int = 0,
     step: float | None = None,
     rtol: float = RTOL,
-    atol: float = ATOL,
+    atol: float | None = None,
     torque_interpolation: str = "cubic",
     breaks: ArrayLike = (),
     specialized: bool | None = None,
@@ -129,10 +130,11 @@ def simulate(
             its own. If the step is too long for "rk4", "auto" uses another method and warns. A
             fixed-step method without a step halves it until the tip differs by at most 1e-4 of
             the reach from the motion at twice the step.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
-            fixed step only the tolerance for functions of time. A run in which joints meet their
-            stops is repeated with tolerances smaller by 1e-5, or more if the error requires it; a
-            run with a controller is not.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
+            A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
+            in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
+            the error requires it. Runs with a controller are not repeated.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
@@ -164,8 +166,9 @@ def simulate(
         LargeDeflectionWarning: if a link exceeds the linear beam theory.
         AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
             stops amplify errors to more than 1e-5 of the reach and ten times ``rtol``, or with a
-            fixed step to 1e-3 of the reach. Runs with a controller and a fixed step are not
-            checked; see the attribute ``impact_steps``.
+            fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors of 1 % of
+            the motion. Runs with a controller and a fixed step are not checked; see the attribute
+            ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
         ImplausibleValueWarning: if initial angles look like degrees, times like milliseconds,
@@ -233,7 +236,7 @@ def _open_loop(
     started = time.perf_counter()
     failure: SimulationError | None = None
     try:
-        run_through_impacts(run, history_of)
+        run_accurately(run, history_of)
     except SimulationError as error:
         if run.history is None:  # a function of time failed before the run began
             raise
@@ -280,7 +283,7 @@ def _result(
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,
-        "atol": run.tolerance.absolute,
+        "atol": run.tolerance.absolute * run.tolerance.scale,
         "steps": progress.steps,
         "rejected_steps": progress.rejected,
         "impact_steps": progress.impacts,

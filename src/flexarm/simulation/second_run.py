@@ -57,7 +57,7 @@ def second_run(run: Run, options: RunOptions) -> SecondRun | None:
     used = run.tolerance
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
-    second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute)
+    second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
     return SecondRun(second, tighter, _DOUBTFUL)
 
 

@@ -194,7 +194,7 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
         (f"joint {joint}", *(_number(value) for value in row))
         for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
     )
-    unstable = float(table["growth"].max()) > 1e-4
+    unstable = float(table["growth"].max()) > 0.0
     return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
 
 

@@ -8,7 +8,8 @@ from flexarm.bridges.c_code.exported import Exported, origin
 from flexarm.bridges.c_code.named_function import NamedFunction
 from flexarm.bridges.c_code.source import array
 from flexarm.bridges.fmu.variables import OUTPUTS, Variables
-from flexarm.engine.new_run import ATOL, RTOL
+from flexarm.engine.new_run import RTOL
+from flexarm.engine.tolerance import absolute_tolerance
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
 
 #: First step of co-simulation, as a part of the longest stable one.
@@ -18,6 +19,7 @@ _FIRST = 0.2
 def model_header(export: Exported, variables: Variables, token: str) -> str:
     """Return the text of ``fmu_model.h``; ``token`` identifies the FMU."""
     places, sizes = variables.places, export.sizes
+    share, reach = absolute_tolerance(export.arm, None, 1.0)
     macros = {
         "TOKEN": f'"{token}"',
         "DOF": sizes["DOF"],
@@ -27,7 +29,7 @@ def model_header(export: Exported, variables: Variables, token: str) -> str:
         "OUTPUT": places["outputs"],
         "MEMORY": sizes.get("MEMORY", 0),
         "TOLERANCE": repr(RTOL),
-        "ABSOLUTE": repr(ATOL / RTOL),
+        "ABSOLUTE": repr(share * reach),
         "FIRST_STEP": repr(_FIRST * export.largest_step),
     }
     if export.controller:

@@ -22,8 +22,8 @@ from flexarm.controllers.joint.follower import JointFollower
 from flexarm.errors import UnstableLoopWarning, few, public_call, warn_caller
 from flexarm.model.drives.linear import LoopShapingParameters
 
-#: Growth that is rounding, 1/s.
-_ROUNDING = 1e-6
+#: Growth in a sample time that is rounding.
+_ROUNDING = 1e-9
 
 
 class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
@@ -81,7 +81,7 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
             )
         warn_of_first(bent)
         worst = max(self.designs, key=lambda one: one.growth)
-        if worst.growth > _ROUNDING:
+        if worst.growth * sample_time > _ROUNDING:
             text = (
                 f"The loop with the arm itself is unstable at joint angles {few(worst.posture)}: "
                 f"deviations grow by {worst.growth:.3g} 1/s. The margin is that of the model with "

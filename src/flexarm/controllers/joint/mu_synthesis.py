@@ -31,8 +31,8 @@ from flexarm.errors import (
 from flexarm.loop_analysis.dk_iteration import dk_iteration
 from flexarm.model.drives.linear import MuSynthesisParameters
 
-#: Growth that is rounding, 1/s.
-_ROUNDING = 1e-4
+#: Growth in a sample time that is rounding.
+_ROUNDING = 1e-7
 #: Ratio of the norm to the least one: the optimal controller has poles that are too fast to sample.
 _SUBOPTIMALITY = 1.05
 #: Least and largest angle between samples at the bandwidth, rad: below, rounding errors dominate;
@@ -149,7 +149,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
         self.A, self.B, self.C, self.D = sampled
         growth = sampled_growth(plant.model, sampled, self.sample_time)
-        if growth > _ROUNDING:
+        if growth * self.sample_time > _ROUNDING:
             text = (
                 f"The loop with the arm itself is unstable: deviations grow by {growth:.3g} 1/s. "
                 "mu is that of the model with the damping of rigidity_uncertainty. Reduce the "

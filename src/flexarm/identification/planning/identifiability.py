@@ -97,7 +97,7 @@ def identifiability(
     integrator: str | Integrator = "auto",
     step: float | None = None,
     rtol: float = 1e-7,
-    atol: float = 1e-9,
+    atol: float | None = None,
 ) -> Identifiability:
     """Predict the standard deviations that ``identify`` will report for planned experiments.
 

@@ -19,6 +19,7 @@ from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import implicit_dynamics
+from flexarm.kernels.recursion.fastest_vibration import modal_size
 from flexarm.kernels.recursion.implicit_step import add_to_diagonal
 
 #: Numerov's formula is stable for squared frequencies times h^2 of up to 6. The estimate of the
@@ -60,16 +61,18 @@ def _largest(
             rest[1, i, j] = 0.0
             force[i, j] = 0.0
     implicit_dynamics(sizes, c, rest, force, torque, system.drive.loads, work)
+    unit = modal_size(sizes, c)
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             unforced[i, j] = work.acceleration[i, j]
-            direction[i, j] = 1.0
+            direction[i, j] = 1.0 if j == 0 else unit
     square: float = 0.0
     for _ in range(_ITERATIONS):
         size: float = 0.0
         for i in range(len(sizes.bodies)):
-            for j in range(1 + len(sizes.modes)):
-                size += real(direction[i, j]) * real(direction[i, j])
+            size += real(direction[i, 0]) ** 2
+            for j in range(len(sizes.modes)):
+                size += (real(direction[i, 1 + j]) / unit) ** 2
         square = math.sqrt(size)
         if square == 0.0:
             return 0.0

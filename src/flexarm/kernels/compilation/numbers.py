@@ -116,6 +116,6 @@ def tanh(x: Any) -> Any:
 
 
 @merged
-def positive_part(x: Any, rounding: float) -> Any:
+def positive_part(x: Any, rounding: Any) -> Any:
     """Return max(x, 0) with its corner rounded over ``rounding``; analytic for derivatives."""
     return 0.5 * (x + np.sqrt(x * x + rounding * rounding))

@@ -51,10 +51,10 @@ from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspa
 #: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
 #: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
 #: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
-#: duration of a contact from it.
+#: duration of a contact from it. CORNER: rounding radius of the depth, m.
 WEIGHT, LEVER = 0, 1
 STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
-CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY = 7, 8, 10, 12, 13, 14
+CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY, CORNER = 7, 8, 10, 12, 13, 14, 15
 
 #: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
 #: gap, curvature of the surface, energy stored in the contact.
@@ -65,8 +65,9 @@ CLOSING, BRANCH = 9, 10
 #: law continues smoothly beyond the surface; or the one of both by the signs of gap and push.
 ROUNDED, BY_SIGN, PUSHING, OPEN = 0.0, 1.0, 2.0, 3.0
 
-#: Rounding radius of the depth (m): far below any measurable length, far above rounding errors.
-CORNER = 1e-9
+#: Rounding radius of the depth relative to the reach: far below any measurable length, far above
+#: rounding errors.
+CORNER_SHARE = 1e-9
 #: Rounding radius of the relative increase of the force by damping.
 PUSH = 1e-6
 #: Number of Newton iterations. Near the surface three reach rounding errors, because the pieces
@@ -252,7 +253,7 @@ def _force(
     push = 1.0 + law[k, DAMPING] * closing
     # A surface never pulls, however fast the point leaves it.
     if branch == ROUNDED:
-        depth = positive_part(depth, CORNER)
+        depth = positive_part(depth, law[k, CORNER])
         push = positive_part(push, PUSH)
     elif branch == OPEN or (branch == BY_SIGN and (real(gap) >= 0.0 or real(push) <= 0.0)):
         depth = 0.0 * depth
@@ -331,7 +332,7 @@ def look_many(
             closing = -(nx * vx + ny * vy)
             fx, fy = _force(contacts, k, ROUNDED, gap, closing, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0
-            stored = _power(positive_part(-gap, CORNER), above) / above
+            stored = _power(positive_part(-gap, contacts.law[k, CORNER]), above) / above
             values[sample, k, POSITION] = x
             values[sample, k, POSITION + 1] = y
             values[sample, k, VELOCITY] = vx

@@ -49,12 +49,13 @@ from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.compilation.numbers import exp, positive_part, sqrt, tanh
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 
-#: Rounding radius at a stop (rad): far below the resolution of encoders, far above rounding errors.
+#: Rounding radius at a stop (rad), for arms of all sizes: far below the resolution of encoders, far
+#: above rounding errors.
 CORNER = 1e-9
 #: Rounding radius of the relative increase of the torque by damping.
 PUSH = 1e-6
-#: Rounding (rad/s) of the corner of |rate|, so that derivatives exist.
-_AT_REST = 1e-9
+#: Rounding of the corner of |rate|, so that derivatives exist, relative to the smoothing rate.
+_AT_REST = 1e-7
 
 
 @merged
@@ -75,7 +76,8 @@ def bristle_decay(constants: ArmConstants, i: int, rate: Any) -> Any:
     c = constants
     _, level, _ = _friction_terms(constants, i, rate)
     level += 1.0 - c.body[i, BRISTLED]
-    speed = sqrt(rate * rate + _AT_REST * _AT_REST)
+    corner = _AT_REST * c.body[i, SMOOTHING_RATE]
+    speed = sqrt(rate * rate + corner * corner)
     return c.body[i, BRISTLE_ROOT] * c.body[i, BRISTLE_ROOT] * speed / level
 
 

@@ -259,7 +259,8 @@ class _Search:
         self._rigid = arm.rigid()
         times = np.linspace(motion.start_time, motion.end_time, _INSTANTS)
         fastest = float(np.hypot(*np.gradient(motion.tip(times), times, axis=0).T).max())
-        self._slow = max(_SLOW * fastest, 1e-9)
+        self._slow = _SLOW * fastest or 1.0  # without motion the speed is zero
+        self._close = _CLOSE * float(arm.lengths.sum())
         self._q: FloatArray | None = None
         self._beside = np.zeros(arm.joints)
         self._drift = np.zeros(arm.joints)  # its change between two times
@@ -285,7 +286,7 @@ class _Search:
                 rest = equilibrium(arm, tip_force=on_tip, start=start)
             self._q = rest.q
             missed = arm.tip(rest.q)[:2] - desired
-            if np.hypot(*missed) < _CLOSE:
+            if np.hypot(*missed) < self._close:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
                 rigid_counterpart = self._rigid.bias_force(

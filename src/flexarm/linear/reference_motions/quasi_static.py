@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arguments import check_count, check_kind, check_positive, check_times
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.coordinates import coordinate_sizes
 from flexarm.bending import warn_of_bending
 from flexarm.errors import (
     AccuracyWarning,
@@ -255,7 +256,8 @@ def _bent_by(
 ) -> QuasiStaticReference:
     """Return the reference whose links bend under the rates and accelerations of a motion."""
     pieces = [_piece(constraint, moving, a, b) for a, b in pairwise(moving.breaks)]
-    ends = (moving.start_time - 1.0, moving.end_time + 1.0)
+    span = moving.end_time - moving.start_time
+    ends = (moving.start_time - span, moving.end_time + span)
     before, after = (_rest(constraint, moving, t) for t in ends)
     bends = (before, *pieces, after)
     fields = (window, order, moving, _WINDOWS[order], bends)
@@ -288,7 +290,7 @@ def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> Fl
     rigid = np.zeros((3, times.size, arm.dof))
     rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
     _, qd, qdd = rigid if moving is motion else moving.coordinates(times)  # type: ignore[attr-defined]
-    added = np.zeros((times.size, arm.dof))
+    added, unit = np.zeros((times.size, arm.dof)), coordinate_sizes(arm)
     for _ in range(_NEWTON_STEPS):
         q = rigid[0] + added
         along = dynamics_along(arm, q, qd, qdd)
@@ -297,10 +299,10 @@ def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> Fl
         matrix = np.concatenate([along.force_by[:, elastic, 0], by], axis=1)
         step = np.linalg.solve(matrix, missing[:, :, None])[:, :, 0]
         added -= step
-        size = np.abs(step).max(axis=1)
+        size = np.abs(step / unit).max(axis=1)
         if not np.all(np.isfinite(size)):
             break
-        if size.max() <= 1e-11 * (1.0 + np.abs(added).max()):
+        if size.max() <= 1e-11 * (1.0 + np.abs(added / unit).max()):
             return added
     worst = float(times[int(np.argmax(np.nan_to_num(size, nan=np.inf)))])
     reason = "links bend too far for a quasi-static reference."

@@ -21,17 +21,23 @@ LONGEST = 0.2
 _SOFTEST = 1e-12
 
 
-def descent_step(K: FloatArray, M: FloatArray, force: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the descent step (k,) under a force (k,), and whether K is positive definite."""
+def descent_step(
+    K: FloatArray, M: FloatArray, force: FloatArray, size: float
+) -> tuple[FloatArray, bool]:
+    """Return the descent step (k,) under a force (k,), and whether K is positive definite.
+
+    Args:
+        size: step of a coordinate without stiffness, m kg^0.5.
+    """
     from scipy.linalg import eigh
 
     values, vectors = eigh((K + K.T) / 2.0, M)
     pull = vectors.T @ force
     # Without a stiffness of its own, a free joint moves as on a spring of the size of the force.
-    size = np.abs(values)
-    soft = size <= _SOFTEST * size.max()
-    size[soft] = max(float(np.linalg.norm(pull)), 1e-300)
-    return np.asarray(vectors @ (pull / size)), bool(values.min() > 0.0)
+    stiffness = np.abs(values)
+    soft = stiffness <= _SOFTEST * stiffness.max()
+    stiffness[soft] = max(float(np.linalg.norm(pull)) / size, 1e-300)
+    return np.asarray(vectors @ (pull / stiffness)), bool(values.min() > 0.0)
 
 
 def largest_turn(arm: Arm, step: FloatArray) -> float:

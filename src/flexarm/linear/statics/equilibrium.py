@@ -12,6 +12,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_kind, check_posture
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.coordinates import coordinate_sizes, modal_size
 from flexarm.bending import warn_of_bending
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few, public_call
 from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
@@ -187,29 +188,31 @@ class _Search:
             return q
         q = q.copy()
         part = np.ix_(free, free)
+        unit = coordinate_sizes(arm)[free]
 
         def residual(at: FloatArray) -> FloatArray:
             missing = self._force(arm, at, loads) - fraction * self.force
-            return np.asarray(missing[free])
+            return np.asarray(unit * missing[free])
 
         missing = residual(q)
         scale = np.max(np.abs(missing), initial=0.0)
         for _ in range(_NEWTON_STEPS):
             K = arm.stiffness_matrix(q, loads=loads, contacts=self.contacts)[part]
+            K *= np.outer(unit, unit)
             step = solve(K, -missing)
             # The stiffest modes carry forces far larger than those of the lowest, so convergence
             # is judged by the size of the displacement step.
-            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free])))
+            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free] / unit)))
             shortened = 1.0
             while shortened > 1e-3:
                 trial = q.copy()
-                trial[free] += shortened * step
+                trial[free] += shortened * unit * step
                 left = residual(trial)
                 if np.max(np.abs(left)) <= max(np.max(np.abs(missing)), _RESIDUAL * scale):
                     break
                 shortened *= 0.5
             q, missing = trial, left
-            scale = max(scale, float(np.max(np.abs(K @ q[free]))))
+            scale = max(scale, float(np.max(np.abs(K @ (q[free] / unit)))))
             if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
                 return q
         raise np.linalg.LinAlgError("Newton's method does not converge")
@@ -246,7 +249,7 @@ class _Search:
                 K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
                 M = arm.mass_matrix(q)
                 step = np.zeros(arm.dof)
-                step[free], stable = descent_step(K[part], M[part], force[free])
+                step[free], stable = descent_step(K[part], M[part], force[free], modal_size(arm))
                 turn = largest_turn(arm, step)
                 q = q + step * min(1.0, LONGEST / max(turn, 1e-300))
                 if stable and turn < 0.1 * LONGEST:

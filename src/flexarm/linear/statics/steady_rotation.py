@@ -6,6 +6,7 @@ import numpy as np
 
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
+from flexarm.assembly.coordinates import coordinate_sizes
 from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.linear.statics.tangent import tangent
@@ -47,7 +48,7 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
     bending = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     if spin == 0.0 or bending.size == 0:
         return q
-    found, part = q.copy(), np.ix_(bending, bending)
+    found, part, unit = q.copy(), np.ix_(bending, bending), coordinate_sizes(arm)[bending]
     for _ in range(_STEPS):
         missing = arm.inverse_dynamics(found, rates, still)[bending]
         try:
@@ -56,6 +57,6 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
             break
         found[bending] += step
         # Newton's method converges quadratically: after a step this small only rounding remains.
-        if np.max(np.abs(step)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending]))):
+        if np.max(np.abs(step / unit)) <= 1e-9 * (1e-3 + np.max(np.abs(found[bending] / unit))):
             return found
     raise EquilibriumError(0.0, q, f"the links have no steady shape at {spin:g} rad/s.")

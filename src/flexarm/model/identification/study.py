@@ -55,7 +55,10 @@ class FitSettings(Record):
     integrator: Word = Field(default="auto", description="Name of the integrator.")
     step: Positive | None = Field(default=None, description="Fixed step of the integrator (s).")
     rtol: Positive = Field(default=1e-7, description="Relative tolerance of a step.")
-    atol: Positive = Field(default=1e-9, description="Absolute tolerance of a step at the tip (m).")
+    atol: Positive | None = Field(
+        default=None,
+        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
+    )
 
 
 def _parameter(value: Any) -> Any:

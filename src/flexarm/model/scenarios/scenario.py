@@ -85,7 +85,10 @@ class RunSettings(Record):
     )
     integrator: Word = Field(default="auto", description="Name of the integrator.")
     rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
-    atol: Positive | None = Field(default=None, description="Absolute tolerance.")
+    atol: Positive | None = Field(
+        default=None,
+        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
+    )
     step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
 
     @classmethod

@@ -1,0 +1,284 @@
+"""No constant with a dimension: in other units of length, mass and time every result is the same.
+
+The factors are powers of two, so results agree to the last digits, with the same steps and
+warnings. A tolerance, a floor or a difference in metres, newtons or seconds would change them.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from other_units import Units
+from random_arms import random_spec
+
+#: The second row is a tenth of a millimetre with a milligram in milliseconds; then a kilometre, and
+#: the same arm in other units of time.
+OTHERS = [
+    Units(2.0**-13, 2.0**-40, 2.0**-8),
+    Units(2.0**10, 2.0**-10, 1.0),
+    Units(1.0, 1.0, 2.0**10),
+]
+START = [0.3, -0.6]
+#: Powers and roots of scaled numbers, and sums with a constant of the same unit, are rounded.
+ROUNDING = 1e-9
+
+
+def two_links(units: Units, **options) -> fa.Arm:
+    first = {"hub_inertia": 0.05, "damping": 0.02, "mass": 0.3, "housing_inertia": 0.002}
+    second = {"hub_inertia": 0.02, "damping": 0.01, "mass": 0.5}
+    first.update(options.pop("first", {}))
+    second.update(options.pop("second", {}))
+    damping = fa.ModalDamping(ratio=0.01)
+    given = {"elements": 2, "modes": 2, "damping": damping}
+    gauge = fa.Gauge(station=0.1, distance=0.005)
+    rods = {"flexural_rigidity": 30.0, "mass_per_length": 0.5}
+    links = [
+        fa.Link(length=0.8, gauges=[gauge], **rods, **given),
+        fa.Link(length=0.6, **rods, **given),
+    ]
+    return units.arm(
+        fa.Arm(
+            links=links,
+            joints=[fa.Joint(**first), fa.Joint(**second)],
+            payload=fa.Payload(mass=0.3, inertia=0.002, offset=(0.03, 0.01)),
+            **{"gravity": (0.0, -9.81), "theory": "second_order", **options},
+        )
+    )
+
+
+def run(units: Units, arm: fa.Arm, duration: float = 0.2, **options):
+    return fa.simulate(
+        arm,
+        duration * units.time,
+        rate=100.0 / units.time,
+        **{"initial": arm.rest(START), **options},
+    )
+
+
+FRICTION = fa.Friction(coulomb=0.3, static=0.4, stribeck_rate=0.2, smoothing_rate=0.05)
+BRISTLES = fa.Friction(coulomb=0.3, static=0.4, bristle_stiffness=500.0, bristle_damping=0.5)
+STOPS = fa.JointLimits(lower=-0.7, upper=-0.5, stiffness=400.0, damping=0.2)
+ARMS = {
+    "plain": {},
+    "linear": {"theory": "linear"},
+    "friction": {"first": {"friction": FRICTION}},
+    "bristles": {"first": {"friction": BRISTLES}},
+    "stops": {"second": {"limits": STOPS}},
+    "elastic": {"first": {"rotor_inertia": 1e-4, "gear_ratio": 20.0, "stiffness": 200.0}},
+}
+WALL = fa.Contact(fa.Wall((0.0, 0.0), (0.0, 1.0)), 2e3, damping=0.5)
+SPHERE = WALL.replace(exponent=1.5, friction=0.3)
+POST = fa.Contact(fa.RoundWall(center=(1.1, -0.4), radius=0.3), 3e3, damping=0.2)
+LOADS = [
+    fa.Load(link=1, force=(1.0, 2.0), station=0.3),
+    fa.Load(link=2, force=(0.4, 0.5), spread=[0.1, 0.5]),
+]
+
+
+def pd(units: Units, sample_time: float = 0.002) -> fa.JointPD:
+    gains = np.array([[30.0, 12.0], [3.0, 1.0]])
+    stiffness, damping = units.factor("N m/rad"), units.factor("N m s/rad")
+    return fa.JointPD(
+        stiffness * gains[0], damping * gains[1], sample_time=sample_time * units.time
+    )
+
+
+def move(units: Units, arm: fa.Arm) -> fa.motion.Motion:
+    return fa.joint_motion(arm, START, [0.8, -0.3], 0.3 * units.time)
+
+
+def closed_loop(units: Units, **options):
+    arm = two_links(units)
+    given = {"controller": pd(units), "reference": move(units, arm), "initial": None}
+    return run(units, arm, **given, **options)
+
+
+def pressed(units: Units):
+    arm = two_links(units, gravity=(0.0, 0.0))
+    ends = np.array([[1.0, 0.2], [1.05, 0.25]]) * units.length
+    line = fa.line_motion(arm, *ends, 0.5 * units.time)
+    force = 2.0 * units.factor("N")
+    motion = fa.pressed_motion(arm, line, force, [-1.0, 1.0], interval=0.1 * units.time)
+    wall = units.record(fa.Contact(fa.Wall((1.0, 0.2), (-1.0, 1.0)), 1e3, damping=0.5))
+    return run(units, arm, controller=pd(units), reference=motion, contacts=[wall], initial=None)
+
+
+def in_contact(contact: fa.Contact, **options):
+    return lambda u: run(u, two_links(u), contacts=[u.record(contact)], **options)
+
+
+def rigid(units: Units):
+    arm = two_links(units).rigid()
+    torque = np.full((21, 2), 0.5) * units.factor("N m")
+    return run(units, arm, torque=torque)
+
+
+def loaded(units: Units):
+    force = units.factor("N")
+    acceleration = np.array([0.5, 0.2]) * units.factor("m/s^2")
+    tip = np.array([0.5, -0.2, 0.1 * units.length]) * force
+    loads = [units.record(load) for load in LOADS]
+    acting = {"loads": loads, "tip_force": tip, "base_acceleration": acceleration, "stations": 3}
+
+    def torque(t):
+        return np.array([2.0 * np.sin(5.0 * t / units.time), 0.5]) * units.factor("N m")
+
+    return run(units, two_links(units), torque=torque, **acting)
+
+
+def small(units: Units):
+    arm = two_links(units, gravity=(0.0, 0.0))
+    return run(units, arm, initial=1e-6 * units.coordinates(arm) * (arm.rest([0.0, 0.0]) + 1.0))
+
+
+def plant(units: Units):
+    arm = two_links(units).rigid()
+    stepped = fa.Plant(arm, sample_time=0.005 * units.time, integrator="rk4")
+    stepped.reset(arm.rest(START))
+    torque = np.array([1.0, 0.2]) * units.factor("N m")
+    return {"joint_angle": (np.array([stepped.step(torque).joint_angle for _ in range(10)]), "rad")}
+
+
+def equilibria(units: Units):
+    found = {}
+    arm, still = two_links(units), two_links(units, gravity=(0.0, 0.0))
+    force, torque = np.array([1.0, 2.0]) * units.factor("N"), units.factor("N m")
+    states = {
+        "held": fa.equilibrium(arm, START, tip_force=force),
+        "hanging": fa.equilibrium(arm, [-1.4, 0.1], torque=[0.0, 0.0]),
+        "driven": fa.equilibrium(arm, [0.2, 0.1], torque=np.array([2.0, 0.5]) * torque),
+        "touching": fa.equilibrium(arm, [0.0, -0.2], contacts=[units.record(WALL)]),
+        "weightless": fa.equilibrium(still, START),
+    }
+    for name, state in states.items():
+        found[f"{name} q"] = state.q / units.coordinates(arm), "1"
+        found[f"{name} torque"] = state.torque, "N m"
+        found[f"{name} eigenvalue"] = state.lowest_eigenvalue, "Hz^2"
+    return found
+
+
+def vibrations(units: Units):
+    arm, still = two_links(units), two_links(units, gravity=(0.0, 0.0))
+    turning = fa.modes(still, START, spin=5.0 / units.time)
+    free = fa.modes(arm, START, joints="free")
+    speeds = fa.campbell(still, np.linspace(0.0, 10.0, 3) / units.time)
+    linear = fa.linearize(arm, arm.rest(START))
+    sizes = np.concatenate([units.coordinates(arm), units.coordinates(arm) / units.time])
+    return {
+        "turning": (turning.frequency_hz, "Hz"),
+        "free": (free.frequency_hz, "Hz"),
+        "campbell": (speeds.frequency_hz, "Hz"),
+        "A": (linear.A * sizes / sizes[:, None], "1/s"),
+    }
+
+
+def motions(units: Units):
+    arm = two_links(units)
+    corners = np.array([[1.0, 0.3], [1.05, 0.4], [0.9, 0.5], [0.8, 0.5]]) * units.length
+    duration = 0.5 * units.time
+    made = {
+        "line": fa.line_motion(arm, corners[0], corners[3], duration),
+        "circle": fa.circle_motion(arm, corners[2], corners[0], 2.0, duration),
+        "spline": fa.spline_motion(arm, corners, duration),
+        "corners": fa.via_point_motion(arm, corners, duration),
+        "bent": fa.quasi_static_reference(arm, move(units, arm)),
+    }
+    times = np.linspace(0.0, 0.3, 7) * units.time
+    found = {"inverse": (fa.inverse_kinematics(arm, corners[0]), "rad")}
+    for name, motion in made.items():
+        found[f"{name} angle"] = np.array([motion.joint_angle(t) for t in times]), "rad"
+        found[f"{name} rate"] = np.array([motion.joint_rate(t) for t in times]), "rad/s"
+    return found
+
+
+def event(units: Units):
+    arm = two_links(units)
+    place = np.array([1.0, 0.0]) * units.length
+    turning = fa.joint_event(arm, 1, 0.1)
+    passing = fa.tip_event(arm, place, (0.0, 1.0))
+    return run(units, arm, 0.4, events=[turning, passing])
+
+
+CASES = {
+    **{name: lambda u, given=given: run(u, two_links(u, **given)) for name, given in ARMS.items()},
+    **{
+        name: lambda u, name=name: run(u, two_links(u), 0.05, integrator=name)
+        for name in ("rk4", "generalized_alpha", "cowell_4", "gauss_6", "kennedy_carpenter_5")
+    },
+    "fixed step": lambda u: run(u, two_links(u), step=1e-3 * u.time),
+    "wall": in_contact(WALL),
+    "sphere": in_contact(SPHERE),
+    "post": in_contact(POST),
+    "rigid": rigid,
+    "loads": loaded,
+    "small motion": small,
+    "closed loop": closed_loop,
+    "closed loop with a searched step": lambda u: closed_loop(u, integrator="rk4"),
+    "pressed": pressed,
+    "plant": plant,
+    "events": event,
+    "equilibria": equilibria,
+    "vibrations": vibrations,
+    "motions": motions,
+}
+
+
+def outcome(case, units: Units) -> SimpleNamespace:
+    """Return the numbers of a case in SI units, its texts and its warnings."""
+    with warnings.catch_warnings(record=True) as log:
+        warnings.simplefilter("always")
+        result = case(units)
+    numbers, texts = {}, [message.category.__name__ for message in log]
+    if isinstance(result, dict):
+        numbers = {name: np.asarray(value) / units.factor(u) for name, (value, u) in result.items()}
+        return SimpleNamespace(numbers=numbers, texts=texts)
+    kinds = {2: two_links(units).rigid(), 6: two_links(units)}
+    arm = kinds.get(result.q.shape[1]) or two_links(units, **ARMS["elastic"])
+    for name, values in result.data_vars.items():
+        if values.dtype.kind == "f" and name not in ("event_q", "event_qd"):
+            numbers[name] = values.values / units.channel(arm, values.units)
+    texts += [result.integrator, re.sub(r"[\d.e+-]+", "", result.warning)]
+    numbers["steps"] = np.array(float(result.steps if "event" not in result.sizes else 0.0))
+    return SimpleNamespace(numbers=numbers, texts=texts)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_results_are_the_same_in_other_units(name):
+    usual = outcome(CASES[name], Units())
+    for units in OTHERS:
+        other = outcome(CASES[name], units)
+        assert other.texts == usual.texts
+        for key, values in usual.numbers.items():
+            size = np.abs(values).max(axis=0 if key in ("q", "qd") else None, initial=0.0)
+            error = np.abs(other.numbers[key] - values) / np.where(size > 0.0, size, 1.0)
+            assert error.max(initial=0.0) <= ROUNDING, (key, units)
+        assert other.numbers.get("steps", 0.0) == usual.numbers.get("steps", 0.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_arms_take_the_same_steps_in_other_units(seed):
+    rng = np.random.default_rng(seed)
+    arm = fa.Arm(random_spec(rng, reduced=True))
+    q, rates = arm.rest(rng.normal(size=arm.joints)), np.zeros(arm.dof)
+    rates[arm.joint_index] = rng.normal(size=arm.joints)
+    usual = fa.simulate(arm, 0.1, initial=q, initial_rate=rates, rate=100.0)
+    for units in (*OTHERS, Units(1e3, 1e-3, 1.0)):  # the last: millimetres, newtons, tonnes
+        other = fa.simulate(
+            units.arm(arm), 0.1 * units.time, initial=q, initial_rate=rates / units.time,
+            rate=100.0 / units.time,
+        )  # fmt: skip
+        assert other.integrator == usual.integrator
+        assert other.warning == "" or usual.warning != ""
+        if units.length == 1e3:  # rounded factors: errors of the tolerance, in chaotic motion more
+            assert other.steps == pytest.approx(usual.steps, rel=0.02, abs=2)
+            size = np.abs(usual.tip.values).max()
+            assert np.abs(other.tip.values / 1e3 - usual.tip.values).max() < 1e-4 * size
+            continue
+        assert other.steps == usual.steps
+        np.testing.assert_array_equal(other.q.values / units.coordinates(arm), usual.q.values)
