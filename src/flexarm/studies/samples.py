@@ -21,6 +21,7 @@ from flexarm.model.scenarios.sampling import (
     SamplePlan,
 )
 from flexarm.scenarios.file_errors import Where
+from flexarm.studies.germs import Germ, germ_of
 
 #: Fractions nearest to 0 and 1, whose quantiles are finite for every distribution.
 _LEAST, _MOST = 2.0**-54, 1.0 - 2.0**-53
@@ -64,6 +65,12 @@ class Samples:
             if item.relative:
                 values[:, j] *= self._nominal[j]
         return values
+
+    def germ(self, path: str, values: FloatArray) -> Germ:
+        """Return the germ of a varied number at values (samples,) of it."""
+        j = self.paths.index(path)
+        item = self._varied[j][1]
+        return germ_of(item, values / self._nominal[j] if item.relative else values)
 
     def noise_seed(self, k: int) -> int | None:
         """Return the seed of the noise of sample k; None for that of the hardware."""
