@@ -85,7 +85,7 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
     screen = console()
     if study.samples == 1:
         warn("the study has one sample. Add `vary` and `samples`, or use `flexarm compare`.")
-    screen.print(f"{study.runs} runs in {out}", soft_wrap=True)
+    screen.print(f"{table['failure'].size} runs in {out}", soft_wrap=True)
     if options.plot is not None:
         draw_samples(table, options.plot)
     if options.verify:
@@ -93,7 +93,7 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         if different:
             names = ", ".join(map(str, different))
             raise SimulationError(0.0, f"samples {names} of the store differ when repeated.")
-        screen.print(f"{min(_REPEATED, study.samples)} samples repeated: identical")
+        screen.print(f"{min(_REPEATED, table.sizes['sample'])} samples repeated: identical")
 
 
 def read_study_file(path: Path) -> Study:

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import CONTROLLED
-from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, plain
+from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, Probability, Word, plain
 from flexarm.model.wording import Fault
 
 #: Samples of a study, which bounds the size of its index.
@@ -81,6 +81,19 @@ Distribution = Annotated[
 ]
 
 
+class StopRule(Record):
+    """Precision of a quantile of a metric at which a study ends."""
+
+    metric: Word = Field(description="Name of the metric, for all drives, plants and motions.")
+    quantile: Probability = Field(default=0.95, description="Probability of the quantile.")
+    within: Positive = Field(
+        default=0.05, description="Half the width of its interval, divided by the quantile."
+    )
+    confidence: Probability = Field(
+        default=0.95, description="Probability that the interval contains the quantile."
+    )
+
+
 class SamplePlan(Record):
     """Number and choice of the samples of a study."""
 
@@ -96,6 +109,9 @@ class SamplePlan(Record):
         default="same",
         description="Whether all samples have the same noise of the hardware, or each its own.",
     )
+    stop: StopRule | None = Field(
+        default=None, description="When fewer samples than `count` suffice; not with a grid."
+    )
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -104,6 +120,8 @@ class SamplePlan(Record):
         if given.method == "grid" and not given.absent("count"):
             hint = "The levels of the distributions determine it."
             yield Fault(("count",), "cannot be combined with a grid", hint=hint)
+        if given.method == "grid" and not given.absent("stop"):
+            yield Fault(("stop",), "cannot be combined with a grid")
         if given.method != "grid" and given.absent("count"):
             yield Fault(("count",), f"is required with method {given.method}")
 
