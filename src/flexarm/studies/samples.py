@@ -57,10 +57,18 @@ class Samples:
         """Return the values (stop - start, paths) of samples."""
         values = self._grid(start, stop) if self._plan.method == "grid" else None
         if values is None:
-            points = self._points(start, stop)
-            values = np.empty_like(points)
-            for j, (_, item) in enumerate(self._varied):
-                values[:, j] = _quantile(item, points[:, j])
+            return self.at(self._points(start, stop))
+        return self._scaled(values)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the values (n, paths) at points of the unit cube, of probabilities."""
+        values = np.empty_like(points)
+        for j, (_, item) in enumerate(self._varied):
+            values[:, j] = _quantile(item, points[:, j])
+        return self._scaled(values)
+
+    def _scaled(self, values: FloatArray) -> FloatArray:
+        """Return values of which relative ones are multiplied by the numbers in the file."""
         for j, (_, item) in enumerate(self._varied):
             if item.relative:
                 values[:, j] *= self._nominal[j]

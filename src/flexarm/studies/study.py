@@ -28,6 +28,7 @@ from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.checks import checked_arguments
 from flexarm.processes import check_workers
+from flexarm.model.scenarios.sampling import RareFailures
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.studies.execution import RECORDED, Executor, Outcomes, executor_of
@@ -39,6 +40,7 @@ from flexarm.studies.store import (
     opened,
     versions,
 )
+from flexarm.studies.rare import rare_failures
 from flexarm.studies.stopping import Ending
 from flexarm.studies.table import table_of
 from flexarm.studies.workers import check_client, cluster, execute
@@ -65,7 +67,7 @@ class Study:
 
     Attributes:
         samples: number of samples, of which `samples.stop` may leave out some. runs: number of
-            runs, those of all samples.
+            runs, those of all samples. spec: the study as a record.
 
     Raises:
         ModelError: if the study is not valid; it lists every problem.
@@ -82,6 +84,7 @@ class Study:
         self._text = file_text(spec)
         self._prepared = PreparedStudy(spec, place)
         self._executor = Executor(self._prepared, place)
+        self.spec = spec
         _warn_of_unbalanced(spec)
         self.samples = self._executor.samples.count
         self.runs = self.samples * int(np.prod(self._executor.shape))
@@ -173,6 +176,50 @@ class Study:
             InputError: if the first run cannot start.
         """
         return self._prepared.run(progress, check_workers("workers", workers))
+
+    @public_call
+    def rare_failures(
+        self,
+        limits: Mapping[str, float] | None = None,
+        *,
+        samples: int | None = None,
+        seed: int | None = None,
+        progress: bool | None = None,
+    ) -> xr.Dataset:
+        """Return the probability of failures that are too rare for samples, down to 1e-8.
+
+        Args:
+            limits: largest acceptable values of metrics by name; a run that exceeds one, whose
+                metric is NaN, or which failed, is a failure. Default of these three arguments: the
+                values of the key `rare_failures`.
+            samples: of each level, at least 100; a probability of 1e-4 takes four levels.
+            seed: of the samples.
+            progress: True or False shows or hides the bar.
+
+        Returns:
+            Dataset over controller, plant and reference: ``probability`` among the possible runs,
+            0 below 1e-8; the limits ``probability_low`` and ``probability_high`` of its 95 %
+            interval; ``variation``, its coefficient of variation; ``runs``, their number.
+
+        Raises:
+            InputError: if no numbers vary, there is no such metric or a limit is not positive.
+
+        Warns:
+            AccuracyWarning: if no metric with a limit rises towards the failures: the probability
+                is NaN.
+
+        The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
+        with adaptive conditional samples. Its runs follow from the seed and stay in memory.
+        """
+        given = {"limits": limits, "samples": samples, "seed": seed}
+        changes = {name: value for name, value in given.items() if value is not None}
+        rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
+        names = [metric.name for metric in RECORDED]
+        for name in rare.limits:
+            check_choice("limits", name, names)
+        if not self._executor.samples.paths:
+            raise InputError(Problem("study", "has no varied numbers"))
+        return rare_failures(self._executor, self._prepared.names, rare, progress)
 
     @public_call
     def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:

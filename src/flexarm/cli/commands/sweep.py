@@ -79,6 +79,10 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
     if options.plot is not None:
         check_place("--plot", options.plot, FIGURE_SUFFIXES)
     out = options.out or path.with_suffix(".zarr")
+    if study.spec.rare_failures is not None:
+        print_rare_failures(study)
+        if study.spec.samples is None:
+            return
     given: dict[str, Any] = {"workers": options.workers, "chunk": options.chunk}
     table = study.run(out, options.scheduler, resume=options.resume, **given)
     print_statistics(table, limits)
@@ -126,6 +130,25 @@ def print_statistics(
     for kind, runs in _REPORTED.items():
         for text in _first_of(table, kind, runs):
             warn(text)
+
+
+def print_rare_failures(study: Study) -> None:
+    """Estimate the probabilities of rare failures and print them."""
+    with collected_warnings() as found:
+        table = study.rare_failures()
+    screen = console()
+    for reference in table["reference"].values:
+        rows = []
+        for drive in table["controller"].values:
+            for plant in table["plant"].values:
+                one = table.sel(controller=drive, plant=plant, reference=reference)
+                ends = one["probability_low"].item(), one["probability_high"].item()
+                cells = [f"{one['probability'].item():.2g}", f"{ends[0]:.2g} - {ends[1]:.2g}"]
+                rows.append([str(drive), str(plant), *cells, str(one["runs"].item())])
+        heads = ["drive", "plant", "probability", "95 % interval", "runs"]
+        screen.print(numbers(f"Along {reference}: rare failures", heads, rows), soft_wrap=True)
+    for text in found:
+        warn(text)
 
 
 def draw_samples(table: xr.Dataset, plot: Path) -> None:

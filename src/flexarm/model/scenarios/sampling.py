@@ -10,12 +10,14 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import CONTROLLED
-from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, Probability, Word, plain
+from flexarm.model.quantities import Count, Flag, Listed, Mapped, Number, Positive, Probability, Word, plain
 from flexarm.model.wording import Fault
 
 #: Samples of a study, which bounds the size of its index.
 MOST_SAMPLES = 10**10
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), BeforeValidator(plain)]
+#: Samples of a level of subset simulation, of which a tenth starts chains.
+LevelSize = Annotated[int, Field(strict=True, ge=100, le=10**6), BeforeValidator(plain)]
 
 
 class _Distribution(Record):
@@ -126,6 +128,20 @@ class SamplePlan(Record):
             yield Fault(("count",), f"is required with method {given.method}")
 
 
+class RareFailures(Record):
+    """Failures whose probability is estimated by subset simulation."""
+
+    limits: Mapped[Positive] = Field(
+        default={},
+        validate_default=True,
+        description="Largest acceptable metrics by name; runs that stop early fail without one.",
+    )
+    samples: LevelSize = Field(
+        default=1000, description="Samples of each level; a level reaches a tenth further."
+    )
+    seed: Seed = Field(default=0, description="Seed of the samples.")
+
+
 def _hardware(given: Given) -> list[Any]:
     """Return the hardware of each plant of a study with valid plants: its own or the study's."""
     shared = given.hardware if given.has("hardware") else None
@@ -146,7 +162,10 @@ def sampling_faults(given: Given) -> Iterator[Fault]:
     if not given.has("vary"):
         return
     vary: Mapping[str, Any] = given.vary
-    if vary and given.absent("samples"):
+    rare = not given.absent("rare_failures")
+    if rare and not vary:
+        yield Fault(("vary",), "is required with rare_failures")
+    if vary and given.absent("samples") and not rare:
         yield Fault(("samples",), "is required with vary")
     if not given.has("samples"):
         return
