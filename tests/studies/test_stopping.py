@@ -39,8 +39,10 @@ def test_a_study_ends_at_the_same_sample_for_all_chunks_and_interruptions(tmp_pa
     assert table.sizes["sample"] == 128
     assert table.identical(study().run(workers=1, chunk=50))
     first, second = tmp_path / "first.zarr", tmp_path / "second.zarr"
-    assert study().run(first, workers=1, chunk=9).identical(
-        table.assign_attrs(fa.read_study(first).attrs)
+    assert (
+        study()
+        .run(first, workers=1, chunk=9)
+        .identical(table.assign_attrs(fa.read_study(first).attrs))
     )
     assert fa.read_study(first).sizes["sample"] == 128
     interrupted = study()
@@ -79,7 +81,9 @@ def test_samples_that_do_not_suffice_give_a_warning():
 
 
 def test_wrong_rules_are_refused():
-    with pytest.raises(fa.InputError, match=r"samples\.stop\.metric must be one of 'tip_error_rms'"):
+    with pytest.raises(
+        fa.InputError, match=r"samples\.stop\.metric must be one of 'tip_error_rms'"
+    ):
         study(metric="tip_error")
     with pytest.raises(fa.InputError, match=r"samples\.stop cannot be combined with a grid"):
         study(None, method="grid")

@@ -54,7 +54,9 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
     scale = y.std()
     terms, basis, error = _expansion(germs, (y - y.mean()) / scale)
     coefficients = np.linalg.lstsq(basis, (y - y.mean()) / scale, rcond=None)[0]
-    alone = np.array([(terms[:, j] > 0) & (terms.astype(bool).sum(axis=1) == 1) for j in _of(germs)])
+    alone = np.array(
+        [(terms[:, j] > 0) & (terms.astype(bool).sum(axis=1) == 1) for j in _of(germs)]
+    )
     within = np.array([terms[:, j] > 0 for j in _of(germs)])
 
     def fractions(c: FloatArray) -> FloatArray:

@@ -39,10 +39,15 @@ def rare_failures(
     shape = [len(names[dim]) for dim in DIMS[1:]]
     value, variation, count = (np.reshape(column, shape) for column in zip(*found, strict=True))
     spread = np.exp(1.96 * np.sqrt(np.log1p(variation**2)))  # of a logarithmic normal distribution
-    high = np.where(value > 0.0, np.minimum(value * spread, 1.0), np.where(value == 0.0, LEAST, value))
+    high = np.where(
+        value > 0.0, np.minimum(value * spread, 1.0), np.where(value == 0.0, LEAST, value)
+    )
     meanings = {
         "probability": (value, "probability of a failure"),
-        "probability_low": (np.where(value > 0.0, value / spread, value), "low limit of its 95 % interval"),
+        "probability_low": (
+            np.where(value > 0.0, value / spread, value),
+            "low limit of its 95 % interval",
+        ),
         "probability_high": (high, "high limit of its 95 % interval"),
         "variation": (variation, "coefficient of variation of the estimate"),
         "runs": (count, "simulated runs"),

@@ -105,8 +105,8 @@ def quantile_interval(
 ) -> tuple[float, float]:
     """Return the interval of a quantile from independent samples, for any distribution.
 
-    Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), infinite
-    if there are too few samples.
+    Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), and
+    infinite if there are too few samples.
     """
     from scipy.stats import binom
 

@@ -27,11 +27,13 @@ from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.checks import checked_arguments
-from flexarm.processes import check_workers
 from flexarm.model.scenarios.sampling import RareFailures
+from flexarm.processes import check_workers
 from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.study import PreparedStudy
 from flexarm.studies.execution import RECORDED, Executor, Outcomes, executor_of
+from flexarm.studies.rare import rare_failures
+from flexarm.studies.stopping import Ending
 from flexarm.studies.store import (
     Store,
     check_versions,
@@ -40,8 +42,6 @@ from flexarm.studies.store import (
     opened,
     versions,
 )
-from flexarm.studies.rare import rare_failures
-from flexarm.studies.stopping import Ending
 from flexarm.studies.table import table_of
 from flexarm.studies.workers import check_client, cluster, execute
 

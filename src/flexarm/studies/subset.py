@@ -86,9 +86,8 @@ def _variance(inside: NDArray[np.bool_], fraction: float) -> float:
     length = len(inside)
     deviations = inside - fraction
     covariances = [np.mean(deviations[: length - k] * deviations[k:]) for k in range(length)]
-    factor = 1.0 + 2.0 * sum((1.0 - k / length) * covariances[k] for k in range(1, length)) / max(
-        covariances[0], 1e-300
-    )
+    later = sum(float((1.0 - k / length) * covariances[k]) for k in range(1, length))
+    factor = 1.0 + 2.0 * later / max(float(covariances[0]), 1e-300)
     return (1.0 - fraction) / (fraction * inside.size) * max(factor, 1.0)
 
 

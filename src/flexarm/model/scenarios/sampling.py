@@ -10,7 +10,17 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import CONTROLLED
-from flexarm.model.quantities import Count, Flag, Listed, Mapped, Number, Positive, Probability, Word, plain
+from flexarm.model.quantities import (
+    Count,
+    Flag,
+    Listed,
+    Mapped,
+    Number,
+    Positive,
+    Probability,
+    Word,
+    plain,
+)
 from flexarm.model.wording import Fault
 
 #: Samples of a study, which bounds the size of its index.

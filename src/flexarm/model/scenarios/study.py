@@ -126,7 +126,8 @@ class StudySpec(Record):
         ),
     )
     samples: SamplePlan | None = Field(
-        default=None, description="Number and choice of the samples; required with `vary`, except with `rare_failures`."
+        default=None,
+        description="Number and choice of the samples; required with `vary` alone.",
     )
     rare_failures: RareFailures | None = Field(
         default=None, description="Failures that are too rare for samples; `vary` is required."
