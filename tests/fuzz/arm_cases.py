@@ -110,8 +110,8 @@ PARTS = {
         second_integrator,
     ),
     "equations": Part(
-        "accelerations of random arms against Lagrange's equations (1e-9, or the condition number), "
-        "every tenth time also runs of small arms",
+        "accelerations of random arms against Lagrange's equations (1e-9, or the condition "
+        "number), every tenth time also runs of small arms",
         independent_equations,
     ),
 }

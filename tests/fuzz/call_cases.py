@@ -1,4 +1,4 @@
-"""Wrong values in every public callable and method: one error that names the argument, or a result."""
+"""Wrong values in every public callable and method: an error of flexarm, or a result."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ def with_dependencies(rng: np.random.Generator, number: int) -> None:
 
 PARTS = {
     "dependencies": Part(
-        "the tests of all public calls and registries with the lowest versions of all dependencies, "
-        "and with the newest",
+        "the tests of all public calls and registries with the lowest versions of all "
+        "dependencies, and with the newest",
         with_dependencies,
     ),
 }

@@ -107,7 +107,7 @@ def _ended(process: int, rng: np.random.Generator, longest: float, by: int) -> N
 
 
 def killed_writer(rng: np.random.Generator, number: int) -> None:
-    """End a process that writes one file again and again: the file is whole, and nothing is left."""
+    """End a process that writes one file again and again: the file is complete."""
     path, write = _chosen(number)
     write(path)
     size = path.stat().st_size
@@ -176,11 +176,12 @@ def kernel(scale: float, place: Path) -> Any:
     lines = "\n".join(f"    y = np.sin(y + {scale}) + x[{k} % x.size]" for k in range(30))
     head = "import numpy as np\nfrom flexarm.kernels.compilation.cache import compiled\n@compiled\n"
     source.write_text(f"{head}def work(x):\n    y = 0.0\n{lines}\n    return y\n")
-    spec = importlib.util.spec_from_file_location(source.stem, source)
+    # The name is that of a kernel of the package, whose files are found by their key alone.
+    spec = importlib.util.spec_from_file_location(f"flexarm.{source.stem}", source)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[source.stem] = module
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module.work
 
@@ -261,8 +262,8 @@ PARTS = {
         full_output,
     ),
     "stores": Part(
-        "stores (Zarr) of studies that are killed or whose disk is full, then resumed: the files of "
-        "an undisturbed study, to the last bit",
+        "stores (Zarr) of studies that are killed or whose disk is full, then resumed: the files "
+        "of an undisturbed study, to the last bit",
         stopped_study,
     ),
     "cache": Part(

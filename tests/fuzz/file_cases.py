@@ -65,6 +65,7 @@ STUDIES = [STUDY, *(path.read_text() for path in sorted(ROOT.glob("examples/stud
 DESIGN = ("--computing", "low", "--duration", "0.05")
 #: Commands, and the files that they are for.
 COMMANDS: tuple[tuple[tuple[str, ...], list[str]], ...] = (
+    (("check",), [*SCENARIOS, *STUDIES, FIT]),
     (("modes",), SCENARIOS),
     (("modes", "--sag"), SCENARIOS),
     (("modes", "--to", "0.1,0.2"), SCENARIOS),
@@ -82,7 +83,6 @@ COMMANDS: tuple[tuple[tuple[str, ...], list[str]], ...] = (
     (("compare", "--workers", "1"), STUDIES),
     (("sweep", "--workers", "1"), STUDIES),
     (("identify", "--quiet", "--result", "identified.nc"), [FIT]),
-    (("check",), [*SCENARIOS, *STUDIES, FIT]),
 )
 NUMBERS = [0, -1, 1, 2, 0.5, -0.0, 1e-300, 1e300, 1e-12, 1e12, 1e-160, 1e160, 5e-324, 10**400]
 NUMBERS += [float("inf"), float("nan"), 3, 100, 1000000]
@@ -165,14 +165,15 @@ def record() -> bytes:
 
 
 @cache
-def ready() -> None:
-    """Run every command once: an import that is interrupted cannot be repeated."""
-    for number, (command, files) in enumerate(COMMANDS):
-        Path("file.yaml").write_text(files[0])
-        Path("record.csv").write_bytes(record())
-        outcome = invoked(command, "file.yaml")
-        assert outcome.exit_code in {0, WRONG_INPUT, FAILED_RUN}, (number, command, outcome.output)
-        shutil.rmtree("file.zarr", ignore_errors=True)
+def ready(number: int) -> None:
+    """Run a command once: an import that is interrupted cannot be repeated."""
+    command, files = COMMANDS[number]
+    Path("file.yaml").write_text(files[-1] if command == ("check",) else files[0])
+    Path("record.csv").write_bytes(record())
+    outcome = invoked(command, "file.yaml")
+    assert outcome.exit_code in {0, WRONG_INPUT, FAILED_RUN, INTERRUPTED}, outcome.output
+    for path in Path().glob("file*"):
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def invoked(command: tuple[str, ...], path: str) -> Any:
@@ -183,7 +184,7 @@ def invoked(command: tuple[str, ...], path: str) -> Any:
 
 def damaged_file(rng: np.random.Generator, number: int) -> None:
     """Damage a file and run a command on it: a message or a result, never a traceback."""
-    ready()
+    ready(number % len(COMMANDS))
     chance = random.Random(int(rng.integers(2**62)))
     command, files = COMMANDS[number % len(COMMANDS)]
     text = chance.choice(files)

@@ -18,8 +18,8 @@ from fuzz.study_calls import STUDIES, STUDY_METHODS
 
 #: Classes whose methods are called during a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
-#: Classes of returned objects that have no methods for users (Matplotlib's, of figures), and methods
-#: that the package calls with arrays that it has checked.
+#: Classes of returned objects without methods for users (Matplotlib's, of figures), and methods
+#: that have no arguments, or that the package calls with arrays that it has checked.
 _INNER, _INNER_METHODS = {"Sheet"}, {"at", "path", "html", "pictures"}
 #: A callable and valid arguments by name.
 Call = tuple[Callable[..., Any], dict[str, Any]]

@@ -54,26 +54,21 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
     scale = y.std()
     terms, basis, error = _expansion(germs, (y - y.mean()) / scale)
     coefficients = np.linalg.lstsq(basis, (y - y.mean()) / scale, rcond=None)[0]
-    alone = np.array(
-        [(terms[:, j] > 0) & (terms.astype(bool).sum(axis=1) == 1) for j in _of(germs)]
-    )
-    within = np.array([terms[:, j] > 0 for j in _of(germs)])
+    within = (terms > 0).T
+    alone = within & (within.sum(axis=0) == 1)
 
     def fractions(c: FloatArray) -> FloatArray:
         squares = c**2 * terms.any(axis=1)
         whole = squares.sum(axis=-1, keepdims=True) + error
-        return np.stack([squares @ alone.T, squares @ within.T]) / whole
+        parts: FloatArray = np.stack([squares @ alone.T, squares @ within.T]) / whole
+        return parts
 
     first, total = fractions(coefficients)
     factor = np.linalg.qr(basis, mode="r")
     draws = np.random.default_rng(seed).normal(size=(resamples, len(terms)))
     scatter = np.sqrt(error) * np.linalg.solve(factor, draws.T).T
     widths = 1.96 * fractions(coefficients + scatter).std(axis=1) + error
-    return Indices(first, total, *widths, min(error, 1.0))
-
-
-def _of(germs: Sequence[Germ]) -> range:
-    return range(len(germs))
+    return Indices(first, total, widths[0], widths[1], min(error, 1.0))
 
 
 def _expansion(germs: Sequence[Germ], y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -100,8 +95,8 @@ def _expansion(germs: Sequence[Germ], y: FloatArray) -> tuple[FloatArray, FloatA
         count = int(np.argmin(error))
         since += 1
         if error[count] < best[2]:
-            columns = _chosen(basis, y, np.ones(y.size, dtype=bool))[0][: count + 1]
-            best, since = (terms[columns], basis[:, columns], float(error[count])), 0
+            chosen = _chosen(basis, y, np.ones(y.size, dtype=bool))[0][: count + 1]
+            best, since = (terms[chosen], basis[:, chosen], float(error[count])), 0
     return best
 
 

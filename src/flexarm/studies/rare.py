@@ -30,7 +30,7 @@ def rare_failures(
     """Return the dataset of `Study.rare_failures`."""
     import xarray as xr
 
-    runs = list(product(*(names[dim] for dim in DIMS[1:])))
+    runs = list(product(names["controller"], names["plant"], names["reference"]))
     with Meter("simulating", progress, lines=True) as meter:
         found = []
         for chosen in runs:

@@ -33,7 +33,7 @@ class Ending:
     def __init__(self, plan: SamplePlan | None, count: int) -> None:
         self._stop = plan.stop if plan is not None else None
         sizes = [FIRST * 2**k for k in range(count.bit_length()) if FIRST * 2**k < count]
-        self.decisions = [*(sizes if self._stop is not None else []), count]
+        self.decisions: list[int] = [*(sizes if self._stop is not None else []), count]
 
     def after(self, metrics: FloatArray) -> int | None:
         """Return at how many samples the study ends, None if that takes more metrics.

@@ -188,9 +188,9 @@ class Store:
         attributes = dict(self._group.attrs)
         attributes.pop("layout")
         outcomes = Outcomes(*map(np.concatenate, parts))
-        recorded = int(np.cumprod(numbers == np.arange(numbers.size)).sum())
+        prefix = int(np.cumprod(numbers == np.arange(numbers.size)).sum())
         # The last chunk may have more samples than the study needs.
-        part = slice(0, self._ending.after(outcomes.metrics[:recorded]))
+        part = slice(0, self._ending.after(outcomes.metrics[:prefix]))
         return table_of(outcomes.at(part), numbers[part], names, self.paths, attributes)
 
 
