@@ -11,8 +11,12 @@ SEED ?=
 FULL ?=
 # Interpreters of `make test-pythons`: those on the path that start.
 PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
-# Inputs for each test of `make fuzz`.
-EXAMPLES ?= 1000
+# Parts of `make fuzz` (all by default), minutes for each, and 1 to write the counts to docs/reliability.md.
+PART ?=
+MINUTES ?= 10
+WRITE ?=
+# Tests of `make suite`.
+TESTS ?=
 # For packages of the system; empty for the user root.
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
@@ -47,7 +51,7 @@ test: lint suite ## check everything: lint, then the whole test suite
 
 suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples, FULL=1 runs all of the long pages
 	$(BIN)/flexarm warmup # once, before parallel workers compile the same kernels each
-	FULL_PAGES=$(FULL) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
+	FULL_PAGES=$(FULL) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS) \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
 
 test-lowest: ## the suite with the lowest versions of all dependencies
@@ -88,8 +92,8 @@ format: $(VENV)/.ready-dev ## put the code into the project's format
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-fuzz: $(VENV)/.ready-dev ## damaged files and wrong calls: make fuzz EXAMPLES=10000
-	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal tests/fuzz
+fuzz: $(VENV)/.ready-dev ## random calls, files, arms and faults, ten minutes for each part: make fuzz PART=arms SEED=2 WRITE=1
+	$(BIN)/python tests/fuzz/farm.py $(PART) --seed $(or $(SEED),0) --minutes $(MINUTES) $(if $(WRITE),--write)
 
 kills: $(VENV)/.ready-dev ## 10,000 runs on two processes, killed 20 times: is the store that of an undisturbed study? Ten minutes
 	$(BIN)/python tests/studies/kills.py

@@ -146,3 +146,15 @@ def test_limits_require_samples(path):
     done = call("compare", path, "--limit", "tip_error_rms=0.042")
     assert done.exit_code == 2
     assert "--limit requires a study with samples" in done.output
+
+
+def test_sweep_prints_the_probabilities_of_rare_failures(path):
+    rare = "rare_failures: {samples: 100, limits: {tip_error_peak: 1.0e-9}}\n"
+    plan = STUDY.index("samples:")
+    without = STUDY[:plan] + STUDY[STUDY.index("\n", plan) + 1 :]
+    path.write_text(without + rare)
+    done = call("sweep", path)
+    assert done.exit_code == 0, done.output
+    assert "Along move: rare failures" in done.output
+    assert " 1 - 1 " in done.output  # every possible payload exceeds the limit
+    assert not path.with_suffix(".zarr").exists()

@@ -265,6 +265,10 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     ),
     "Measurement": (measurement, {"get": {"name": "strain"}}),
     "Modes": (lambda: fa.modes(arm()), {"curves": {"stations": 3}, "displacements": {}}),
+    "InstrumentFault": (lambda: fa.InstrumentFault("bias", size=0.01), {"acts": {"t": 0.1}}),
+    "Link": (lambda: fa.Link(**LINK), {"beam": {}}),
+    "Load": (lambda: fa.Load(1, [1.0, 0.0]), {"scaled": {"factor": 2.0}}),
+    "ModalDamping": (lambda: fa.ModalDamping(ratio=[0.01, 0.02]), {"ratios": {"modes": 3}}),
     "Motors": (
         fa.Motors,
         {"allowed": {"torque": [0.0, 0.0], "rate": [0.0, 0.0]}},
@@ -329,10 +333,21 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     ),
     **{REGISTRY[name].__name__: (make, _UPDATE) for name, make in EXAMPLES.items()},
     # Objects that functions return and whose classes are not public names.
-    "joint_motion()": (motion, {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}}),
+    "joint_motion()": (
+        motion,
+        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
+    ),
     "line_motion()": (
         lambda: fa.line_motion(arm(), [1.0, 0.2], [1.0, 0.4], 1.0),
-        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}},
+        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
+    ),
+    "sampled()": (
+        lambda: motion().sampled(100.0),
+        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
+    ),
+    "animate()": (
+        lambda: fa.animate(result(), fps=2.0, width=320),
+        {"save": {"path": lambda: folder() / "arm.gif"}},
     ),
     "rigid_torque()": (lambda: fa.rigid_torque(arm(), motion()), {"__call__": {"t": 0.2}}),
     "quintic()": (quintic, {"__call__": {"u": 0.2}}),

@@ -46,3 +46,23 @@ _METHODS: dict[str, dict[str, Any]] = {
 FILTER_METHODS: dict[str, tuple[Any, dict[str, dict[str, Any]]]] = {
     kind.__name__: (partial(_made, kind), _METHODS) for kind in KINDS
 }
+
+
+def _estimates() -> Any:
+    """Return the estimates of two samples."""
+    readings = {"joint_angle": [[0.1, 0.3]] * 2, "strain": [[0.0]] * 2}
+    return _made(fa.ExtendedKalmanFilter).run([[0.0, 0.0]] * 2, readings)
+
+
+FILTER_METHODS["run()"] = (
+    _estimates,
+    {
+        "error_band": {"probability": 0.9},
+        "innovation_band": {"probability": 0.9},
+        "squared_errors": {
+            "q": [[0.1, 0.0, 0.0, 0.3, 0.0, 0.0]] * 2,
+            "qd": [[0.0] * 6] * 2,
+            "payload_mass": 0.1,
+        },
+    },
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import flexarm as fa
@@ -17,6 +18,9 @@ from fuzz.study_calls import STUDIES, STUDY_METHODS
 
 #: Classes whose methods are called during a run.
 _CALLED_BY_A_RUN = ("Controller", "GeneralizedAlpha")
+#: Classes of returned objects without methods for users (Matplotlib's, of figures), and methods
+#: that have no arguments, or that the package calls with arrays that it has checked.
+_INNER, _INNER_METHODS = {"Sheet"}, {"at", "path", "html", "pictures"}
 #: A callable and valid arguments by name.
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
@@ -34,6 +38,12 @@ def calls() -> dict[str, Callable[[], Call]]:
             getattr(fa.plot, name),
             _values(given),
         )
+    for name in made:
+        if issubclass(_kind(name), Record):
+            first = next(iter(made[name]), None)
+            METHODS.setdefault(name, (partial(_record, name, made[name]), {}))[1].setdefault(
+                "replace", {} if first is None else {first: made[name][first]}
+            )
     for owner, (make, methods) in (METHODS | STUDY_METHODS).items():
         for method, given in methods.items():
             found[f"{owner}.{method}"] = lambda make=make, method=method, given=given: (
@@ -41,6 +51,16 @@ def calls() -> dict[str, Callable[[], Call]]:
                 _values(given),
             )
     return found
+
+
+def _kind(name: str) -> type:
+    """Return a public class, or the class of functions."""
+    value = getattr(fa, name)
+    return value if isinstance(value, type) else type(value)
+
+
+def _record(name: str, given: dict[str, Any]) -> Any:
+    return getattr(fa, name)(**_values(given))
 
 
 def _values(given: dict[str, Any]) -> dict[str, Any]:
@@ -54,6 +74,8 @@ def parameters(name: str, function: Callable[..., Any]) -> list[str]:
         return list(function.model_fields)
     taken = list(inspect.signature(function).parameters.values())
     names = [p.name for p in taken if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    if name.endswith(".replace"):
+        return list(type(function.__self__).model_fields)
     if name == "Arm":
         return [*names, *type(arm().spec).model_fields]
     return names
@@ -68,8 +90,25 @@ def public_names() -> Iterator[str]:
             continue
         if name not in MADE_BY_FLEXARM:
             yield name
-        if isinstance(value, type) and not issubclass(value, Record | BaseException):
-            for method, member in inspect.getmembers(value, callable):
-                own = str(getattr(member, "__module__", "")).startswith("flexarm")
-                if own and not method.startswith("_") and name not in _CALLED_BY_A_RUN:
-                    yield f"{name}.{method}"
+        if isinstance(value, type) and name not in _CALLED_BY_A_RUN:
+            yield from (f"{name}.{method}" for method in methods_of(value))
+
+
+def methods_of(kind: type) -> list[str]:
+    """Return the names of the public methods of a class that the package defines."""
+    return [
+        method
+        for method, member in inspect.getmembers(kind, callable)
+        if str(getattr(member, "__module__", "")).startswith("flexarm") and method[0] != "_"
+    ]
+
+
+def methods_without_a_call(name: str, value: Any) -> list[str]:
+    """Return the methods of a returned object that no base call covers, of whatever class."""
+    kind = type(value)
+    if not kind.__module__.startswith("flexarm") or issubclass(kind, Record):
+        return []
+    if getattr(fa, kind.__name__, None) is kind or kind.__name__ in _INNER:
+        return []
+    covered = {type(make()): set(methods) for make, methods in METHODS.values()}
+    return sorted({*methods_of(kind)} - covered.get(kind, set()) - _INNER_METHODS)

@@ -40,6 +40,7 @@ STUDY_METHODS: dict[str, Any] = {
         {
             "nominal": {"workers": 1},
             "run": {"workers": 1, "chunk": 2},  # one task, which needs no other process
+            "rare_failures": {"samples": 100, "limits": {"tip_error_peak": 1e-6}},
             "verify": {"store": lambda: samples().with_suffix(".zarr"), "count": 1},
         },
     ),

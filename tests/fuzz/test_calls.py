@@ -1,27 +1,21 @@
-"""Wrong values in every public callable: one error that names the argument, or a result.
+"""Every public callable and method has a base call, which works; wrong values in figures.
 
-`FUZZ_EXAMPLES` sets the number of calls: a few in every test run, tens of thousands in `make fuzz`.
+`call_cases.py` passes wrong values to all of them.
 """
 
 from __future__ import annotations
 
 import os
-import sys
 import warnings
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import flexarm as fa
 from fuzz.base_calls import MADE_BY_FLEXARM
+from fuzz.call_cases import CALLS, check_call
 from fuzz.figure_calls import FIGURES
-from fuzz.public_calls import calls, parameters, public_names
+from fuzz.public_calls import methods_without_a_call, public_names
 from fuzz.wrong_values import WRONG
-
-CALLS = calls()
-#: Calls in one test; a few hundred include every kind of argument.
-EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "200"))
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -53,54 +47,9 @@ def test_base_calls_are_accepted(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of links that bend far, and of optional packages
         function, arguments = CALLS[name]()
-        function(**arguments)
-
-
-@st.composite
-def wrong_calls(draw):
-    """Draw a call, one or two of its arguments, and a wrong value for each."""
-    name = draw(st.sampled_from(sorted(CALLS)))
-    function, _ = CALLS[name]()
-    names = parameters(name, function)
-    some = st.lists(st.sampled_from(names), min_size=1, max_size=2, unique=True)
-    chosen = draw(some) if names else []
-    return name, {one: draw(st.sampled_from(sorted(WRONG))) for one in chosen}
-
-
-def check_call(name: str, wrong: dict[str, str]) -> None:
-    """Make a call with wrong values; only a result or an error of flexarm is allowed."""
-    function, arguments = CALLS[name]()
-    arguments |= {argument: WRONG[value]() for argument, value in wrong.items()}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            function(**arguments)
-        except fa.FlexarmError as error:
-            check_message(error)
-        finally:
-            if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
-                pyplot.close("all")  # thousands of open figures would use all memory
-
-
-def check_message(error: fa.FlexarmError) -> None:
-    """Check that every problem is one line of moderate length with a place and an argument."""
-    for problem in getattr(error, "problems", [error]):
-        text = str(problem)
-        assert text.strip(), error
-        assert "\n" not in text, text
-        assert len(text) < 1500, text
-        assert getattr(problem, "name", "given"), text
-        assert getattr(problem, "where", "given"), text  # `public_call` is missing
-
-
-@settings(
-    max_examples=EXAMPLES,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-)
-@given(call=wrong_calls())
-def test_wrong_values_raise_errors_that_name_them(call):
-    name, wrong = call
-    check_call(name, wrong)
+        returned = function(**arguments)
+        missing = methods_without_a_call(name, returned)
+    assert not missing, f"{name} returns a {type(returned).__name__} with methods without base call"
 
 
 @pytest.mark.parametrize(

@@ -93,9 +93,9 @@ def test_disk_that_is_full_stops_and_resumes(study, undisturbed, tmp_path):
     missing = stores.Store.missing
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
 
-    def fill(own):  # after the store is created, no file may exceed 8 bytes
+    def fill(*given):  # after the store is created, no file may exceed 8 bytes
         resource.setrlimit(resource.RLIMIT_FSIZE, (8, limits[1]))
-        return missing(own)
+        return missing(*given)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stores.Store, "missing", fill)

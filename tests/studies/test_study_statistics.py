@@ -70,18 +70,6 @@ def test_limit_of_a_metric_without_values_is_refused():
     assert found["failure_rate"].item() == 1.0
 
 
-def test_sensitivity_indices_of_a_sum():
-    """Of y = a + 2 b with equal distributions, a explains 1/5 and b 4/5; c explains nothing."""
-    pytest.importorskip("SALib", reason="it comes with the extra: pip install 'flexarm[cluster]'")
-    given = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 2000))
-    values = given[0] + 2.0 * given[1]
-    found = fa.sensitivity_indices(table(values, a=given[0], b=given[1], c=given[2]), resamples=10)
-    # Estimates from 2000 samples in classes have a bias and a scatter of a few hundredths.
-    assert found["first_order"].values.ravel() == pytest.approx([0.2, 0.8, 0.0], abs=0.05)
-    shifts = found["pawn"].values.ravel()
-    assert shifts[1] > shifts[0] > shifts[2]
-
-
 def test_wrong_tables_are_refused():
     with pytest.raises(fa.InputError, match="must be a table of a study"):
         fa.study_statistics(xr.Dataset())

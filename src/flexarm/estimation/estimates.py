@@ -181,7 +181,9 @@ class Estimates(NamedTuple):
         """
         true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative("payload_mass", payload_mass)
-        given = check_mapping("parameters", parameters or {}, "paths and numbers")
+        given = check_mapping(
+            "parameters", {} if parameters is None else parameters, "paths and numbers"
+        )
         if set(given) != set(self.parameters):
             rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
             raise InputError(Problem("parameters", rule, shown(list(given))))
@@ -196,7 +198,7 @@ class Estimates(NamedTuple):
         shape = self.disturbance.shape if torques.ndim == 2 else (joints,)
         acting = check_array("disturbance", torques, shape) - self.disturbance
         missed.append(acting[:, : self._layout.disturbed])
-        wrong = check_mapping("biases", biases or {}, "names and numbers")
+        wrong = check_mapping("biases", {} if biases is None else biases, "names and numbers")
         if set(wrong) != set(self.biases):
             rule = f"have the instruments {', '.join(self.biases) or '(none)'}"
             raise InputError(Problem("biases", rule, shown(list(wrong))))

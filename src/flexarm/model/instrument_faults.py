@@ -7,7 +7,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from flexarm.errors import shown
+from flexarm.arguments import check_number
+from flexarm.errors import public_call, shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, NonNegative, Number
 from flexarm.model.wording import Fault
@@ -49,6 +50,12 @@ class InstrumentFault(Record, kw_only=False):
         if given.has("start", "end") and given.end is not None and given.end <= given.start:
             yield Fault(("end",), f"be greater than start, {given.start:g}", shown(given.end))
 
+    @public_call
     def acts(self, t: float) -> bool:
-        """Return whether the fault acts at time t (s)."""
+        """Return whether the fault acts at time t (s).
+
+        Raises:
+            InputError: if the time is not a number.
+        """
+        t = check_number("t", t)
         return self.start <= t and (self.end is None or t < self.end)

@@ -49,6 +49,7 @@ class TabulatedMotion(Motion):
         """Return the joint accelerations (n,) or (T, n), rad/s^2."""
         return self._derivative(check_times("t", t), 2)
 
+    @public_call
     def at(self, times: Floats) -> JointState:
         """See `Motion.at`."""
         checked = check_times("times", times)

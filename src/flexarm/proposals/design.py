@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arguments import check_flag
 from flexarm.arm import Arm
 from flexarm.control.base import Controller
 from flexarm.errors import (
@@ -112,7 +113,7 @@ class ControllerDesign:
         Raises:
             InputError: if the file exists, or cannot be written.
         """
-        check_new("path", path, overwrite=overwrite)
+        check_new("path", path, overwrite=check_flag("overwrite", overwrite))
         write_text(self.text, path)
 
 

@@ -95,6 +95,31 @@ class Executor:
                     found.warning[place] = one.warning or one.unstable
         return found
 
+    def performances(
+        self, values: FloatArray, first: int, chosen: tuple[str, str, str], limits: dict[str, float]
+    ) -> FloatArray:
+        """Return the largest metric of a run for each sample, divided by its limit.
+
+        Args:
+            values: (samples, parameters) of the varied numbers.
+            first: number of the first sample, for its noise.
+            chosen: drive, plant and motion.
+
+        Returns:
+            (samples,), infinite for a run that failed or has no value, -inf for an infeasible one.
+        """
+        found = np.full(len(values), -np.inf)
+        for start in range(0, len(values), _TOGETHER):
+            rows = range(start, min(start + _TOGETHER, len(values)))
+            samples = {k: self._sample(values[k]) for k in rows}
+            for k, one in self._evaluations(samples, first, chosen):
+                if one.failure.startswith(INFEASIBLE):
+                    continue
+                ratios = [one.metrics.get(name, np.nan) / most for name, most in limits.items()]
+                failed = bool(one.failure) or bool(np.isnan(ratios).any())
+                found[k] = np.inf if failed else max([0.0, *ratios])
+        return found
+
     def _sample(self, values: FloatArray) -> _Sample:
         named = dict(zip(self.samples.paths, values.tolist(), strict=True))
         return _Sample(self._prepared, named)

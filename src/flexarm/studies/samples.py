@@ -21,6 +21,7 @@ from flexarm.model.scenarios.sampling import (
     SamplePlan,
 )
 from flexarm.scenarios.file_errors import Where
+from flexarm.studies.germs import Germ, germ_of
 
 #: Fractions nearest to 0 and 1, whose quantiles are finite for every distribution.
 _LEAST, _MOST = 2.0**-54, 1.0 - 2.0**-53
@@ -56,14 +57,28 @@ class Samples:
         """Return the values (stop - start, paths) of samples."""
         values = self._grid(start, stop) if self._plan.method == "grid" else None
         if values is None:
-            points = self._points(start, stop)
-            values = np.empty_like(points)
-            for j, (_, item) in enumerate(self._varied):
-                values[:, j] = _quantile(item, points[:, j])
+            return self.at(self._points(start, stop))
+        return self._scaled(values)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the values (n, paths) at points of the unit cube, of probabilities."""
+        values = np.empty_like(points)
+        for j, (_, item) in enumerate(self._varied):
+            values[:, j] = _quantile(item, points[:, j])
+        return self._scaled(values)
+
+    def _scaled(self, values: FloatArray) -> FloatArray:
+        """Return values of which relative ones are multiplied by the numbers in the file."""
         for j, (_, item) in enumerate(self._varied):
             if item.relative:
                 values[:, j] *= self._nominal[j]
         return values
+
+    def germ(self, path: str, values: FloatArray) -> Germ:
+        """Return the germ of a varied number at values (samples,) of it."""
+        j = self.paths.index(path)
+        item = self._varied[j][1]
+        return germ_of(item, values / self._nominal[j] if item.relative else values)
 
     def noise_seed(self, k: int) -> int | None:
         """Return the seed of the noise of sample k; None for that of the hardware."""

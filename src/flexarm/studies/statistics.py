@@ -14,18 +14,33 @@ from flexarm.arguments import (
     check_dataset,
     check_mapping,
     check_number,
-    library_missing,
 )
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.errors import (
+    AccuracyWarning,
+    FlexarmError,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.model import StudySpec
+from flexarm.model.file_format.files import record_of_bytes
 from flexarm.simulation.metrics import METRICS
+from flexarm.studies.expansion import indices_of
+from flexarm.studies.germs import Germ, counted_germ
+from flexarm.studies.samples import Samples
 from flexarm.studies.table import DIMS
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _LIKELY = "be greater than 0 and less than 1"
-#: Samples below which indices are not computed: their intervals would cover everything.
-_LEAST_SAMPLES = 64
+#: Samples below which indices are not computed: cross-validation would have too few of them.
+_LEAST_SAMPLES = 20
+#: Unexplained part of the variance, and part of the runs without a value, that give a warning.
+_MOST_UNEXPLAINED, _MOST_WITHOUT = 0.1, 0.05
 
 
 @public_call
@@ -119,57 +134,86 @@ def sensitivity_indices(
     """Return how much of the variation of a metric each varied number explains.
 
     Args:
-        table: as returned by `Study.run` or `read_study`, of random, Latin hypercube or Sobol
-            samples of at least 64 runs that did not fail.
+        table: as returned by `Study.run` or `read_study`, with at least 20 runs that did not fail.
         metric: its name.
-        resamples: of the confidence intervals.
+        resamples: random coefficients for the confidence intervals.
         seed: of these.
 
     Returns:
         Dataset over controller, plant, reference and parameter: ``first_order``, the fraction of
-        the variance that the number explains alone, and ``first_order_confidence``, half the width
-        of its 95 % interval; ``pawn``, how far the number shifts the distribution, from 0 (not) to
-        1. NaN where too few runs remain or the metric is constant.
+        the variance that the number explains alone, and ``total``, with all others (indices of
+        Sobol'); ``first_order_confidence`` and ``total_confidence``, half the widths of their 95 %
+        intervals. Without the dimension ``parameter``: ``unexplained``, the fraction of the
+        variance that the expansion does not predict. NaN where too few runs remain or the metric
+        is constant.
 
     Raises:
-        InputError: if the table is not one of a study, no numbers vary, there is no such metric,
-            or SALib is not installed.
+        InputError: if the table is not one of a study, no numbers vary, or there is no such metric.
 
-    The indices are those of ``SALib.analyze.rbd_fast`` (Tarantola, Gatelli and Mara, Reliability
-    Engineering and System Safety 91, 2006) and ``pawn`` (Pianosi and Wagener, Environmental
-    Modelling and Software 108, 2018): both use the samples as they are.
+    Warns:
+        AccuracyWarning: if more than 10 % of the variance remain unexplained, or more than 5 % of
+            the possible runs have no value: the indices are those of the others.
+
+    The metric is expanded in polynomials that are orthonormal for the distributions of the study;
+    for a table without the study, for the values in it. The choice of the terms is cross-validated,
+    and the intervals contain the unexplained part (Sudret, Reliability Engineering and System
+    Safety 93, 2008). Noise of instruments, different in each sample, is not explained either.
     """
     import xarray as xr
 
-    try:
-        from SALib.analyze import pawn, rbd_fast
-    except ImportError:
-        raise library_missing("SALib", "cluster") from None
     table = _checked(table)
     check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
     paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
     if not paths:
         raise InputError(Problem("table", "has no varied numbers"))
-    inputs = np.stack([table[path].values for path in paths], axis=1)
-    problem = {"num_vars": len(paths), "names": paths}
     count, seed = check_count("resamples", resamples), check_count("seed", seed, least=0)
-    values = table[metric].transpose(*DIMS).values
-    names = "first_order", "first_order_confidence", "pawn"
-    found = {name: np.full((*values.shape[1:], len(paths)), np.nan) for name in names}
+    values, possible = table[metric].transpose(*DIMS).values, _possible(table)
+    indices = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
+    names = "first_order", "total", "first_order_confidence", "total_confidence"
+    for name in names:
+        shape = (*values.shape[1:], len(paths))
+        indices[name] = ((*DIMS[1:], "parameter"), np.full(shape, np.nan))
+    indices["unexplained"] = (DIMS[1:], np.full(values.shape[1:], np.nan))
     for index in np.ndindex(values.shape[1:]):
-        one = values[(slice(None), *index)]
-        right = np.isfinite(one)
-        if right.sum() < _LEAST_SAMPLES or np.ptp(one[right]) == 0.0:
+        metrics = values[(slice(None), *index)]
+        finite = np.isfinite(metrics)
+        least = max(_LEAST_SAMPLES, 2 * len(paths))
+        if finite.sum() < least or np.ptp(metrics[finite]) == 0.0:
             continue
-        given = problem, inputs[right], one[right]
-        variance = rbd_fast.analyze(*given, num_resamples=count, seed=seed)
-        indices = variance["S1"], variance["S1_conf"], pawn.analyze(*given)["median"]
-        for name, own in zip(names, indices, strict=True):
-            found[name][index] = own
-    made = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
-    for name, array in found.items():
-        made[name] = ((*DIMS[1:], "parameter"), array)
-    return made
+        sobol = indices_of(_germs(table, paths, finite), metrics[finite], count, seed)
+        for name, array in zip(names, sobol[:4], strict=True):
+            indices[name].values[index] = array
+        indices["unexplained"].values[index] = sobol.unexplained
+        runs = int(possible[(slice(None), *index)].sum())
+        _warn_of_poor(metric, sobol.unexplained, int(finite.sum()), runs)
+    return indices
+
+
+def _germs(table: xr.Dataset, paths: Sequence[str], chosen: NDArray[np.bool_]) -> list[Germ]:
+    """Return the germs of the varied numbers in some samples.
+
+    Their distributions are those of the study in the table; without it, those of the samples.
+    """
+    numbers = {path: table[path].values[chosen] for path in paths}
+    try:
+        study = record_of_bytes(str(table.attrs.get("study", "")).encode(), "the study")
+        samples = Samples(study) if isinstance(study, StudySpec) else None
+    except FlexarmError:
+        samples = None
+    if samples is None or set(paths) != set(samples.paths):
+        return [counted_germ(values, values) for values in numbers.values()]
+    return [samples.germ(path, values) for path, values in numbers.items()]
+
+
+def _warn_of_poor(metric: str, unexplained: float, finite: int, runs: int) -> None:
+    """Warn of indices that rest on a poor expansion or on a part of the runs."""
+    if unexplained > _MOST_UNEXPLAINED:
+        text = f"polynomials of the varied numbers leave {100.0 * unexplained:.0f} % of the "
+        advice = "Use more samples; jumps and noise of the metric remain unexplained."
+        warn_caller(f"{text}variance of {metric} unexplained. {advice}", AccuracyWarning)
+    if finite < (1.0 - _MOST_WITHOUT) * runs:
+        text = f"{runs - finite} of {runs} runs have no {metric}: the indices ignore them."
+        warn_caller(text, AccuracyWarning)
 
 
 def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:

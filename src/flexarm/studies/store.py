@@ -12,7 +12,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arguments import library_missing
-from flexarm.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
+from flexarm.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown, warn_caller
+from flexarm.model.file_format.files import record_of_bytes
 from flexarm.simulation.result import package_version, software_versions
 from flexarm.studies.execution import RECORDED, Executor, Outcomes
 from flexarm.studies.samples import Samples
+from flexarm.studies.stopping import Ending
 from flexarm.studies.table import DIMS, table_of
 
 if TYPE_CHECKING:
@@ -88,10 +90,26 @@ class Store:
         """Return the samples of chunk i."""
         return range(i * self.chunk, min((i + 1) * self.chunk, self.count))
 
-    def missing(self) -> list[int]:
-        """Return the chunks that are not recorded, or whose content is damaged."""
-        sums = self._recorded()
+    def missing(self, count: int) -> list[int]:
+        """Return the chunks of the first samples that are not recorded, or damaged."""
+        sums = self._recorded()[: -(-count // self.chunk)]
         return [i for i, own in enumerate(sums) if not own or _intact(self.read, i, own) is None]
+
+    def metrics(self, count: int) -> NDArray[np.float64]:
+        """Return the metrics of the first samples, which are recorded."""
+        return self._part(slice(0, count)).metrics
+
+    @cached_property
+    def _ending(self) -> Ending:
+        try:
+            study = record_of_bytes(self.text.encode(), "the study")
+        except FlexarmError:  # a store of another version, which can be read only
+            return Ending(None, self.count)
+        return Ending(getattr(study, "samples", None), self.count)
+
+    def lacking(self) -> tuple[int, list[int]]:
+        """Return how many samples the study needs so far, and their missing chunks."""
+        return self._ending.lacking(self.missing, self.metrics)
 
     def _recorded(self) -> list[int]:
         """Return the checksums of all chunks; 0 for one that is not recorded, or is damaged."""
@@ -170,7 +188,10 @@ class Store:
         attributes = dict(self._group.attrs)
         attributes.pop("layout")
         outcomes = Outcomes(*map(np.concatenate, parts))
-        return table_of(outcomes, numbers, names, self.paths, attributes)
+        prefix = int(np.cumprod(numbers == np.arange(numbers.size)).sum())
+        # The last chunk may have more samples than the study needs.
+        part = slice(0, self._ending.after(outcomes.metrics[:prefix]))
+        return table_of(outcomes.at(part), numbers[part], names, self.paths, attributes)
 
 
 def create_store(

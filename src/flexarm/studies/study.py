@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_count, check_flag, check_path
+from flexarm.arguments import check_choice, check_count, check_flag, check_path
 from flexarm.arm import Arm
 from flexarm.batch.lanes import arm_fits_lanes
 from flexarm.engine.progress import Meter
@@ -28,10 +29,13 @@ from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.checks import checked_arguments
 from flexarm.model.plausible import warn_of
+from flexarm.model.scenarios.sampling import RareFailures
 from flexarm.processes import check_workers
-from flexarm.scenarios.file_errors import Where
+from flexarm.scenarios.file_errors import Where, problems_at
 from flexarm.scenarios.study import PreparedStudy
-from flexarm.studies.execution import Executor, Outcomes, executor_of
+from flexarm.studies.execution import RECORDED, Executor, Outcomes, executor_of
+from flexarm.studies.rare import rare_failures
+from flexarm.studies.stopping import Ending
 from flexarm.studies.store import (
     Store,
     check_versions,
@@ -64,7 +68,8 @@ class Study:
         study: path of a study file, or its content as a dictionary; ``arm`` may be an `Arm`.
 
     Attributes:
-        samples: number of samples. runs: number of runs, those of all samples.
+        samples: number of samples, of which `samples.stop` may leave out some. runs: number of
+            runs, those of all samples. spec: the study as a record.
 
     Raises:
         ModelError: if the study is not valid; it lists every problem.
@@ -82,10 +87,16 @@ class Study:
         self._text = file_text(spec)
         self._prepared = PreparedStudy(spec, place)
         self._executor = Executor(self._prepared, place)
+        self.spec = spec
         _warn_of_unbalanced(spec)
         warn_of(implausible(spec.arm))
         self.samples = self._executor.samples.count
         self.runs = self.samples * int(np.prod(self._executor.shape))
+        self._ending = Ending(spec.samples, self.samples)
+        if spec.samples is not None and spec.samples.stop is not None:
+            with problems_at(place, "samples.stop"):
+                names = [metric.name for metric in RECORDED]
+                check_choice("metric", spec.samples.stop.metric, names)
 
     @public_call
     def run(
@@ -118,6 +129,9 @@ class Study:
             not possible, such as a negative mass. The varied numbers are coordinates of
             ``sample``, by their paths.
 
+        Warns:
+            AccuracyWarning: if all samples do not suffice for the precision of `samples.stop`.
+
         Raises:
             InputError: if the first run cannot start, the store exists, belongs to another study
                 or to other versions of the software, or cannot be written, or a package of the
@@ -137,15 +151,18 @@ class Study:
         if place is not None and place.exists():
             kept = self._existing(place, resume)
         else:
-            size = min(self.samples, chunk or self._measured_chunk(count))
+            size = min(self._ending.decisions[0], chunk or self._measured_chunk(count))
             if place is None:
                 return self._in_memory(size, client, count, progress)
             kept = create_store(place, self._text, self._executor, self._prepared.names, size)
-        missing = kept.missing()
         path = str(kept.path.resolve())
-        tasks = [(path, kept.digest, i) for i in missing]
-        self._execute(record_chunk, tasks, lambda *_: None, client, count, progress)
+
+        def task(i: int) -> tuple[Any, ...]:
+            return record_chunk, path, kept.digest, i
+
+        self._execute(kept.lacking, task, lambda *_: None, client, count, progress)
         kept.clean()
+        self._ending.warn(kept.metrics(kept.lacking()[0]))
         return kept.table()
 
     @public_call
@@ -165,6 +182,50 @@ class Study:
         return self._prepared.run(progress, check_workers("workers", workers))
 
     @public_call
+    def rare_failures(
+        self,
+        limits: Mapping[str, float] | None = None,
+        *,
+        samples: int | None = None,
+        seed: int | None = None,
+        progress: bool | None = None,
+    ) -> xr.Dataset:
+        """Return the probability of failures that are too rare for samples, down to 1e-8.
+
+        Args:
+            limits: largest acceptable values of metrics by name; a run that exceeds one, whose
+                metric is NaN, or which failed, is a failure. Default of these three arguments: the
+                values of the key `rare_failures`.
+            samples: of each level, at least 100; a probability of 1e-4 takes four levels.
+            seed: of the samples.
+            progress: True or False shows or hides the bar.
+
+        Returns:
+            Dataset over controller, plant and reference: ``probability`` among the possible runs,
+            0 below 1e-8; the limits ``probability_low`` and ``probability_high`` of its 95 %
+            interval; ``variation``, its coefficient of variation; ``runs``, their number.
+
+        Raises:
+            InputError: if no numbers vary, there is no such metric or a limit is not positive.
+
+        Warns:
+            AccuracyWarning: if no metric with a limit rises towards the failures: the probability
+                is NaN.
+
+        The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
+        with adaptive conditional samples. Its runs follow from the seed and stay in memory.
+        """
+        given = {"limits": limits, "samples": samples, "seed": seed}
+        changes = {name: value for name, value in given.items() if value is not None}
+        rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
+        names = [metric.name for metric in RECORDED]
+        for name in rare.limits:
+            check_choice("limits", name, names)
+        if not self._executor.samples.paths:
+            raise InputError(Problem("study", "has no varied numbers"))
+        return rare_failures(self._executor, self._prepared.names, rare, progress)
+
+    @public_call
     def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:
         """Repeat random samples of a store and return the numbers of those that differ.
 
@@ -178,12 +239,13 @@ class Study:
                 or a recorded chunk is missing or damaged.
         """
         kept = self._existing(check_path("store", store), True)
-        count = min(check_count("count", count), self.samples)
-        if missing := kept.missing():
+        samples, missing = kept.lacking()
+        count = min(check_count("count", count), samples)
+        if missing:
             rule = f"has {len(missing)} of {kept.chunks} chunks missing or damaged"
             raise InputError(Problem("store", rule, hint="Resume the study."))
         random = np.random.default_rng(check_count("seed", seed, least=0))
-        chosen = np.sort(random.choice(self.samples, count, replace=False)).tolist()
+        chosen = np.sort(random.choice(samples, count, replace=False)).tolist()
         return [k for k in chosen if not self._repeats(kept, k)]
 
     def _repeats(self, kept: Store, k: int) -> bool:
@@ -230,41 +292,74 @@ class Study:
         self, chunk: int, client: Any, workers: int, progress: bool | None
     ) -> xr.Dataset:
         """Execute all runs without a store."""
-        starts = range(0, self.samples, chunk)
-        tasks = [(self._text, start, min(start + chunk, self.samples)) for start in starts]
-        found: dict[int, Outcomes] = {}
-        self._execute(outcomes_of, tasks, found.__setitem__, client, workers, progress)
-        parts = zip(*(found[i] for i in range(len(tasks))), strict=True)
-        outcomes = Outcomes(*map(np.concatenate, parts))
+        parts: dict[int, Outcomes] = {}
+
+        def outcomes(size: int) -> Outcomes:
+            chunks = zip(*(parts[i] for i in range(-(-size // chunk))), strict=True)
+            return Outcomes(*map(np.concatenate, chunks)).at(slice(0, size))
+
+        def lacking() -> tuple[int, list[int]]:
+            return self._ending.lacking(
+                lambda size: [i for i in range(-(-size // chunk)) if i not in parts],
+                lambda size: outcomes(size).metrics,
+            )
+
+        def task(i: int) -> tuple[Any, ...]:
+            return outcomes_of, self._text, i * chunk, min((i + 1) * chunk, self.samples)
+
+        self._execute(lacking, task, parts.__setitem__, client, workers, progress)
+        size = lacking()[0]
         names, paths = self._prepared.names, self._executor.samples.paths
         attributes = {"study": self._text, **versions()}
-        return table_of(outcomes, np.arange(self.samples), names, paths, attributes)
+        self._ending.warn(outcomes(size).metrics)
+        return table_of(outcomes(size), np.arange(size), names, paths, attributes)
 
     def _execute(
         self,
-        task: Any,
-        arguments: list[tuple[Any, ...]],
-        done: Any,
+        lacking: Callable[[], tuple[int, list[int]]],
+        task: Callable[[int], tuple[Any, ...]],
+        done: Callable[[int, Any], object],
         client: Any,
         workers: int,
         progress: bool | None,
     ) -> None:
-        """Execute tasks in this process or on a cluster; ``done`` receives their results."""
-        count = 0
-        with Meter("simulating", progress, lines=True) as meter:
+        """Execute chunks in this process or on a cluster, until none is lacking.
 
-            def report(place: int, result: Any) -> None:
-                nonlocal count
-                count += 1
-                done(place, result)
-                meter.update(count / len(arguments))
+        Args:
+            task: function from a chunk to the function that executes it, and its arguments.
+            done: function that receives a chunk and its result.
+        """
+        with ExitStack() as stack:
+            connected, before = None, list[int]()
+            while (chunks := lacking()[1]) and chunks != before:
+                before = chunks
+                tasks = [task(i) for i in chunks]
+                local = client is None and (workers == 1 or len(chunks) < 2)
+                if not local and connected is None:
+                    connected = stack.enter_context(cluster(client, min(workers, len(chunks))))
+                with Meter("simulating", progress, lines=True) as meter:
+                    report = _Report(meter, chunks, done)
+                    if local:
+                        for place, (function, *arguments) in enumerate(tasks):
+                            report(place, function(*arguments))
+                    else:
+                        execute(connected, tasks[0][0], [tuple(own[1:]) for own in tasks], report)
 
-            if client is None and (workers == 1 or len(arguments) < 2):
-                for place, given in enumerate(arguments):
-                    report(place, task(*given))
-                return
-            with cluster(client, min(workers, len(arguments))) as connected:
-                execute(connected, task, arguments, report)
+
+class _Report:
+    """Receiver of results, which reports them to a meter.
+
+    Args:
+        chunks: that are executed. done: function that receives a chunk and its result.
+    """
+
+    def __init__(self, meter: Meter, chunks: list[int], done: Callable[[int, Any], object]) -> None:
+        self._meter, self._chunks, self._done, self._count = meter, chunks, done, 0
+
+    def __call__(self, place: int, result: Any) -> None:
+        self._count += 1
+        self._done(self._chunks[place], result)
+        self._meter.update(self._count / len(self._chunks))
 
 
 def record_chunk(path: str, digest: str, i: int) -> None:

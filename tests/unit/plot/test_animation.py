@@ -324,3 +324,14 @@ def test_reference_of_another_arm_is_rejected():
     with pytest.raises(fa.InputError, match="2 joints"):
         fa.animate(result(), reference=Turn())
     assert fa.animate(fa.simulate(one, 0.01, rate=200.0), reference=Turn()).scenes
+
+
+def test_narrow_pictures_have_room_for_their_panels():
+    """The histories go below a narrow arm; three arms do not fit beside each other."""
+    both = fa.animate(result(), fps=FPS, width=320)
+    stage = Stage(both.scenes, both.width)
+    assert stage.size[0] == 320
+    assert all(box.get_position().height > 0.05 for box in stage.arms)
+    many = fa.animate({"a": result(), "b": result(), "c": result()}, fps=FPS, width=320)
+    with pytest.raises(fa.InputError, match="width must be at least 416 for 3 results, got 320"):
+        Stage(many.scenes, many.width)

@@ -79,13 +79,17 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
     if options.plot is not None:
         check_place("--plot", options.plot, FIGURE_SUFFIXES)
     out = options.out or path.with_suffix(".zarr")
+    if study.spec.rare_failures is not None:
+        print_rare_failures(study)
+        if study.spec.samples is None:
+            return
     given: dict[str, Any] = {"workers": options.workers, "chunk": options.chunk}
     table = study.run(out, options.scheduler, resume=options.resume, **given)
     print_statistics(table, limits)
     screen = console()
     if study.samples == 1:
         warn("the study has one sample. Add `vary` and `samples`, or use `flexarm compare`.")
-    screen.print(f"{study.runs} runs in {out}", soft_wrap=True)
+    screen.print(f"{table['failure'].size} runs in {out}", soft_wrap=True)
     if options.plot is not None:
         draw_samples(table, options.plot)
     if options.verify:
@@ -93,7 +97,7 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         if different:
             names = ", ".join(map(str, different))
             raise SimulationError(0.0, f"samples {names} of the store differ when repeated.")
-        screen.print(f"{min(_REPEATED, study.samples)} samples repeated: identical")
+        screen.print(f"{min(_REPEATED, table.sizes['sample'])} samples repeated: identical")
 
 
 def read_study_file(path: Path) -> Study:
@@ -126,6 +130,25 @@ def print_statistics(
     for kind, runs in _REPORTED.items():
         for text in _first_of(table, kind, runs):
             warn(text)
+
+
+def print_rare_failures(study: Study) -> None:
+    """Estimate the probabilities of rare failures and print them."""
+    with collected_warnings() as found:
+        table = study.rare_failures()
+    screen = console()
+    for reference in table["reference"].values:
+        rows = []
+        for drive in table["controller"].values:
+            for plant in table["plant"].values:
+                one = table.sel(controller=drive, plant=plant, reference=reference)
+                ends = one["probability_low"].item(), one["probability_high"].item()
+                cells = [f"{one['probability'].item():.2g}", f"{ends[0]:.2g} - {ends[1]:.2g}"]
+                rows.append([str(drive), str(plant), *cells, str(one["runs"].item())])
+        heads = ["drive", "plant", "probability", "95 % interval", "runs"]
+        screen.print(numbers(f"Along {reference}: rare failures", heads, rows), soft_wrap=True)
+    for text in found:
+        warn(text)
 
 
 def draw_samples(table: xr.Dataset, plot: Path) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from flexarm.arguments import check_count
+from flexarm.errors import public_call
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Fraction, NonNegative, OneOrMany
 from flexarm.model.wording import Fault
@@ -32,8 +34,14 @@ class ModalDamping(Record):
         if given.has("ratio") and given.ratio == ():
             yield Fault(("ratio",), "is empty: give the ratio of at least the lowest mode")
 
+    @public_call
     def ratios(self, modes: int) -> tuple[float, ...]:
-        """Return the ratios of the given number of modes, from the lowest."""
+        """Return the ratios of the given number of modes, from the lowest.
+
+        Raises:
+            InputError: if the number is not a whole one from 0.
+        """
+        modes = check_count("modes", modes, least=0)
         if not isinstance(self.ratio, Sequence):
             return (self.ratio,) * modes
         missing = modes - len(self.ratio)

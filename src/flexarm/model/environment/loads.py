@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.errors import ModelError, Problem, shown
+from flexarm.arguments import check_number
+from flexarm.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.tables import AccelerationTable, FactorTable, is_table
@@ -71,8 +72,14 @@ class Load(Record, kw_only=False):
         fx, fy = self.force
         return fx, fy, self.moment
 
+    @public_call
     def scaled(self, factor: float) -> Load:
-        """Return a load whose force and moment are multiplied by a number."""
+        """Return a load whose force and moment are multiplied by a number.
+
+        Raises:
+            InputError: if the factor is not a number, or the force exceeds the largest number.
+        """
+        factor = check_number("factor", factor)
         fx, fy = self.force
         return self.replace(force=(factor * fx, factor * fy), moment=factor * self.moment)
 

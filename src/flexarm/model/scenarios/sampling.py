@@ -10,12 +10,24 @@ from pydantic import BeforeValidator, Field
 from flexarm.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import CONTROLLED
-from flexarm.model.quantities import Count, Flag, Listed, Number, Positive, plain
+from flexarm.model.quantities import (
+    Count,
+    Flag,
+    Listed,
+    Mapped,
+    Number,
+    Positive,
+    Probability,
+    Word,
+    plain,
+)
 from flexarm.model.wording import Fault
 
 #: Samples of a study, which bounds the size of its index.
 MOST_SAMPLES = 10**10
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), BeforeValidator(plain)]
+#: Samples of a level of subset simulation, of which a tenth starts chains.
+LevelSize = Annotated[int, Field(strict=True, ge=100, le=10**6), BeforeValidator(plain)]
 
 
 class _Distribution(Record):
@@ -81,6 +93,19 @@ Distribution = Annotated[
 ]
 
 
+class StopRule(Record):
+    """Precision of a quantile of a metric at which a study ends."""
+
+    metric: Word = Field(description="Name of the metric, for all drives, plants and motions.")
+    quantile: Probability = Field(default=0.95, description="Probability of the quantile.")
+    within: Positive = Field(
+        default=0.05, description="Half the width of its interval, divided by the quantile."
+    )
+    confidence: Probability = Field(
+        default=0.95, description="Probability that the interval contains the quantile."
+    )
+
+
 class SamplePlan(Record):
     """Number and choice of the samples of a study."""
 
@@ -96,6 +121,9 @@ class SamplePlan(Record):
         default="same",
         description="Whether all samples have the same noise of the hardware, or each its own.",
     )
+    stop: StopRule | None = Field(
+        default=None, description="When fewer samples than `count` suffice; not with a grid."
+    )
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -104,8 +132,24 @@ class SamplePlan(Record):
         if given.method == "grid" and not given.absent("count"):
             hint = "The levels of the distributions determine it."
             yield Fault(("count",), "cannot be combined with a grid", hint=hint)
+        if given.method == "grid" and not given.absent("stop"):
+            yield Fault(("stop",), "cannot be combined with a grid")
         if given.method != "grid" and given.absent("count"):
             yield Fault(("count",), f"is required with method {given.method}")
+
+
+class RareFailures(Record):
+    """Failures whose probability is estimated by subset simulation."""
+
+    limits: Mapped[Positive] = Field(
+        default={},
+        validate_default=True,
+        description="Largest acceptable metrics by name; runs that stop early fail without one.",
+    )
+    samples: LevelSize = Field(
+        default=1000, description="Samples of each level; a level reaches a tenth further."
+    )
+    seed: Seed = Field(default=0, description="Seed of the samples.")
 
 
 def _hardware(given: Given) -> list[Any]:
@@ -128,7 +172,10 @@ def sampling_faults(given: Given) -> Iterator[Fault]:
     if not given.has("vary"):
         return
     vary: Mapping[str, Any] = given.vary
-    if vary and given.absent("samples"):
+    rare = not given.absent("rare_failures")
+    if rare and not vary:
+        yield Fault(("vary",), "is required with rare_failures")
+    if vary and given.absent("samples") and not rare:
         yield Fault(("samples",), "is required with vary")
     if not given.has("samples"):
         return

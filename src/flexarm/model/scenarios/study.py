@@ -28,7 +28,7 @@ from flexarm.model.quantities import (
     Word,
 )
 from flexarm.model.scenarios.motions import MotionSpec
-from flexarm.model.scenarios.sampling import Distribution, SamplePlan, sampling_faults
+from flexarm.model.scenarios.sampling import Distribution, RareFailures, SamplePlan, sampling_faults
 from flexarm.model.scenarios.scenario import RunSettings, Scenario
 from flexarm.model.wording import Fault, Path
 
@@ -126,7 +126,11 @@ class StudySpec(Record):
         ),
     )
     samples: SamplePlan | None = Field(
-        default=None, description="Number and choice of the samples; required with `vary`."
+        default=None,
+        description="Number and choice of the samples; required with `vary` alone.",
+    )
+    rare_failures: RareFailures | None = Field(
+        default=None, description="Failures that are too rare for samples; `vary` is required."
     )
     run: StudyRun = Field(description="Settings of the runs and of their metrics.")
 

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from flexarm.errors import InputError, Problem
 from flexarm.plot.animation.scene import Scene
 from flexarm.plot.signals import draw_signals
 from flexarm.plot.style import (
@@ -34,7 +35,7 @@ DPI = 100
 #: Width of links without a depth, and minimum width of links to scale, points.
 _LINK = 3.2
 _LEFT, _BOTTOM, _TOP, _RIGHT = 0.75, 0.5, 0.62, 0.2  # inches
-_GAP = 0.85
+_GAP, _LEAST = 0.85, 0.5
 
 
 class Stage:
@@ -78,9 +79,9 @@ class Stage:
 def _arrange(scenes: Sequence[Scene], width: float) -> tuple[Sheet, list[Axes], list[list[Axes]]]:
     """Create the axes, with histories beside a single arm or below several arms."""
     count = len(scenes[0].histories)
-    if len(scenes) == 1:
-        share = 0.56 if count else 1.0
-        side = share * width - _LEFT - _RIGHT
+    share = 0.56 if count else 1.0
+    side = share * width - _LEFT - _RIGHT
+    if len(scenes) == 1 and side > 0.75 * count - 0.5:  # the histories have room beside the arm
         height = _even(side + _BOTTOM + _TOP)
         sheet = Sheet(width, height, dpi=DPI)
         arm = _placed(sheet, _LEFT, _BOTTOM, side, side)
@@ -88,6 +89,10 @@ def _arrange(scenes: Sequence[Scene], width: float) -> tuple[Sheet, list[Axes], 
         own = _column(sheet, count, left, _BOTTOM, width - left - _RIGHT, side)
         return sheet, [arm], [own]
     each = (width - _LEFT + _GAP - _RIGHT) / len(scenes) - _GAP
+    if each < _LEAST:
+        least = np.ceil(DPI * (len(scenes) * (_LEAST + _GAP) + _LEFT - _GAP + _RIGHT))
+        rule = f"be at least {least:.0f} for {len(scenes)} results"
+        raise InputError(Problem("width", rule, f"{DPI * width:.0f}"))
     below = count * 1.5
     height = _even(each + below + _BOTTOM + _TOP + (0.55 if count else 0.0))
     sheet = Sheet(width, height, dpi=DPI)

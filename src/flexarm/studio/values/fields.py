@@ -87,7 +87,7 @@ _WRITTEN = {
     "euler bernoulli": "Euler-Bernoulli",
 }
 #: Keys without fields: the studio computes no samples, but keeps them in the file.
-SAMPLED = ("vary", "samples")
+SAMPLED = ("vary", "samples", "rare_failures")
 #: Fields of a link that its other descriptions replace.
 _DESCRIBING = ("material", "section", "table")
 _WAY = "A link is described by constants, by its material and section, or by a table."
