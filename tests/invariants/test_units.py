@@ -233,6 +233,8 @@ def outcome(case, units: Units) -> SimpleNamespace:
     """Return the numbers of a case in SI units, its texts and its warnings."""
     with warnings.catch_warnings(record=True) as log:
         warnings.simplefilter("always")
+        # Plausible numbers are those of the SI alone.
+        warnings.simplefilter("ignore", fa.ImplausibleValueWarning)
         result = case(units)
     numbers, texts = {}, [message.category.__name__ for message in log]
     if isinstance(result, dict):

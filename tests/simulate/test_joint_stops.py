@@ -215,10 +215,10 @@ def test_errors_of_closed_loops_through_impacts_are_estimated(rtol, warns):
     """A loop is executed again at another tolerance, and its result remains."""
     controller = fa.JointPD(0.0, 0.0, feedforward=lambda t: [1.0])
     settings = {"controller": controller, "rate": 500.0}
-    exact = fa.simulate(bouncing(), 2.0, rtol=1e-13, atol=1e-15, **settings)
+    exact = fa.simulate(bouncing(), 2.5, rtol=1e-13, atol=1e-15, **settings)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        result = fa.simulate(bouncing(), 2.0, rtol=rtol, atol=rtol / 100, **settings)
+        result = fa.simulate(bouncing(), 2.5, rtol=rtol, atol=rtol / 100, **settings)
     assert doubtful(result, exact, 1e-5) is warns
     assert len(caught) == warns
     assert result.rtol == rtol
