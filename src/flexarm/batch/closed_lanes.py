@@ -23,7 +23,7 @@ from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.loop.actuators import Acting
 from flexarm.loop.requirements import misfits
 from flexarm.loop.sampled_reference import sampled_reference
-from flexarm.loop.stability import instability
+from flexarm.loop.stability import Poles, instability
 from flexarm.simulation.compare import INCONSISTENT
 from flexarm.simulation.preparation import RunOptions, start_of
 
@@ -57,7 +57,7 @@ class ClosedLanes(Lanes):
     ) -> None:
         super().__init__(variations, options, channels, alone, environment)
         self._references: dict[tuple[int, float], Reference | None] = {}
-        self._poles: dict[tuple[Any, ...], dict[Any, Any]] = {}
+        self._poles: dict[tuple[Any, ...], Poles] = {}
 
     def prepare(self) -> None:
         """Validate the first run.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexarm.actions.environment import EMPTY, Environment
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.engine.changes.schedule import ROUNDING, ArmChanges
+from flexarm.engine.changes.schedule import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
@@ -60,6 +60,7 @@ class Span(NamedTuple):
     arm: Arm
     loads: LoadHistory
     end: int  # number of samples up to the change
+    until: float  # time of the change, s
 
 
 @dataclass
@@ -202,7 +203,7 @@ class Run:
         now = np.searchsorted(self.sample_times, progress.time * (1.0 + ROUNDING), side="right")
         self.samples[progress.sample : now] = old  # samples at this time are before the change
         progress.sample = max(progress.sample, int(now))
-        self.spans.append(Span(before, self.loads, progress.sample))
+        self.spans.append(Span(before, self.loads, progress.sample, progress.time))
         progress.state[...] = state
         progress.memory = progress.method = progress.entry = None
         touching = contacts_of_run(self.arm, self.environment.contacts, state)
@@ -245,7 +246,7 @@ class Run:
 
     def parts(self) -> list[tuple[slice, Run]]:
         """Return the samples of each span, and a run of its arm with these samples only."""
-        last = Span(self.arm, self.loads, self.progress.sample)
+        last = Span(self.arm, self.loads, self.progress.sample, self.progress.time)
         found, begin = [], 0
         for span in [*self.spans, last]:
             part = slice(begin, max(span.end, begin))
@@ -263,6 +264,18 @@ class Run:
             found.append((part, own))
             begin = part.stop
         return [one for one in found if one[0].stop > one[0].start] or found[:1]
+
+    def changed_arms(self) -> list[ChangedArm]:
+        """Return the arms after the changes that have happened; only a few of very many."""
+        ends = [*(span.until for span in self.spans), self.duration]
+        arms = [*(span.arm for span in self.spans[1:]), self.arm]
+        kept = evenly(list(zip(arms, ends[:-1], ends[1:], strict=False)))
+        begins = [begin for _, begin, _ in kept[1:]] + ends[-1:]
+        words = "after the change of the arm at t = {:g} s"
+        return [
+            ChangedArm(arm, begin, until, words.format(begin))
+            for (arm, begin, _), until in zip(kept, begins, strict=True)
+        ]
 
     @property
     def first_arm(self) -> Arm:

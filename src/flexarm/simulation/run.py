@@ -161,7 +161,7 @@ def simulate(
             stops amplify errors to 1 % of the reach. For impacts, runs with a controller, or with
             other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
-            with growth by a factor of ten or more within the run.
+            or after a change of the arm, with growth by a factor of ten or more within the run.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
     check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
@@ -193,12 +193,9 @@ def simulate(
         if controller is not None:
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
-            unstable = instability(
-                arm, simulated, controller, reference, hardware, contacts, q, options.duration
-            )
-            if unstable:
-                warn_caller(unstable, UnstableLoopWarning)
-            result = _closed_loop(run, loop, unstable)
+            checked = controller, reference, hardware, contacts, q, options.duration
+            stability = partial(instability, arm, simulated, *checked, {})
+            result = _closed_loop(run, loop, stability)
         else:
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
@@ -233,19 +230,34 @@ def _open_loop(
     return result
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
+    """Execute a run with a controller.
+
+    Args:
+        stability: `instability`, with all arguments but ``changed``.
+    """
+    unstable = stability()
+    if unstable and run.changes is None:
+        warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
+    failure: SimulationError | None = None
     try:
         loop.execute()
     except SimulationError as error:
-        # A bound that does not hold, or an instability, is the cause of every later failure.
-        causes = filter(None, [exceeded_bound(loop.report()), unstable])
-        error.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or error.hint
-        if loop.times:
-            result = _result(run, loop, started, "hold", str(error), unstable)
-            error.result = add_loop(result, loop)
-        raise
-    return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+        failure = error
+    if run.changes is not None:  # the times of changes at events are known now
+        unstable = stability(changed=run.changed_arms())
+        if unstable:
+            warn_caller(unstable, UnstableLoopWarning)
+    if failure is None:
+        return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+    # A bound that does not hold, or an instability, is the cause of every later failure.
+    causes = filter(None, [exceeded_bound(loop.report()), unstable])
+    failure.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or failure.hint
+    if loop.times:
+        result = _result(run, loop, started, "hold", str(failure), unstable)
+        failure.result = add_loop(result, loop)
+    raise failure
 
 
 def _result(
