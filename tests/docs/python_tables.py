@@ -76,7 +76,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "OptimizationError",
         *("SimulationError", "FlexarmWarning", "AccuracyWarning", "UnstableLoopWarning"),
         *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
-        "ImplausibleValueWarning",
+        *("ImplausibleValueWarning", "LimitWarning"),
     ),
 }
 _HEAD = ["| name | meaning |", "| --- | --- |"]

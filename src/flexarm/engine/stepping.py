@@ -23,7 +23,7 @@ from flexarm.engine.integrator_choice import Choice, friction_doubt
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.engine.tolerance import tolerance_of
-from flexarm.errors import SimulationError
+from flexarm.errors import FlexarmWarning, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import constants_with
@@ -52,6 +52,10 @@ _WORTH_COMPILING, _TRIED, _MOST_BODIES, _MOST_MODES = 5e8, 5e7, 8, 16
 _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 #: Samples whose reactions are computed at once, which bounds the scratch memory of long runs.
 _CHUNK = 4096
+
+
+#: Texts of warnings and their categories.
+Notices = list[tuple[str, type[FlexarmWarning]]]
 
 
 class Span(NamedTuple):
@@ -88,6 +92,7 @@ class Run:
     loads_of: Callable[[float], LoadHistory] | None = None  # loads for another relative tolerance
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
+    notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
@@ -267,6 +272,8 @@ class Run:
 
     def changed_arms(self) -> list[ChangedArm]:
         """Return the arms after the changes that have happened; only a few of very many."""
+        if not self.spans:
+            return []
         ends = [*(span.until for span in self.spans), self.duration]
         arms = [*(span.arm for span in self.spans[1:]), self.arm]
         kept = evenly(list(zip(arms, ends[:-1], ends[1:], strict=False)))

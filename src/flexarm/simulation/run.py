@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
-from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
@@ -22,10 +21,8 @@ from flexarm.engine.new_run import ATOL, RTOL
 from flexarm.engine.progress import Meter
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
-    AccuracyWarning,
     FlexarmWarning,
     InputError,
-    LargeDeflectionWarning,
     Problem,
     SimulationError,
     UnstableLoopWarning,
@@ -42,6 +39,7 @@ from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
+from flexarm.simulation.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.preparation import (
     Torque,
     between_samples,
@@ -162,6 +160,9 @@ def simulate(
             other tolerances, are not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
+        LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
+            instrument is at its limit for a tenth of its frames, or a joint stop or a contact is
+            implausibly deep.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
     check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
@@ -201,13 +202,10 @@ def simulate(
                 torque_history, simulated, torque, prescribed or {}, state, options
             )
             result = _open_loop(run, history_of, between_samples(torque, options))
-    if result.attrs["warning"]:
-        warn_caller(result.attrs["warning"], LargeDeflectionWarning)
+    for text, category in run.notices:
+        warn_caller(text, category)
     if left := exceeded_bound(result.attrs):
         warn_caller(left, FlexarmWarning)
-    if run.doubt:
-        warn_caller(run.doubt, AccuracyWarning)
-        result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
     return result
 
 
@@ -292,23 +290,21 @@ def _result(
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
-        "warning": _bending_error(run),
         "unstable_loop": unstable,
     }
-    given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
+    loop = drive if isinstance(drive, ClosedLoop) else None
+    given = drive.torque_at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
     channels = channels_of_run(run, given)
-    if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
-        channels["torque_command"] = drive.command_at(times)
+    numbers, texts = limits_of_run(run, loop, channels)
+    run.notices = notices_of(run, texts, failure)
+    attributes["warning"] = " ".join(text for text, _ in run.notices)
+    if loop is not None and log is None:  # otherwise add_loop appends it
+        channels["torque_command"] = loop.command_at(times)
     result = make_result(run.first_arm, times, channels, attributes)
+    result = add_limits(result, numbers, loop.sensors() if loop is not None else ())
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))
-
-
-def _bending_error(run: Run) -> str:
-    """Return the first warning of links that exceed the theory; empty text without one."""
-    found = (theory_error(part.arm, part.samples) for _, part in run.parts())
-    return next(filter(None, found), "")
 
 
 def check_objects(
