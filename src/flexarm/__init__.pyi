@@ -58,6 +58,7 @@ from .errors import ImplausibleValueWarning as ImplausibleValueWarning
 from .errors import InconsistentEstimateWarning as InconsistentEstimateWarning
 from .errors import InputError as InputError
 from .errors import LargeDeflectionWarning as LargeDeflectionWarning
+from .errors import LimitWarning as LimitWarning
 from .errors import ModelError as ModelError
 from .errors import SimulationError as SimulationError
 from .errors import UnstableLoopWarning as UnstableLoopWarning

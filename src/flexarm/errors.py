@@ -315,8 +315,15 @@ class AccuracyWarning(FlexarmWarning):
     """The error of a result may exceed that of the default settings."""
 
 
+class LimitWarning(FlexarmWarning):
+    """Motors, instruments, stops or contacts are far beyond their limits during a run."""
+
+
 class LargeDeflectionWarning(FlexarmWarning):
-    """Links bend too far for the theory of their arm; the message estimates the error."""
+    """Links bend too far, or have too large axial loads, for the theory of their arm.
+
+    The message estimates the error.
+    """
 
 
 class UnstableLoopWarning(FlexarmWarning):

@@ -51,6 +51,11 @@ def tips_of(arm: Arm, states: FloatArray) -> FloatArray:
     return _observed(arm, states)[1]
 
 
+def poses_of(arm: Arm, states: FloatArray) -> FloatArray:
+    """Return the poses of all bodies (samples, n, 10), see ``kernels.observation.observables``."""
+    return _observed(arm, states, energies=False)[0]
+
+
 def contact_values(
     arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:

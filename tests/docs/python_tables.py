@@ -83,7 +83,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
             "ConvergenceWarning",
         ),
         *("InconsistentEstimateWarning", "LargeDeflectionWarning", "IdentifiabilityWarning"),
-        "ImplausibleValueWarning",
+        *("ImplausibleValueWarning", "LimitWarning"),
     ),
 }
 _HEAD = ["| name | meaning |", "| --- | --- |"]

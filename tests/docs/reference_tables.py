@@ -13,7 +13,7 @@ from typing import Any
 from docs_pages import ROOT
 from python_tables import python_tables
 
-from flexarm.engine.channels import CHANNELS
+from flexarm.engine.channels import CHANNELS, LIMITS, Channel
 from flexarm.model import json_schema
 from flexarm.model.units import unit_of
 
@@ -38,7 +38,8 @@ def _definitions() -> dict[str, Any]:
 @cache
 def generated() -> dict[tuple[str, str], str]:
     """Return the text of every generated part by page and name of the part."""
-    parts = {(RESULT, "channels"): channel_table(), (FILE_FORMAT, "file"): _keys(_schema())}
+    parts = {(RESULT, "channels"): channel_table(CHANNELS, ("time",))}
+    parts |= {(RESULT, "limits"): channel_table(LIMITS), (FILE_FORMAT, "file"): _keys(_schema())}
     parts[FILE_FORMAT, "study"] = _keys(json_schema("study"))
     parts |= {(PYTHON, name): table for name, table in python_tables().items()}
     for name, definition in _definitions().items():
@@ -51,11 +52,11 @@ def _has_keys(definition: dict[str, Any]) -> bool:
     return bool(definition["properties"].keys() - {"kind"})
 
 
-def channel_table() -> str:
-    """Return the Markdown table of the channels of a result."""
+def channel_table(channels: dict[str, Channel], before: tuple[str, ...] = ()) -> str:
+    """Return the Markdown table of channels of a result; ``before``: dimensions in front."""
     rows = ["| name | dimensions | unit | meaning |", "| --- | --- | --- | --- |"]
-    for channel in CHANNELS.values():
-        dims = ", ".join(("time", *channel.dims))
+    for channel in channels.values():
+        dims = ", ".join((*before, *channel.dims))
         rows.append(f"| `{channel.name}` | {dims} | {channel.unit} | {channel.meaning} |")
     return "\n".join(rows)
 

@@ -55,6 +55,7 @@ def test_every_controller(reference, name, executed):
     compare(batch, (0, 8, 10), **{key: lambda k, v=value: v for key, value in own.items()})
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # of motors at their limits
 @settings(max_examples=5)
 @given(runs=st.lists(st.integers(0, 10), min_size=1, max_size=14), threads=st.integers(1, 3))
 def test_a_run_does_not_depend_on_the_others(runs, threads):
@@ -84,6 +85,7 @@ def test_a_run_does_not_depend_on_the_others(runs, threads):
         np.testing.assert_array_equal(part[name], expected[name], err_msg=name)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # of motors at their limits
 @pytest.mark.parametrize("motors", [None, MOTORS], ids=["ideal", "motors"])
 def test_instruments_and_motors(motors, executed):
     hardware = fa.Hardware(instruments=NOISY.instruments, motors=motors)

@@ -112,6 +112,7 @@ def test_accelerometer_reads_gravity_at_rest_and_centripetal_acceleration():
     np.testing.assert_allclose(pull, [[-9.0 * 0.5, 0.0]] * 50, rtol=0, atol=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")
 def test_readings_are_limited(arm):
     result = moved(arm, fa.Instrument("joint_rate", limit=0.3))
     true = result.joint_rate.values[:-1]

@@ -68,6 +68,7 @@ def stepped(plant, controller, motion, ticks, **start):
     ],
     ids=["ideal", "hardware", "loads", "implicit"],
 )
+@pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # of motors at their limits
 def test_steps_have_the_digits_of_simulate(arm, motion, hardware, outside):
     result = fa.simulate(
         arm,

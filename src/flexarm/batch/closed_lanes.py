@@ -24,8 +24,9 @@ from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.loop.actuators import Acting
 from flexarm.loop.requirements import misfits
 from flexarm.loop.sampled_reference import sampled_reference
-from flexarm.loop.stability import instability
+from flexarm.loop.stability import Poles, instability
 from flexarm.simulation.compare import INCONSISTENT
+from flexarm.simulation.limits import instrument_warning, motor_warning
 from flexarm.simulation.preparation import RunOptions, start_of
 
 
@@ -58,7 +59,7 @@ class ClosedLanes(Lanes):
     ) -> None:
         super().__init__(variations, options, channels, alone, environment)
         self._references: dict[tuple[int, float], Reference | None] = {}
-        self._poles: dict[tuple[Any, ...], dict[Any, Any]] = {}
+        self._poles: dict[tuple[Any, ...], Poles] = {}
 
     def prepare(self) -> None:
         """Validate the first run.
@@ -132,8 +133,36 @@ class ClosedLanes(Lanes):
             "torque_command": carried.commanded_at(times, places),
         }
 
-    def _warnings(self, bent: str, run: Ready, place: int, carried: LaneLoop) -> list[str]:
-        found = [run.drive.unstable, bent]
+    def _limits(
+        self,
+        times: FloatArray,
+        ready: Sequence[Ready],
+        samples: FloatArray,
+        places: NDArray[np.intp],
+        carried: LaneLoop,
+    ) -> tuple[dict[str, FloatArray], list[list[str]]]:
+        numbers = {name: values[places] for name, values in carried.limits().items()}
+        if not numbers:
+            return {}, [[] for _ in ready]
+        texts, joints = [], ready[0].arm.assembly.joint_body
+        for row, (run, place) in enumerate(zip(ready, places.tolist(), strict=True)):
+            own = {name: values[row] for name, values in numbers.items()}
+            found = [instrument_warning(carried.instruments, own)]
+            if carried.acting.limited:
+                since, saturated = carried.acting.saturated()
+                loop, angle = run.drive, samples[row][:, 0, joints, 0]
+                limits = since, saturated[:, place]
+                with self._alone.users:  # the reference may be an object of the user
+                    found.append(
+                        motor_warning(
+                            run.arm, loop.controller, loop.reference, times, angle, limits, own
+                        )
+                    )
+            texts.append(found)
+        return numbers, texts
+
+    def _warnings(self, notices: str, run: Ready, place: int, carried: LaneLoop) -> list[str]:
+        found = [run.drive.unstable, notices]
         if place in carried.controllers:
             with self._alone.users:
                 report = report_of(carried.controllers[place])

@@ -15,8 +15,8 @@ import numpy as np
 from flexarm.actions.environment import Environment
 from flexarm.arm import Arm
 from flexarm.batch.variations import Variations
-from flexarm.bending import theory_error
 from flexarm.control.base import Controller
+from flexarm.engine.channels import LIMITS
 from flexarm.engine.contact_start import refuse_deep_start
 from flexarm.engine.events import event_log
 from flexarm.engine.new_run import restarted
@@ -30,6 +30,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.compare import warnings_of
+from flexarm.simulation.limits import limits_of_run, notices_of
 from flexarm.simulation.preparation import RunOptions, start_of, torque_history
 from flexarm.simulation.run import simulate
 
@@ -47,6 +48,7 @@ class Outcome(NamedTuple):
         end_time: s, reached by the runs.
         ended_by, failure, integrator: as the attributes of a result of ``simulate``.
         warnings, steps, evaluations: likewise, of each run.
+        limits: numbers of ``LIMITS`` (runs, ...) by name.
     """
 
     runs: Sequence[int]
@@ -59,6 +61,7 @@ class Outcome(NamedTuple):
     warnings: Sequence[str] = ("",)
     steps: Sequence[int] = (0,)
     evaluations: Sequence[int] = (0,)
+    limits: Mapping[str, FloatArray] = {}
 
 
 def failed(k: int, error: SimulationError | InputError) -> Outcome:
@@ -138,11 +141,12 @@ class OpenLoop:
     def _outcome(self, k: int, run: Run, failure: str) -> Outcome:
         assert run.history is not None
         progress = run.progress
-        times, samples = run.sample_times[: progress.sample], run.samples[: progress.sample]
+        times = run.sample_times[: progress.sample]
         log = run.watch.log if run.watch is not None else None
         found: dict[str, FloatArray] = {}
         if self._channels:
             found = channels_of_run(run, run.history.at(times), self._channels)
+        numbers, texts = limits_of_run(run, None, found)
         return Outcome(
             [k],
             times,
@@ -151,9 +155,10 @@ class OpenLoop:
             FAILURE if failure else (log and log.ended_by) or DURATION,
             failure,
             run.integrator.name,
-            [" ".join(filter(None, [theory_error(run.arm, samples), run.doubt]))],
+            [" ".join(text for text, _ in notices_of(run, texts, failure))],
             [progress.steps],
             [progress.evaluations + run.discarded],
+            {name: values[None] for name, values in numbers.items()},
         )
 
     def _new_run(self, k: int) -> tuple[Run, FloatArray]:
@@ -285,4 +290,5 @@ class ClosedLoop:
             [" ".join(warnings_of(result))],
             [attributes["steps"]],
             [attributes["evaluations"]],
+            {name: result[name].values[None] for name in LIMITS if name in result},
         )

@@ -26,6 +26,7 @@ from flexarm.loop.actuators import Acting
 from flexarm.loop.sensors import measured_names
 from flexarm.model import Hardware, Sensor
 from flexarm.observe import channels_of
+from flexarm.simulation.limits import instrument_numbers, motor_numbers
 
 #: Attempted steps of a run between two sample times. Longer runs are executed one at a time.
 _MOST_STEPS = 200_000
@@ -306,6 +307,18 @@ class LaneLoop:
         size = np.abs(states[:, 0, :, 1:]).reshape(self._count, -1).max(axis=1, initial=0.0)
         for row in np.flatnonzero(self.alive & ~(size < self._small)).tolist():
             self.alive[row] = not self._watches[row](states[row])
+
+    @property
+    def instruments(self) -> list[Readings]:
+        """States of the instruments, of all runs."""
+        return [sensor for sensor, _ in self._readers if isinstance(sensor, Readings)]
+
+    def limits(self) -> dict[str, FloatArray]:
+        """Return the numbers of motors and instruments at their limits, each (runs, ...)."""
+        numbers = instrument_numbers(self.instruments)
+        if self.acting.limited:
+            numbers |= motor_numbers(*self.acting.saturated(), self._duration)
+        return numbers
 
     def applied_at(self, times: FloatArray, rows: Rows) -> FloatArray:
         """Return the torques (k, T, joints) applied to runs (k,) at times (T,)."""

@@ -24,6 +24,7 @@ from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_int
 from flexarm.engine.small_motion import small_motion
 from flexarm.engine.stepping import system_of
 from flexarm.engine.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.engine.validity import axial_load
 from flexarm.engine.work.estimate import Start, choose_by_work
 from flexarm.errors import InputError, SimulationError
 from flexarm.histories.loads import LoadHistory
@@ -37,6 +38,7 @@ from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
 from flexarm.observe import channels_of, contact_channels
 from flexarm.simulation.channels import BY_CONTACTS, BY_FORCES
+from flexarm.simulation.limits import deep_contact
 from flexarm.simulation.preparation import RunOptions
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
@@ -256,9 +258,22 @@ class Lanes(ABC):
     ) -> dict[str, FloatArray]:
         """Return the channels of torques (k, samples, joints) of the runs at ``places`` (k,)."""
 
-    def _warnings(self, bent: str, run: Ready, place: int, carried: Any) -> list[str]:
-        """Return the warnings of a run; ``bent``: that of its theory, or empty."""
-        return [bent]
+    def _warnings(self, notices: str, run: Ready, place: int, carried: Any) -> list[str]:
+        """Return the warnings of a run; ``notices``: those of its result, or empty."""
+        return [notices]
+
+    def _limits(
+        self,
+        times: FloatArray,
+        ready: Sequence[Ready],
+        samples: FloatArray,
+        places: NDArray[np.intp],
+        carried: Any,
+    ) -> tuple[dict[str, FloatArray], list[list[str]]]:
+        """Return numbers of ``LIMITS`` (k, ...) and warnings of the runs ``ready`` (k,)."""
+        pairs = zip(ready, samples, strict=True)
+        deep = [deep_contact(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
+        return {}, [[text] for text in deep]
 
     def _outcome(
         self,
@@ -284,10 +299,15 @@ class Lanes(ABC):
             channels |= self._touched(own, samples)
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
+        limits, texts = self._limits(times, own, samples, places, carried)
+        if "contact_gap" in channels:
+            limits["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=1), 0.0)
         warnings = []
         for row, (run, place) in enumerate(zip(own, places.tolist(), strict=True)):
             bent = "" if small[row] else theory_error(arm, samples[row])
-            found = self._warnings(bent, run, place, carried)
+            pulled = axial_load(run.arm, times, samples[row], run.loads)
+            notices = " ".join(filter(None, [bent, pulled, *texts[row]]))
+            found = self._warnings(notices, run, place, carried)
             warnings.append(" ".join(filter(None, found)))
         return Outcome(
             [run.number for run in own],
@@ -300,6 +320,7 @@ class Lanes(ABC):
             warnings,
             runs.counts[places, STEPS].tolist(),
             runs.counts[places, EVALUATIONS].tolist(),
+            limits,
         )
 
     def _touched(self, own: Sequence[Ready], samples: FloatArray) -> dict[str, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from flexarm.arm import Arm
 from flexarm.batch.execution import Outcome
 from flexarm.batch.reductions import Reduction, reduced
 from flexarm.batch.variations import Variations
-from flexarm.engine.channels import CHANNELS
+from flexarm.engine.channels import CHANNELS, LIMITS
 from flexarm.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.events import FAILURE
+from flexarm.simulation.limits import limit_variables
 from flexarm.simulation.result import coordinates_of
 
 if TYPE_CHECKING:
@@ -31,7 +33,18 @@ COUNTS = {"steps": "accepted steps", "evaluations": "evaluations of the dynamics
 _END_TIME = {"units": "s", "long_name": "time reached by the run"}
 _RUN = {"long_name": "run, counted from 0"}
 #: Names that reductions cannot have.
-TAKEN = (*CHANNELS, *TEXTS, *COUNTS, "end_time", "run", "time", "seed", "position", "station")
+TAKEN = (
+    *CHANNELS,
+    *LIMITS,
+    *TEXTS,
+    *COUNTS,
+    "end_time",
+    "run",
+    "time",
+    "seed",
+    "position",
+    "station",
+)
 
 
 class Recorder:
@@ -89,6 +102,8 @@ class Recorder:
         self.texts = {name: [""] * runs for name in TEXTS}
         self._numbers = {name: np.zeros(runs, dtype=np.int64) for name in COUNTS}
         self._end = np.zeros(runs)
+        self._limits: dict[str, FloatArray] = {}
+        self._lock = Lock()
 
     def _shape(self, dims: Sequence[str]) -> list[int]:
         return [self._sizes[dim] for dim in dims]
@@ -116,6 +131,10 @@ class Recorder:
             if name in outcome.channels:
                 kept = outcome.channels[name][:, : count : self._stride]
                 stored[runs, : kept.shape[1]] = kept
+        for name, numbers in outcome.limits.items():
+            with self._lock:
+                unknown = np.full((self._end.size, *numbers.shape[1:]), np.nan)
+                self._limits.setdefault(name, unknown)[runs] = numbers
         for row, k in enumerate(runs):
             failure = outcome.failure
             if outcome.ended_by != FAILURE and self._reductions:
@@ -155,6 +174,8 @@ class Recorder:
         }
         for name, item in self._reductions.items():
             variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
+        limits = {name: self._limits[name] for name in LIMITS if name in self._limits}
+        variables |= limit_variables(limits, ("run",))
         variables["end_time"] = ("run", self._end, _END_TIME)
         for name, meaning in COUNTS.items():
             variables[name] = ("run", self._numbers[name], {"long_name": meaning})
@@ -165,7 +186,11 @@ class Recorder:
 
     def _coordinates(self, variations: Variations, used: set[str]) -> dict[str, Any]:
         contacts, stations = self._counts
+        instruments = (variations.hardware and variations.hardware.instruments) or ()
+        names = [item.label for item in instruments if item.limit < np.inf]
+        label = {"long_name": "instrument with a limit"}
         found = coordinates_of(self._arm, self._times[:: self._stride], stations, contacts)
+        found["instrument"] = ("instrument", names, label)
         if not variations.same_arm:
             found.pop("position", None)  # the lengths of the links may differ
         own: dict[str, Any] = {"run": ("run", np.arange(variations.count), _RUN)}

@@ -51,5 +51,21 @@ _TABLE = (
     Channel("qd", ("coordinate",), "rad/s or m kg^0.5/s", "rates of the coordinates"),
 )
 
+_LIMITS = (
+    Channel("saturation", ("joint",), "1", "share of the run with the motor at its limit"),
+    Channel("longest_saturation", ("joint",), "s", "longest time of the motor at its limit"),
+    Channel(
+        "reading_saturation", ("instrument",), "1", "share of the frames at the limit of readings"
+    ),
+    Channel(
+        "longest_reading_saturation", ("instrument",), "s", "longest time of a reading at its limit"
+    ),
+    Channel("stop_depth", ("joint",), "rad", "largest angle beyond the stops, at the samples"),
+    Channel("stop_hits", ("joint",), "1", "number of times that the joint reaches a stop"),
+    Channel("contact_depth", ("contact",), "m", "largest depth in the surface, at the samples"),
+)
+
+#: Numbers of a whole run about its limits, by name.
+LIMITS: dict[str, Channel] = {channel.name: channel for channel in _LIMITS}
 #: Channels by name.
 CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexarm.actions.environment import EMPTY, Environment
 from flexarm.arm import Arm
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.engine.changes.schedule import ROUNDING, ArmChanges
+from flexarm.engine.changes.schedule import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.default_step import DefaultStep, default_step
 from flexarm.engine.event_search import Watch
@@ -23,7 +23,7 @@ from flexarm.engine.integrator_choice import Choice, friction_doubt
 from flexarm.engine.progress import Meter
 from flexarm.engine.section_forces import cut_systems, fill_sections
 from flexarm.engine.tolerance import for_arm
-from flexarm.errors import SimulationError
+from flexarm.errors import FlexarmWarning, SimulationError
 from flexarm.histories.loads import LoadHistory
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.histories.prescribed import constants_with
@@ -54,12 +54,17 @@ _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 _CHUNK = 4096
 
 
+#: Texts of warnings and their categories.
+Notices = list[tuple[str, type[FlexarmWarning]]]
+
+
 class Span(NamedTuple):
     """Part of a run between two changes of its arm."""
 
     arm: Arm
     loads: LoadHistory
     end: int  # number of samples up to the change
+    until: float  # time of the change, s
 
 
 def system_of(
@@ -118,6 +123,7 @@ class Run:
     loads_of: Callable[[float], LoadHistory] | None = None  # loads for another relative tolerance
     discarded: int = 0  # evaluations that are not part of the result
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
+    notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     default_atol: bool = False  # whether the absolute tolerance is the default one
     max_steps: int = 64
@@ -215,7 +221,7 @@ class Run:
         now = np.searchsorted(self.sample_times, progress.time * (1.0 + ROUNDING), side="right")
         self.samples[progress.sample : now] = old  # samples at this time are before the change
         progress.sample = max(progress.sample, int(now))
-        self.spans.append(Span(before, self.loads, progress.sample))
+        self.spans.append(Span(before, self.loads, progress.sample, progress.time))
         progress.state[...] = state
         progress.memory = progress.method = progress.entry = None
         touching = contacts_of_run(self.arm, self.environment.contacts, state)
@@ -257,7 +263,7 @@ class Run:
 
     def parts(self) -> list[tuple[slice, Run]]:
         """Return the samples of each span, and a run of its arm with these samples only."""
-        last = Span(self.arm, self.loads, self.progress.sample)
+        last = Span(self.arm, self.loads, self.progress.sample, self.progress.time)
         found, begin = [], 0
         for span in [*self.spans, last]:
             part = slice(begin, max(span.end, begin))
@@ -275,6 +281,20 @@ class Run:
             found.append((part, own))
             begin = part.stop
         return [one for one in found if one[0].stop > one[0].start] or found[:1]
+
+    def changed_arms(self) -> list[ChangedArm]:
+        """Return the arms after the changes that have happened; only a few of very many."""
+        if not self.spans:
+            return []
+        ends = [*(span.until for span in self.spans), self.duration]
+        arms = [*(span.arm for span in self.spans[1:]), self.arm]
+        kept = evenly(list(zip(arms, ends[:-1], ends[1:], strict=False)))
+        begins = [begin for _, begin, _ in kept[1:]] + ends[-1:]
+        words = "after the change of the arm at t = {:g} s"
+        return [
+            ChangedArm(arm, begin, until, words.format(begin))
+            for (arm, begin, _), until in zip(kept, begins, strict=True)
+        ]
 
     @property
     def first_arm(self) -> Arm:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.arm import Arm
+from flexarm.axial import Acting, axial_warning
 from flexarm.bending import LARGEST_ERROR, BendingErrors, theory_error
+from flexarm.histories.loads import LoadHistory
 from flexarm.integrate.base import FloatArray
 
 #: Ratio of deflection to length that no real link reaches.
@@ -42,6 +44,21 @@ class RunawayWatch:
         if not bent[worst] > _ABSURD:
             return ""
         return f"link {self._links[worst] + 1} has bent by {bent[worst]:.3g} times its length"
+
+
+def axial_load(arm: Arm, times: FloatArray, states: FloatArray, loads: LoadHistory) -> str:
+    """Describe the largest axial load that the theory of an arm neglects in a run; empty if small.
+
+    Args:
+        times: (samples,) s. states: (samples, 2, n, 1 + m).
+    """
+    if arm.spec.theory != "linear":
+        return ""
+    acting = Acting.constant(loads.placed)
+    if loads.factors.coefficients.shape[2]:
+        values = loads.factors.at(times)
+        acting = Acting(loads.placed, values[:, :-2], values[:, -2:])
+    return axial_warning(arm, times, states, acting)
 
 
 class BendingWatch:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,13 +76,14 @@ class Readings:
     The values, of shape (k,), may be those of several runs, (runs, k).
 
     Attributes:
-        labels: of the readings.
+        labels: of the readings. signal: that of the instrument.
         exact: whether the reading is the value at each sample time, so that no state is needed.
+        limited: whether readings have a limit.
     """
 
     def __init__(self, instrument: Instrument, tick: float, generator: Noise) -> None:
         self._instrument, self._tick = instrument, tick
-        self.labels = instrument.labels
+        self.labels, self.signal = instrument.labels, instrument.signal
         self._generator = generator
         self._every, self._late = stride_and_delay(instrument, tick)
         self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
@@ -93,7 +94,12 @@ class Readings:
         cutoff = instrument.rate_cutoff
         immediate = self._every == 1 and self._late == 0 and cutoff is None
         errors = instrument.bias, instrument.noise, instrument.resolution, instrument.faults
-        self.exact = immediate and not any(errors) and instrument.limit == math.inf
+        self.limited = instrument.limit < math.inf
+        self.exact = immediate and not any(errors) and not self.limited
+        self._frames_taken = 0
+        self._at_limit: Any = 0.0  # frames of each number, all and in a row
+        self._in_a_row: Any = 0.0
+        self._longest: Any = 0.0
         if cutoff is not None:
             self._forget, self._per_change = filter_of(cutoff, self._every * tick)
 
@@ -132,7 +138,23 @@ class Readings:
             read += self._generator.normal(0.0, it.noise, read.shape)
         if it.resolution > 0.0:
             read = it.resolution * np.round(read / it.resolution)
-        return np.clip(read, -it.limit, it.limit) if it.limit < math.inf else read
+        if not self.limited:
+            return read
+        beyond = np.abs(read) >= it.limit
+        self._frames_taken += 1
+        self._at_limit = self._at_limit + beyond
+        self._in_a_row = (self._in_a_row + 1.0) * beyond
+        self._longest = np.maximum(self._longest, self._in_a_row)
+        return np.clip(read, -it.limit, it.limit)
+
+    def saturation(self) -> tuple[FloatArray, FloatArray]:
+        """Return the share of the frames at the limit, and the longest time there (s).
+
+        Of the number with the largest ones, () or (runs,).
+        """
+        share = np.atleast_1d(self._at_limit) / max(self._frames_taken, 1)
+        longest = np.atleast_1d(self._longest) * (self._every * self._tick)
+        return share.max(axis=-1), longest.max(axis=-1)
 
     def _difference(self, read: FloatArray) -> FloatArray | None:
         if self._instrument.rate_cutoff is None:

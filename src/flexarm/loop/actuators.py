@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm import Arm
 from flexarm.control.gains import joint_problems
@@ -48,8 +49,16 @@ class Acting:
         self._since: list[float] = []
         self._initial: list[FloatArray] = []
         self._target: list[FloatArray] = []
+        self._requested: list[FloatArray] = []
         self._nothing = np.zeros(joints if runs is None else (runs, joints))
         self._keep = keep
+
+    @property
+    def limited(self) -> bool:
+        """Whether the torque of any motor has a limit."""
+        motors = self._motors
+        limits = motors.torque_limit, motors.current_limit, motors.voltage_limit
+        return any(np.isfinite(limit).any() for limit in limits)
 
     @property
     def pieces(self) -> int:
@@ -89,9 +98,10 @@ class Acting:
         if rate is not None:
             target = self._motors.allowed(target, rate)
         if not self._keep:
-            for past in (self._since, self._initial, self._target):
+            for past in (self._since, self._initial, self._target, self._requested):
                 past.clear()
         self._since.append(t)
+        self._requested.append(self._nothing if due is None else due)
         self._initial.append(now if self._lag > 0.0 else target)
         self._target.append(target)
 
@@ -121,6 +131,11 @@ class Acting:
         if breaks[-1] == breaks[-2]:  # breaks must increase, even if the last piece is empty
             breaks[-1] += lag
         return breaks, coefficients
+
+    def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return the times (k,) s of all changes, and which motors (k, joints) are at a limit."""
+        requested, target = np.asarray(self._requested), np.asarray(self._target)
+        return np.asarray(self._since), requested != target
 
     def _now(self, t: float) -> FloatArray:
         """Return the torque (joints,) at a time t since the last change."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.control.base import Controller, Reference, report_of
 from flexarm.engine.stepping import Run
 from flexarm.engine.validity import RunawayWatch
 from flexarm.errors import InputError, SimulationError, check_array
+from flexarm.hardware.instruments import Readings
 from flexarm.hardware.measurement import Measurement, readings_by_name
 from flexarm.integrate.base import FloatArray
 from flexarm.loop.requirements import misfits
@@ -40,7 +42,7 @@ class ClosedLoop:
             raise InputError(*problems)
         self._run = run
         self.controller = controller
-        self._given = reference
+        self.reference = reference
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         self._schedule = SampleSchedule(run, controller.sample_time, hardware)
         self._runaway = RunawayWatch(run.arm)
@@ -76,7 +78,7 @@ class ClosedLoop:
             SimulationError: like ``execute``.
         """
         controller = deepcopy(self.controller)
-        ClosedLoop(run, controller, self._given, self.hardware).execute()
+        ClosedLoop(run, controller, self.reference, self.hardware).execute()
 
     def _look(self, t: float) -> None:
         absurd = self._runaway(self._run.progress.state)
@@ -110,6 +112,19 @@ class ClosedLoop:
         """Return the last torque commanded by the controller (T, joints) at times (T,)."""
         index = np.searchsorted(np.asarray(self.times), times * (1.0 + 1e-12), side="right") - 1
         return np.asarray(self.commands)[np.clip(index, 0, None)]
+
+    @property
+    def limited(self) -> bool:
+        """Whether the torque of any motor has a limit."""
+        return self._schedule.acting.limited
+
+    def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """See ``Acting.saturated``."""
+        return self._schedule.acting.saturated()
+
+    def sensors(self) -> Sequence[Readings]:
+        """Return the states of the instruments; empty without hardware."""
+        return self._schedule.instruments
 
     def report(self) -> dict[str, float]:
         """Return the controller's own report on its run."""

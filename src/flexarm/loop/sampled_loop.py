@@ -11,6 +11,7 @@ from flexarm.assembly.scratch import as_slice
 from flexarm.engine.integrator_choice import friction_doubt
 from flexarm.engine.stepping import Run
 from flexarm.engine.work.estimate import choose_by_samples
+from flexarm.hardware.instruments import Readings
 from flexarm.hardware.measurement import Measurement
 from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, System
@@ -70,6 +71,11 @@ class SampleSchedule:
     def time(self) -> float:
         """Current sample time (s)."""
         return self.tick * self.sample_time
+
+    @property
+    def instruments(self) -> tuple[Readings, ...]:
+        """States of the instruments; empty for exact sensors."""
+        return self._sensing.memory()
 
     def measure(self) -> Measurement:
         """Return the readings of the sensors; call once at each sample time, in order."""

@@ -1,8 +1,9 @@
-"""Stability of the sampled loop of a run, analysed before the run."""
+"""Stability of the sampled loop of a run, with the arms that changes lead to."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from flexarm.actions.contacts import place_contacts
 from flexarm.arm import Arm
 from flexarm.bending import one_warning
 from flexarm.control.base import Controller, Reference
+from flexarm.engine.changes.schedule import ChangedArm
 from flexarm.engine.tolerance import reach_of, tip_units
 from flexarm.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
@@ -41,6 +43,11 @@ _STEP = 1e-5
 _TIMES_LONGER = 1000.0
 
 
+#: Growth (1/s), frequency (Hz) and magnitude of dominant poles, by the number of the arm, the time
+#: of the posture (s) and its angles at the start.
+Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
+
+
 class LoopPole(NamedTuple):
     """The fastest growing, or slowest decaying, pole of a sampled loop at one posture.
 
@@ -49,12 +56,15 @@ class LoopPole(NamedTuple):
         growth: 1/s; negative for a decay.
         frequency: Hz.
         magnitude: of the pole of the sampled loop.
+        begin, end: s, of the part of the run in which the arm is simulated.
     """
 
     when: str
     growth: float
     frequency: float
     magnitude: float
+    begin: float
+    end: float
 
 
 def loop_poles(
@@ -66,9 +76,13 @@ def loop_poles(
     contacts: Sequence[Contact],
     initial: FloatArray,
     duration: float,
-    known: dict[tuple[float, bytes], tuple[float, float, float]] | None = None,
+    known: Poles | None = None,
+    changed: Sequence[ChangedArm] = (),
 ) -> list[LoopPole]:
     """Return the dominant pole of the sampled loop at the start and at the end of a motion.
+
+    With ``changed`` also at the beginning of each changed arm. Equal arms are analysed once at
+    each posture.
 
     Not analysed, and left out, are controllers that do not declare their memory, cannot be copied
     or fail in the analysis, and instruments that read a `Sensor` or a torque.
@@ -78,6 +92,7 @@ def loop_poles(
         initial: q (dof,) of the plant at the start.
         duration: of the run, s.
         known: results of earlier calls that differ in the initial state alone, for reuse.
+        changed: arms after changes, in the order of their begin.
 
     Raises:
         MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
@@ -89,21 +104,31 @@ def loop_poles(
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
         return []
     bare = without_friction(contacts)
-    found, known = [], {} if known is None else known
-    for t, when in _times(reference, duration):
-        # After the start, the posture is that of the reference.
-        key = t, b"" if t > 0.0 else plant.joint_angles(initial).tobytes()
-        try:
-            if key not in known:
-                with one_warning():  # the run itself warns of its states
-                    known[key] = _worst(
-                        (arm, plant), controller, reference, hardware, bare, initial, t, instruments
-                    )
-        except MemoryNameError:
-            raise
-        except Exception:  # the run itself reports a missing equilibrium or a failing controller
-            continue
-        found.append(LoopPole(when, *known[key]))
+    end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
+    first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
+    found, known, plants = [], {} if known is None else known, [plant]
+    for part in (first, *changed):
+        same = [k for k, other in enumerate(plants) if other.spec == part.plant.spec]
+        number = same[0] if same else len(plants)
+        plants += [] if same else [part.plant]
+        for t, when in _times(part, end):
+            # After the start, the posture is that of the reference, which rests after its end.
+            t = 0.0 if reference is None else min(t, end) if end > 0.0 else t
+            key = number, t, b"" if t > 0.0 else plant.joint_angles(initial).tobytes()
+            arms = arm, plants[number]
+            try:
+                if key not in known:
+                    with one_warning():  # the run itself warns of its states
+                        known[key] = _worst(
+                            arms, controller, reference, hardware, bare, initial, t, instruments
+                        )
+            except MemoryNameError:
+                raise
+            except (
+                Exception
+            ):  # the run itself reports a missing equilibrium or a failing controller
+                continue
+            found.append(LoopPole(when, *known[key], part.begin, part.end))
     return found
 
 
@@ -116,34 +141,41 @@ def instability(
     contacts: Sequence[Contact],
     initial: FloatArray,
     duration: float,
-    known: dict[tuple[float, bytes], tuple[float, float, float]] | None = None,
+    known: Poles | None = None,
+    changed: Sequence[ChangedArm] = (),
 ) -> str:
     """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
 
     See `loop_poles` for the arguments and errors.
     """
-    poles = loop_poles(
-        arm, plant, controller, reference, hardware, contacts, initial, duration, known
-    )
-    return describe_instability(poles, controller.sample_time, duration)
+    loop = controller, reference, hardware, contacts
+    poles = loop_poles(arm, plant, *loop, initial, duration, known, changed)
+    return describe_instability(poles, controller.sample_time)
 
 
-def describe_instability(poles: Sequence[LoopPole], sample_time: float, duration: float) -> str:
+def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
     """Describe the first unstable one of the poles of `loop_poles`; empty if none is.
 
-    An instability that grows less than tenfold within the run is ignored.
+    An instability that grows less than tenfold is ignored. Its growth counts over the time of the
+    arm, and that of changed arms in a row together.
 
     Args:
-        sample_time, duration: of the controller and of the run, s.
+        sample_time: of the controller, s.
     """
-    for when, growth, frequency, magnitude in poles:
-        if growth * duration > np.log(_NOTICED):
-            return (
-                f"the sampled loop is unstable {when}: a pole of magnitude {magnitude:.4g} at "
-                f"{frequency:.3g} Hz grows tenfold every {np.log(10.0) / growth:.2g} s. Lower the "
-                f"gains or the sample time of {sample_time:g} s, or design for this "
-                "arm; see docs/how-to/robust-loops.md."
-            )
+    grown, until = 0.0, 0.0  # exponents of the parts before, up to a time
+    for (begin, end), poles_of_arm in groupby(poles, lambda pole: (pole.begin, pole.end)):
+        poles_here = list(poles_of_arm)
+        grown *= begin == until
+        for pole in poles_here:
+            if pole.growth > 0.0 and grown + pole.growth * (end - begin) > np.log(_NOTICED):
+                return (
+                    f"the sampled loop is unstable {pole.when}: a pole of magnitude "
+                    f"{pole.magnitude:.4g} at {pole.frequency:.3g} Hz grows tenfold every "
+                    f"{np.log(10.0) / pole.growth:.2g} s. Lower the gains or the sample time of "
+                    f"{sample_time:g} s, or design for this arm; see docs/how-to/robust-loops.md."
+                )
+        most = max(pole.growth for pole in poles_here) * (end - begin)
+        grown, until = max(grown + most, 0.0), end
     return ""
 
 
@@ -157,23 +189,30 @@ def describe_slow_instability(
     Args:
         sample_time, duration: of the controller and of the run, s.
     """
-    for when, growth, frequency, _ in poles:
+    for pole in poles:
+        growth = pole.growth
         if growth * sample_time > _CERTAIN and growth * duration <= np.log(_NOTICED):
             return (
-                f"the sampled loop is slowly unstable {when}: a pole at {frequency:.3g} Hz grows "
-                f"tenfold every {np.log(_NOTICED) / growth:.2g} s, longer than the run of "
+                f"the sampled loop is slowly unstable {pole.when}: a pole at "
+                f"{pole.frequency:.3g} Hz grows tenfold every "
+                f"{np.log(_NOTICED) / pole.growth:.2g} s, longer than the run of "
                 f"{duration:g} s. Check the signs of gains and gauges; see "
                 "docs/how-to/robust-loops.md."
             )
     return ""
 
 
-def _times(reference: Reference | None, duration: float) -> list[tuple[float, str]]:
-    """Return the times (s) of the postures to analyse, with their description."""
-    end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
-    if reference is None or end <= 0.0:
-        return [(0.0, "at the start")]
-    return [(0.0, "at the start"), (end, "at the end of the motion")]
+def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
+    """Return the times (s) of the postures to analyse an arm at, with their description.
+
+    Args:
+        end: s, of the motion; 0 without one.
+    """
+    times = [(part.begin, part.cause or "at the start")]
+    if part.begin < end <= part.end:
+        cause = f", {part.cause}" if part.cause else ""
+        times.append((end, f"at the end of the motion{cause}"))
+    return times
 
 
 def _worst(

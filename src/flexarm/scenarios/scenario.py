@@ -12,8 +12,9 @@ import numpy as np
 from flexarm.actions.contacts import place_contacts
 from flexarm.arguments import check_path
 from flexarm.arm import Arm, described_arm
+from flexarm.engine.changes.schedule import arm_changes
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
-from flexarm.engine.events import events_of
+from flexarm.engine.events import event_log, events_of
 from flexarm.engine.integrator_choice import check_integrator
 from flexarm.errors import InputError, SimulationError, public_call
 from flexarm.histories.piecewise import PiecewiseCubic
@@ -84,7 +85,7 @@ class Prepared:
 
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""
-        return describe_instability(poles, self.sample_time or 0.0, self.options["duration"])
+        return describe_instability(poles, self.sample_time or 0.0)
 
     def slowly_unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe one that grows less than tenfold in the run; empty text if none does."""
@@ -97,17 +98,24 @@ class Prepared:
         return None if controller is None else float(controller.sample_time)
 
     def loop_poles(
-        self, plant: Arm | None = None, hardware: Hardware | None = None
+        self,
+        plant: Arm | None = None,
+        hardware: Hardware | None = None,
+        changes: Sequence[Change] = (),
     ) -> list[LoopPole]:
         """Return the dominant poles of the sampled loop, see `flexarm.loop.stability`.
 
         Args:
             plant, hardware: those to simulate; None for those of the scenario.
+            changes: those in addition to the scenario's.
         """
         options = self.options
         if "controller" not in options:
             return []
-        simulated = plant or self.arm
+        simulated, duration = plant or self.arm, options["duration"]
+        log = event_log(self.arm, options.get("events", ()))
+        both = [*options.get("changes", ()), *changes]
+        coming = arm_changes(simulated, both, duration, log)
         return loop_poles(
             self.arm,
             simulated,
@@ -116,7 +124,8 @@ class Prepared:
             hardware or options.get("hardware"),
             options.get("contacts", ()),
             simulated.rest(self.arm.joint_angles(options["initial"])),
-            options["duration"],
+            duration,
+            changed=coming.ahead(duration) if coming else (),
         )
 
     def arguments(

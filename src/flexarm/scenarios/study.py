@@ -123,7 +123,7 @@ class PreparedStudy:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
         found = {
             f"{drive} on {plant} along {motion}": prepared.unstable_loop(
-                prepared.loop_poles(arm, self.hardware_of(plant))
+                prepared.loop_poles(arm, self.hardware_of(plant), self.study.plants[plant].changes)
             )
             for (drive, motion), prepared in self._prepared.items()
             for plant, arm in self.plants.items()

@@ -40,6 +40,7 @@ METRICS = (
     Metric(
         "force_error_peak", "N", "largest difference of that force from its reference, likewise"
     ),
+    Metric("saturation", "1", "largest share of the run with a motor at its limit"),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
 #: Channels from which metrics are computed; the last one exists for runs with contacts.
@@ -52,7 +53,7 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
     if tip is not None:
         return np.asarray(tip(times))
     rigid = arm.rigid()
-    angles = _joint_angles(reference, times, rigid.joints)
+    angles = reference_angles(reference, times, rigid.joints)
     return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
 
 
@@ -66,6 +67,8 @@ def metrics_of(
     """
     channels = {name: result[name].values for name in MEASURED if name in result}
     values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
+    if "saturation" in result:
+        values["saturation"] = float(result["saturation"].max())
     calls = result.attrs.get("controller_calls")
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
@@ -95,7 +98,7 @@ class Goal:
         self._moving = (times >= start) & (times <= end)
         self._after = times >= end + settling
         self._tip = tip_reference(arm, reference, times)
-        self._joint_angle = _joint_angles(reference, times[self._moving], arm.joints)
+        self._joint_angle = reference_angles(reference, times[self._moving], arm.joints)
 
     def metrics(self, channels: Mapping[str, FloatArray]) -> dict[str, float]:
         """Return the metrics of a run without controller, from its channels ``MEASURED``."""
@@ -135,7 +138,7 @@ class Goal:
         return missed
 
 
-def _joint_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:
+def reference_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:
     """Return the joint angles (T, joints) of a reference at times (T,), rad."""
     if isinstance(reference, Motion) and times.size:
         # One call for all times is up to a thousand times as fast as one call per time.

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import (
@@ -254,6 +254,12 @@ class Plant:
     def tip_velocity(self) -> FloatArray:
         """Rates of ``tip``, (3,)."""
         return self.tip_motion[3:]
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """Whether each motor is at its limit, (joints,), during the last step; for anti-windup."""
+        _, saturated = self._schedule.acting.saturated()
+        return saturated[-1] if len(saturated) else np.zeros(self.arm.joints, dtype=bool)
 
     @property
     def contact_force(self) -> FloatArray:

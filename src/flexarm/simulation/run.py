@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from flexarm.actions.environment import BaseAcceleration, Environment
 from flexarm.arguments import check_kind, check_mapping, check_positive
 from flexarm.arm import Arm
-from flexarm.bending import theory_error
 from flexarm.control.base import Controller, Reference, check_controller, check_reference
 from flexarm.engine.changes.schedule import change_variables
 from flexarm.engine.contact_start import refuse_deep_start, refuse_pressing_outward
@@ -23,10 +22,8 @@ from flexarm.engine.progress import Meter
 from flexarm.engine.small_motion import run_accurately
 from flexarm.engine.stepping import Run
 from flexarm.errors import (
-    AccuracyWarning,
     FlexarmWarning,
     InputError,
-    LargeDeflectionWarning,
     Problem,
     SimulationError,
     UnstableLoopWarning,
@@ -44,6 +41,7 @@ from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.channels import channels_of_run
 from flexarm.simulation.interrupted_runs import computed_until_failure
+from flexarm.simulation.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.plausible_run import implausible_run
 from flexarm.simulation.preparation import (
     Torque,
@@ -170,7 +168,10 @@ def simulate(
             the motion. Runs with a controller and a fixed step are not checked; see the attribute
             ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
-            with growth by a factor of ten or more within the run.
+            or after a change of the arm, with growth by a factor of ten or more within the run.
+        LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
+            instrument is at its limit for a tenth of its frames, or a joint stop or a contact is
+            implausibly deep.
         ImplausibleValueWarning: if initial angles look like degrees, times like milliseconds,
             ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
@@ -208,25 +209,19 @@ def simulate(
             beginning = Beginning.of(run)
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
-            unstable = instability(
-                arm, simulated, controller, reference, hardware, contacts, q, options.duration
-            )
-            if unstable:
-                warn_caller(unstable, UnstableLoopWarning)
-            result = _closed_loop(run, loop, unstable)
-            compare_loops(run, beginning, loop.execute_again)
+            checked = controller, reference, hardware, contacts, q, options.duration
+            stability = partial(instability, arm, simulated, *checked, {})
+            compare = partial(compare_loops, run, beginning, loop.execute_again)
+            result = _closed_loop(run, loop, stability, compare)
         else:
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
             )
             result = _open_loop(run, history_of, between_samples(torque, options))
-    if result.attrs["warning"]:
-        warn_caller(result.attrs["warning"], LargeDeflectionWarning)
+    for text, category in run.notices:
+        warn_caller(text, category)
     if left := exceeded_bound(result.attrs):
         warn_caller(left, FlexarmWarning)
-    if run.doubt:
-        warn_caller(run.doubt, AccuracyWarning)
-        result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], run.doubt]))
     return result
 
 
@@ -249,19 +244,38 @@ def _open_loop(
     return result
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, unstable: str) -> xr.Dataset:
+def _closed_loop(
+    run: Run, loop: ClosedLoop, stability: Callable[..., str], compare: Callable[[], None]
+) -> xr.Dataset:
+    """Execute a run with a controller.
+
+    Args:
+        stability: `instability`, with all arguments but ``changed``.
+        compare: `compare_loops`, with all arguments.
+    """
+    unstable = stability()
+    if unstable and run.changes is None:
+        warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
+    failure: SimulationError | None = None
     try:
         loop.execute()
     except SimulationError as error:
-        # A bound that does not hold, or an instability, is the cause of every later failure.
-        causes = filter(None, [exceeded_bound(loop.report()), unstable])
-        error.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or error.hint
-        if loop.times:
-            result = _result(run, loop, started, "hold", str(error), unstable)
-            error.result = add_loop(result, loop)
-        raise
-    return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+        failure = error
+    if run.changes is not None:  # the times of changes at events are known now
+        unstable = stability(changed=run.changed_arms())
+        if unstable:
+            warn_caller(unstable, UnstableLoopWarning)
+    if failure is None:
+        compare()
+        return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+    # A bound that does not hold, or an instability, is the cause of every later failure.
+    causes = filter(None, [exceeded_bound(loop.report()), unstable])
+    failure.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or failure.hint
+    if loop.times:
+        result = _result(run, loop, started, "hold", str(failure), unstable)
+        failure.result = add_loop(result, loop)
+    raise failure
 
 
 def _result(
@@ -296,23 +310,21 @@ def _result(
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
         "ended_by": ended_by,
-        "warning": _bending_error(run),
         "unstable_loop": unstable,
     }
-    given = drive.at(times) if isinstance(drive, PiecewiseCubic) else drive.torque_at(times)
+    loop = drive if isinstance(drive, ClosedLoop) else None
+    given = drive.torque_at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
     channels = channels_of_run(run, given)
-    if isinstance(drive, ClosedLoop) and log is None:  # otherwise add_loop appends it
-        channels["torque_command"] = drive.command_at(times)
+    numbers, texts = limits_of_run(run, loop, channels)
+    run.notices = notices_of(run, texts, failure)
+    attributes["warning"] = " ".join(text for text, _ in run.notices)
+    if loop is not None and log is None:  # otherwise add_loop appends it
+        channels["torque_command"] = loop.command_at(times)
     result = make_result(run.first_arm, times, channels, attributes)
+    result = add_limits(result, numbers, loop.sensors() if loop is not None else ())
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))
-
-
-def _bending_error(run: Run) -> str:
-    """Return the first warning of links that exceed the theory; empty text without one."""
-    found = (theory_error(part.arm, part.samples) for _, part in run.parts())
-    return next(filter(None, found), "")
 
 
 def check_objects(

@@ -105,6 +105,8 @@ def _evaluated(
         if ends[row] == DURATION:
             goal = case.prepared.goal(drive, motion, times)
             metrics = goal.metrics({name: values[row] for name, values in channels.items()})
+            if "saturation" in batch:
+                metrics["saturation"] = float(batch["saturation"].values[row].max())
             found[case.number] = Evaluation(metrics, warning=str(texts[row]))
     return found
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 #: Version of the layout of a store, and the suffix of folders and files that are not complete.
-_LAYOUT, _PARTIAL = 1, ".partial"
+_LAYOUT, _PARTIAL = 2, ".partial"
 _OTHERS = "cannot be continued"
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flexarm.arm import load_arm
-from flexarm.bending import bending_warning, one_warning
+from flexarm.bending import one_warning
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import comma_separated, joint_numbers, listed
 from flexarm.cli.tables import console, facts, numbers
@@ -41,11 +41,11 @@ def show_linear(
     if plot is not None:
         check_place("--plot", plot, FIGURE_SUFFIXES)
     driven, observed = comma_separated(inputs), comma_separated(outputs)
-    with one_warning():  # printed below in one line
+    with one_warning() as kept:  # printed below in one line
         rest = equilibrium(arm, posture)
         model = linearize(arm, rest, inputs=driven, outputs=observed)
     screen = console()
-    if warning := bending_warning(arm, rest.q):
+    if warning := next(filter(None, kept), ""):
         warn(warning)
     rows = [
         ("at rest", _held(posture, rest.torque.tolist())),

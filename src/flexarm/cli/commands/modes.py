@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.arm import Arm, described_arm
-from flexarm.bending import bending_warning, one_warning
+from flexarm.bending import one_warning
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import at, joint_numbers
 from flexarm.cli.tables import console, numbers
@@ -66,10 +66,10 @@ def show_modes(path: Path, options: ModesOptions) -> None:
     if options.to is not None or options.campbell_to is not None:
         _show_tracks(_tracks(arm, posture, joints, options), joints_text, options)
         return
-    with one_warning():  # printed below in one line
+    with one_warning() as kept:  # printed below in one line
         about = equilibrium(arm, posture) if options.sag else posture
         found = modes_of(arm, about, joints, spin=options.spin)
-    if warning := bending_warning(arm, found.q):
+    if warning := next(filter(None, kept), ""):
         warn(warning)
     state = " sagging" if options.sag else ""
     turning = f", turning at {options.spin:g} rad/s" if options.spin else ""

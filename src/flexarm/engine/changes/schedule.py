@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from flexarm.model.environment.changes import (
     check_possible,
     original_number,
 )
-from flexarm.model.paths import number_at, with_number
+from flexarm.model.paths import number_at, with_number, with_numbers
 from flexarm.user_functions import call
 
 if TYPE_CHECKING:
@@ -36,8 +37,26 @@ if TYPE_CHECKING:
 
 #: Largest number of intervals of one change, each of which takes an arm of its own.
 _MOST_INTERVALS = 10**5
+_Item = TypeVar("_Item")
+#: Largest number of changed arms of a run whose loop is analysed.
+_MOST_ANALYSED = 8
 #: Relative difference of two times that is rounding: they are one instant.
 ROUNDING = 1e-12
+
+
+class ChangedArm(NamedTuple):
+    """Arm after changes during a run.
+
+    Attributes:
+        plant: the arm.
+        begin, end: s, of its part of the run.
+        cause: the changes, in words.
+    """
+
+    plant: Arm
+    begin: float
+    end: float
+    cause: str
 
 
 @dataclass
@@ -170,6 +189,41 @@ class ArmChanges:
             spent = energy
         return self.arm, found
 
+    def ahead(self, duration: float) -> list[ChangedArm]:
+        """Return the arms that the changes of a run lead to, before the run.
+
+        A change over many instants, such as a table, is followed at a few of them. Changes at
+        events, whose time is unknown, are combined with the arm at the start and with the last arm
+        of the changes at known times: those of each event, and those of all events together.
+
+        Args:
+            duration: s, of the run.
+
+        Raises:
+            InputError: if numbers are not possible together.
+        """
+        due = [(time, k, i) for time, k, i in self._due if time < duration]
+        found = []
+        times = [*evenly(np.unique([time for time, _, _ in due]).tolist()), duration]
+        for begin, end in pairwise(times):
+            past = [(k, i) for time, k, i in due if time <= begin]
+            numbers = {self.changes[k].path: float(self.courses[k].numbers[i]) for k, i in past}
+            arm, cause = Arm(with_numbers(self.first.spec, numbers)), f"at t = {begin:g} s"
+            found.append(ChangedArm(arm, begin, end, f"after the change of the arm {cause}"))
+        arms = [self.first, *(part.plant for part in found[-1:])]
+        events = list(dict.fromkeys(c.at for c in self.changes if isinstance(c.at, str)))
+        groups = [[name] for name in events] + [events] * (len(events) > 1)
+        for names, arm in product(groups, arms):
+            numbers = {
+                change.path: float(course.numbers[-1])
+                for change, course in zip(self.changes, self.courses, strict=True)
+                if change.at in names
+            }
+            cause = f"after the change of the arm at {' and '.join(map(repr, names))}"
+            changed = Arm(with_numbers(arm.spec, numbers))
+            found.append(ChangedArm(changed, 0.0, duration, cause))
+        return found
+
     def _note(self, k: int, time: float, number: float) -> None:
         """Log the new number of a change at a time (s)."""
         log = self._log.get(k)
@@ -178,6 +232,12 @@ class ArmChanges:
             log = self._log[k] = Happened(self.changes[k], time, now, number)
             self.happened.append(log)
         log.end = number
+
+
+def evenly(items: Sequence[_Item]) -> list[_Item]:
+    """Return at most a few items, evenly chosen, with the first and the last one."""
+    count = min(len(items), _MOST_ANALYSED)
+    return [items[k] for k in np.linspace(0, len(items) - 1, count).round().astype(int)]
 
 
 def _first_possible(spec: ArmSpec, numbers: Mapping[str, float]) -> tuple[str, ArmSpec]:

@@ -20,7 +20,8 @@ from flexarm.arguments import check_kind
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.kernel_view import KernelView
-from flexarm.bending import one_warning, warn_of_bending
+from flexarm.axial import warn_of_theory
+from flexarm.bending import one_warning
 from flexarm.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
@@ -82,7 +83,8 @@ def linearize(
         EquilibriumError: if ``q`` is None and no equilibrium is found.
 
     Warns:
-        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
+        LargeDeflectionWarning: a link is bent too far, or has too large an axial load, for the
+            theory of the arm.
         AccuracyWarning: friction has bristles, which a linear model does not contain.
     """
     arm = check_kind("arm", arm, Arm)
@@ -96,7 +98,7 @@ def linearize(
         raise InputError(Problem("base_acceleration", rule))
     with one_warning():
         point = _operating_point(arm, q, qd, torque, environment)
-    warn_of_bending(arm, point.q)
+    warn_of_theory(arm, point.q, point.environment, point.qd)
     warn_of_backlash(arm, point.q)
     warn_of_bristles(arm, "the linear model")
     if torque is None and not isinstance(q, Equilibrium) and q is not None:

@@ -13,7 +13,7 @@ from flexarm.arguments import check_kind, check_posture
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.assembly.coordinates import coordinate_sizes, modal_size
-from flexarm.bending import warn_of_bending
+from flexarm.axial import geometric_stiffness, warn_of_theory
 from flexarm.errors import FlexarmError, InputError, Problem, check_array, few, public_call
 from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
 from flexarm.model import Contact, Load
@@ -54,8 +54,9 @@ class Equilibrium:
     Attributes:
         q: (dof,) coordinates.
         torque: (joints,) N m of the motors: the prescribed torques, or those that lock the joints.
-        stable: whether the stiffness of the coordinates that are free is positive definite.
-        lowest_eigenvalue: of stiffness over mass, rad^2/s^2: the lowest squared frequency;
+        stable: whether the stiffness of the coordinates that are free is positive definite. It
+            includes that by axial forces, as in the second-order theory, for the linear theory too.
+        lowest_eigenvalue: of this stiffness over mass, rad^2/s^2: the lowest squared frequency;
             negative if unstable.
         loads: loads in addition to gravity, including the force at the tip.
         contacts: contacts between the arm and surfaces.
@@ -122,7 +123,8 @@ def equilibrium(
             under a part of the load.
 
     Warns:
-        LargeDeflectionWarning: a link bends too far for the theory of the arm.
+        LargeDeflectionWarning: a link bends too far, or has too large an axial load, for the theory
+            of the arm.
 
     Newton's method with the exact stiffness matrix; gravity and loads grow from zero in adaptive
     steps, so that large deflections are reached. Descent steps then search for a stable equilibrium
@@ -147,7 +149,7 @@ def equilibrium(
         found = search.result(search.follow(q, at_once=True))
     else:
         found = search.best(q, free=torque is not None)
-    warn_of_bending(arm, found.q)
+    warn_of_theory(arm, found.q, found.environment)
     return found
 
 
@@ -156,6 +158,7 @@ class _Search:
 
     def __init__(self, arm: Arm, environment: Environment, q: FloatArray) -> None:
         self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
+        self.environment = environment
         self.force = np.zeros(arm.dof)
         self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         factor = next((load.factor for load in self.loads if load.factor is not None), None)
@@ -227,17 +230,19 @@ class _Search:
         found, failure = None, None
         for way in (self.descend, self.follow) if free else (self.follow, self.descend):
             try:
-                there = self.result(way(q))
+                there = way(q)
+                lowest = self._lowest(there)
             except EquilibriumError as error:
                 failure = failure or error
                 continue
-            if there.stable:
-                return there
-            found = found or there
+            # The arm's own theory guides the search: another branch would not be one of its own.
+            if lowest > 0.0:
+                return self.result(there)
+            found = there if found is None else found
         if found is None:
             assert failure is not None
             raise failure
-        return found
+        return self.result(found)
 
     def descend(self, q: FloatArray) -> FloatArray:
         """Take descent steps under the full load, then converge by Newton's method."""
@@ -279,25 +284,32 @@ class _Search:
 
     def result(self, q: FloatArray) -> Equilibrium:
         """Evaluate stability and collect the torques."""
+        holding = self._force(self.arm, q, self.loads)[self.arm.joint_index]
+        lowest = self._lowest(q, geometric_stiffness(self.arm, q, self.environment))
+        loads, contacts = tuple(self.loads), tuple(self.contacts)
+        return Equilibrium(q, holding, lowest > 0.0, lowest, loads, contacts)
+
+    def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
+        """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass.
+
+        Raises:
+            EquilibriumError: if the mass matrix is indefinite.
+        """
         from scipy.linalg import eigh
 
-        arm, free = self.arm, self.unknown
-        holding = self._force(arm, q, self.loads)[arm.joint_index]
-        lowest = np.inf
-        if free.size:
-            part = np.ix_(free, free)
-            K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)[part]
-            M = arm.mass_matrix(q)[part]
-            # Only the symmetric part has a potential; with follower loads flutter remains possible.
-            try:
-                stored = (K + K.T) / 2.0
-                lowest = float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
-            except np.linalg.LinAlgError:
-                reason = (
-                    "the mass matrix is indefinite there, because links bend beyond the "
-                    "second-order theory. Give them segments=2 or more."
-                )
-                raise EquilibriumError(1.0, q, reason) from None
-        return Equilibrium(
-            q, holding, lowest > 0.0, lowest, tuple(self.loads), tuple(self.contacts)
-        )
+        free = self.unknown
+        if free.size == 0:
+            return float(np.inf)
+        part = np.ix_(free, free)
+        K = self.arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
+        K = (K if added is None else K + added)[part]
+        # Only the symmetric part has a potential; with follower loads flutter remains possible.
+        try:
+            stored, M = (K + K.T) / 2.0, self.arm.mass_matrix(q)[part]
+            return float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+        except np.linalg.LinAlgError:
+            reason = (
+                "the mass matrix is indefinite there, because links bend beyond the "
+                "second-order theory. Give them segments=2 or more."
+            )
+            raise EquilibriumError(1.0, q, reason) from None

@@ -13,7 +13,7 @@ from flexarm.actions.environment import Environment
 from flexarm.arguments import check_count, check_flag, check_kind, check_number, check_posture
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
-from flexarm.bending import warn_of_bending
+from flexarm.axial import warn_of_theory
 from flexarm.errors import InputError, Problem, check_array, check_result, few, public_call
 from flexarm.linear.statics.equilibrium import Equilibrium
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles
@@ -135,7 +135,8 @@ def modes(
         EquilibriumError: if the arm has no steady shape at that spin.
 
     Warns:
-        LargeDeflectionWarning: a link is bent too far for the theory of the arm.
+        LargeDeflectionWarning: a link is bent too far, or has too large an axial load, for the
+            theory of the arm.
 
     The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
@@ -151,7 +152,7 @@ def modes(
     if rate != 0.0 and q is None:
         place = steady_shape(arm, place, rate)
     found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
-    warn_of_bending(arm, place)
+    warn_of_theory(arm, place, environment, steady_rates(arm, rate))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
     return found

@@ -1,0 +1,245 @@
+"""Motors, instruments, joint stops and contacts at their limits: numbers and warnings of runs."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from random_arms import random_spec
+
+TICK = 0.001
+ENCODER = [fa.Instrument("joint_angle", resolution=2.0 * np.pi / 4096, rate_cutoff=100.0)]
+
+
+def one_link(**spec):
+    link = fa.Link(
+        length=1.0,
+        flexural_rigidity=100.0,
+        mass_per_length=0.5,
+        elements=2,
+        damping=fa.ModalDamping(ratio=0.02),
+    )
+    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)], **spec)
+
+
+class Script:
+    """Commands of a list, one after the other."""
+
+    sample_time, memory = TICK, None
+
+    def __init__(self, rows):
+        self.rows = np.asarray(rows, float)
+
+    def reset(self):
+        pass
+
+    def update(self, t, measurement, reference):
+        return self.rows[min(round(t / TICK), len(self.rows) - 1)]
+
+
+def limited(**motors):
+    return fa.Hardware(ENCODER, motors=fa.Motors(**motors))
+
+
+def texts(*arguments, **options):
+    """Simulate; return the result, and the texts of its warnings about limits."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = fa.simulate(*arguments, **options)
+    return result, [str(w.message) for w in caught if w.category is fa.LimitWarning]
+
+
+def test_windup_of_a_saturated_motor_is_reported():
+    """The same limit in the controller stops the integral."""
+    arm = one_link()
+    motion = fa.joint_motion(arm, [0.0], [1.0], 0.2)
+    gains = 30.0, 6.0, 100.0
+
+    def run(law):
+        hardware = limited(torque_limit=1.0)
+        return texts(arm, 8.0, controller=law, reference=motion, hardware=hardware, rate=100.0)
+
+    wound, warned = run(fa.JointPID(*gains, sample_time=0.004))
+    assert abs(wound.joint_angle[-1, 0] - 1.0) > 20.0
+    assert len(warned) == 1
+    assert "motor 1 is at its limit" in warned[0]
+    assert "torque_limit=" in warned[0]
+    assert warned[0] in wound.attrs["warning"]
+    assert wound.saturation[0] > 0.9
+    assert wound.longest_saturation[0] > 3.0
+    kept, warned = run(fa.JointPID(*gains, torque_limit=1.0, sample_time=0.004))
+    assert abs(kept.joint_angle[-1, 0] - 1.0) < 0.01
+    assert not warned
+    assert kept.saturation[0] == kept.longest_saturation[0] == 0.0
+
+
+def test_numbers_of_saturated_motors():
+    """Two motors; the second one waits for its command and is never at its limit."""
+    arm = fa.Arm(links=[fa.Link(length=0.5, flexible=False, mass_per_length=1.0)] * 2)
+    rows = np.zeros((40, 2))
+    rows[5:10, 0], rows[20:32, 0], rows[:, 1] = 3.0, -2.5, 1.9
+    for delay in (0.0, 0.0025):
+        hardware = fa.Hardware(motors=fa.Motors(torque_limit=2.0, delay=delay, time_constant=TICK))
+        run = fa.simulate(arm, 0.04, controller=Script(rows), hardware=hardware)
+        np.testing.assert_allclose(run.saturation, [17 / 40, 0.0], rtol=1e-9)
+        np.testing.assert_allclose(run.longest_saturation, [0.012, 0.0], rtol=1e-9)
+        assert run.saturation.attrs["units"] == "1"
+        assert run.longest_saturation.attrs["units"] == "s"
+    assert "saturation" not in fa.simulate(arm, 0.04, controller=Script(rows))
+
+
+def test_a_bounded_limit_gives_no_warning():
+    """A step and a motion too fast for the motor: saturated from the start, and both arrive."""
+    arm = one_link()
+    law, hardware = fa.JointPD(60.0, 12.0), limited(torque_limit=2.0)
+    for reference in (fa.joint_motion(arm, [0.0], [1.0], 0.5), None):
+        start = None if reference else arm.rest([1.0])
+        run, warned = texts(
+            arm,
+            3.0,
+            controller=law,
+            reference=reference,
+            hardware=hardware,
+            initial=start,
+        )
+        assert not warned
+        if reference is not None:
+            assert run.saturation[0] > 0.1
+
+
+def test_a_motor_too_weak_for_gravity_is_reported():
+    arm = one_link(gravity=(0.0, -9.81))
+    law, hold = fa.JointPD(60.0, 12.0), fa.joint_motion(arm, [0.0], [0.3], 0.5)
+    _, warned = texts(arm, 2.0, controller=law, reference=hold, hardware=limited(torque_limit=1.0))
+    assert len(warned) == 1
+    assert "stronger motor" in warned[0]
+    assert "torque_limit" not in warned[0]  # a PD has no integral, and no argument for it
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
+def test_warnings_agree_with_the_harm_on_random_arms():
+    """Harm: the error with the limit, over the larger of the travel and the error without it.
+
+    Gains suit the arm, limits are 0.1 to 3 times the largest torque without them.
+    """
+    rng = np.random.default_rng(11)
+    counts = {True: 0, False: 0}
+    for _ in range(24):
+        arm = fa.Arm(random_spec(rng, links=1, rigid=True, gravity=None))
+        inertia = float(arm.mass_matrix(arm.rest([0.0]))[0, 0])
+        pace = float(rng.uniform(3.0, 12.0))
+        gains = inertia * pace**2, 1.4 * inertia * pace, inertia * pace**3 * rng.choice([0.0, 0.3])
+        motion = fa.joint_motion(
+            arm, [0.0], [float(rng.uniform(0.2, 2.0))], float(rng.uniform(2, 9)) / pace
+        )
+        options = {
+            "reference": motion,
+            "rate": 100.0,
+            "controller": fa.JointPID(*gains, sample_time=0.02 / pace),
+        }
+        free = fa.simulate(arm, 30.0 / pace, **options)
+        limit = float(abs(free.torque).max() * np.exp(rng.uniform(np.log(0.1), np.log(3.0))))
+        run, warned = texts(
+            arm,
+            30.0 / pace,
+            hardware=limited(torque_limit=limit),
+            **options,
+        )
+        wanted = motion.joint_angle(run.time.values)
+        errors = [float(abs(one.joint_angle.values - wanted).max()) for one in (run, free)]
+        harm = errors[0] / max(errors[1], float(np.ptp(wanted)))
+        counts[bool(warned)] += 1
+        if warned:
+            assert harm > 0.5
+            assert run.saturation[0] > 0.05
+        else:
+            assert harm < 1.2
+    assert min(counts.values()) >= 5  # both answers occur
+
+
+def test_instruments_at_their_limits():
+    arm = one_link()
+    motion = fa.joint_motion(arm, [0.0], [1.0], 0.5)
+    law = fa.JointPD(60.0, 12.0)
+    free = fa.simulate(arm, 1.0, controller=law, reference=motion)
+    fast = abs(free.joint_rate.values[:-1, 0])
+    for share, expected in ((0.05, False), (0.3, True)):
+        limit = float(np.quantile(fast, 1.0 - share))
+        instruments = [*ENCODER, fa.Instrument("joint_rate", "gyro", limit=limit)]
+        run, warned = texts(
+            arm,
+            1.0,
+            controller=law,
+            reference=motion,
+            hardware=fa.Hardware(instruments),
+        )
+        beyond = abs(run.measured_gyro.values[:, 0]) >= limit
+        assert run.instrument.values.tolist() == ["gyro"]
+        assert float(run.reading_saturation[0]) == pytest.approx(beyond.mean())
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond, [0]])))
+        longest = np.diff(edges)[::2].max() * law.sample_time
+        assert float(run.longest_reading_saturation[0]) == pytest.approx(longest)
+        assert bool(warned) == expected
+        assert all("the instrument 'gyro'" in text for text in warned)
+
+
+def test_joint_stops():
+    limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=2000.0)
+    link = fa.Link(length=1.0, flexible=False, mass_per_length=1.0)
+    arm = fa.Arm(links=[link, link], joints=[fa.Joint(limits=limits), fa.Joint(damping=5.0)])
+    run, warned = texts(arm, 3.0, initial_rate=arm.rest([2.0, 0.0]))
+    angle = run.joint_angle.values[:, 0]
+    assert float(run.stop_depth[0]) == pytest.approx(abs(angle).max() - 0.5)
+    assert run.stop_hits[0] == np.sum(np.diff((abs(angle) > 0.5).astype(int)) > 0) >= 2
+    assert np.isnan([run.stop_depth[1], run.stop_hits[1]]).all()
+    assert not warned
+    joints = [fa.Joint(limits=limits.replace(stiffness=10.0)), fa.Joint(damping=5.0)]
+    soft = fa.Arm(links=[link, link], joints=joints)
+    _, warned = texts(soft, 3.0, initial_rate=arm.rest([2.0, 0.0]))
+    assert ["beyond its stop" in text for text in warned] == [True]
+
+
+def test_depth_of_contacts():
+    arm = one_link()
+    rates = arm.rest([1.0])
+    for stiffness, expected in ((1e4, False), (1.0, True)):
+        wall = fa.Contact(fa.Wall((0.0, 0.2), (0.0, -1.0)), stiffness)
+        run, warned = texts(arm, 0.6, initial_rate=rates, contacts=[wall])
+        assert float(run.contact_depth[0]) == pytest.approx(-float(run.contact_gap.min()))
+        assert ["deep in its surface" in text for text in warned] == [True] * expected
+    post = fa.Contact(fa.RoundWall((0.98, 0.2), 0.02), 1000.0)
+    _, warned = texts(arm, 0.3, initial_rate=rates, contacts=[post])
+    assert len(warned) == 1
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")
+def test_batches_have_the_numbers_of_single_runs():
+    arm = one_link()
+    motion = fa.joint_motion(arm, [0.0], [1.0], 0.2)
+    instruments = [*ENCODER, fa.Instrument("joint_rate", "gyro", limit=0.5)]
+    hardware = fa.Hardware(instruments, motors=fa.Motors(torque_limit=1.0))
+    starts = [arm.rest([0.1 * k]) for k in range(9)]
+    law = fa.JointPID(60.0, 12.0, 200.0)
+    options = {"controller": law, "reference": motion, "hardware": hardware, "rate": 200.0}
+    batch = fa.simulate_batch(arm, 2.0, initial=starts, **options)
+    for k in (0, 4, 8):
+        single = fa.simulate(arm, 2.0, initial=starts[k], **options)
+        for name in ("saturation", "longest_saturation", "reading_saturation"):
+            np.testing.assert_array_equal(batch[name][k], single[name])
+            assert batch[name].attrs == single[name].attrs
+        assert batch.instrument.values.tolist() == ["gyro"]
+        assert batch.warning[k] == single.attrs["warning"]
+    assert "motor 1" in str(batch.warning[0].item())
+    table = fa.compare(arm, {"pid": law}, 2.0, {"step": motion}, hardware=hardware, rate=200.0)
+    assert float(table.saturation.squeeze()) == float(batch.saturation[0, 0])
+    assert "motor 1" in table.warning.item()
+
+
+def test_plant_reports_motors_at_their_limits():
+    plant = fa.Plant(one_link(), TICK, limited(torque_limit=1.0))
+    for torque, expected in ((0.5, False), (-2.0, True), (0.9, False)):
+        plant.step([torque])
+        assert plant.saturated.tolist() == [expected]
+    assert not fa.Plant(one_link()).saturated.any()
