@@ -20,7 +20,7 @@ from flexarm.integrate import (
     RungeKutta4,
 )
 from flexarm.integrate.base import FloatArray, Tolerance
-from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
 #: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method
@@ -94,10 +94,11 @@ def choose_integrator(
 
     Raises:
         InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
-            bristles and the requested integrator does not support them.
+            bristles or holds and the requested integrator does not support that.
     """
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
+    _refuse_with_sticking(requested, arm)
     if isinstance(requested, Integrator):
         return Choice(requested, "given by the user")
     if requested == "auto":
@@ -123,6 +124,15 @@ def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: 
         names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
         hint = f"Bristles of a sliding joint need step control; use one of {', '.join(names)}."
         refuse_bristles(arm, "integrator", shown(kind.name), hint)
+
+
+def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
+    """Raise if friction holds a joint and a requested integrator does not let joints stick."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if kind is not None and not kind.follows_sticking:
+        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
+        hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
+        refuse_sticking(arm, "integrator", shown(kind.name), hint)
 
 
 def choose_by_drive(
@@ -175,6 +185,10 @@ def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: 
     if angle <= _STABLE:
         return choice
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
+    if arm.assembly.has_sticking:
+        doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
+        method = KennedyCarpenter5(step=step)
+        return Choice(method, f"order 5 with bending implicit: {reason}", doubt=doubt)
     doubt = (
         f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
         "step has no error estimate: halve it once and compare."

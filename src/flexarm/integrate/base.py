@@ -15,8 +15,10 @@ registry):
 7. It never calls Python, and it allocates nothing per step.
 8. An adaptive method ends a step where a joint meets or leaves a stop (``integrate.joint_stops``);
    a fixed-step method ends a run that diverges with a status (``steps.followed``).
-9. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
-   a fixed step that is too long for a contact ends with a status.
+9. A method that follows sticking locks joints that stick (``integrate.sticking``), and an adaptive
+   one ends a step where a joint sticks or slips (``integrate.stick_events``).
+10. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
+    a fixed step that is too long for a contact ends with a status.
 """
 
 from __future__ import annotations
@@ -130,7 +132,8 @@ class Integrator(ABC):
 
     Class attributes: ``name`` in the registry; ``order``; ``adaptive``; ``follows_contacts``, False
     for a multistep method, which requires smooth motion between stops; ``follows_bristles``,
-    whether it has step control and supports friction with bristles; and ``reference``, the BibTeX
+    whether it has step control and supports friction with bristles; ``follows_sticking``, whether
+    it changes the equations where a joint starts to stick or to slip; and ``reference``, the BibTeX
     keys of the method (``flexarm.citation``).
 
     Args:
@@ -146,6 +149,7 @@ class Integrator(ABC):
     adaptive: ClassVar[bool] = False
     follows_contacts: ClassVar[bool] = True
     follows_bristles: ClassVar[bool] = False
+    follows_sticking: ClassVar[bool] = False
     reference: ClassVar[tuple[str, ...]] = ()
     stepper: ClassVar[Callable[..., int]]
 

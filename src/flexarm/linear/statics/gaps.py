@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import AccuracyWarning, FlexarmWarning, InputError, Problem, warn_caller
+from flexarm.model import Friction
 
 
 def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
@@ -49,10 +52,27 @@ def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> Non
         raise InputError(Problem(name, rule, hint=hint))
 
 
+def refuse_sticking(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
+    """Raise if friction holds a joint; arguments as in ``refuse_bristles``.
+
+    Raises:
+        InputError: if the friction of any joint holds it.
+    """
+    if arm.assembly.has_sticking:
+        sticking = _joints(arm, lambda friction: friction.holds)
+        rule = f"{value} cannot be combined with friction that holds ({sticking})".lstrip()
+        raise InputError(Problem(name, rule, hint=hint))
+
+
 def _bristled(arm: Arm) -> str:
     """Return the paths of the joints whose friction has bristles."""
+    return _joints(arm, lambda friction: friction.bristle_stiffness is not None)
+
+
+def _joints(arm: Arm, has: Callable[[Friction], bool]) -> str:
+    """Return the paths of the joints whose friction has a property."""
     return ", ".join(
         f"arm.joints[{i}]"
         for i, joint in enumerate(arm.spec.joints)
-        if joint.friction is not None and joint.friction.bristle_stiffness is not None
+        if joint.friction is not None and has(joint.friction)
     )

@@ -1,0 +1,166 @@
+"""Steps that end where a joint starts to stick or to slip, and the state after that.
+
+Theory page "integration", below (I.4). Accelerations jump where a joint stops or turns back, and
+their slopes where it breaks away, so steps end there, as at joint stops. The rest of the step after
+that time is corrected with the accelerations from both sides. The correction is evaluated in the
+number type of the run: in dual numbers it contains the derivative of that time.
+
+=============  =================================================================================
+symbol         meaning
+=============  =================================================================================
+``since``      time from the change to the end of the step, s
+``before``     accelerations without the change; afterwards, ``after``
+=============  =================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+
+from flexarm.integrate.base import System
+from flexarm.integrate.memory import (
+    CHANGED,
+    EVALUATIONS,
+    LAST_NORM,
+    REFUSED,
+    REJECTED,
+    RISE,
+    STEP,
+    WHOLE,
+    Memory,
+)
+from flexarm.integrate.status import DONE, PAUSED
+from flexarm.integrate.sticking import (
+    SLACK,
+    excess_torque,
+    friction_holds,
+    held_torque,
+    sticks,
+)
+from flexarm.integrate.torque import slope_at
+from flexarm.kernels.columns import HELD_TORQUE, SLIDING
+from flexarm.kernels.compilation.cache import apart, merged
+from flexarm.kernels.compilation.numbers import real
+from flexarm.kernels.layout import Array
+
+#: Largest share of a step after the change. The corrected error is of its third power.
+_LATE = 1e-4
+#: Shortest time before a change, as a fraction of the current time: several rounding errors.
+_ROUNDING = 2e-15
+#: Bisections that locate a zero of the rate.
+_HALVINGS = 50
+
+
+@merged
+def _rate(x: float, h: float, v0: float, a0: float, v1: float, a1: float) -> float:
+    """Return the rate at x (0 to 1) of a step, by cubic Hermite interpolation."""
+    y = 1.0 - x
+    ends: float = v0 * y * y * (1.0 + 2.0 * x) + v1 * x * x * (3.0 - 2.0 * x)
+    return ends + h * x * y * (a0 * y - a1 * x)
+
+
+@merged
+def _zero(h: float, v0: float, a0: float, v1: float, a1: float) -> float:
+    """Return the time (s) at which a rate takes the sign of its end v1."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if _rate(middle, h, v0, a0, v1, a1) * v1 > 0.0:
+            high = middle
+        else:
+            low = middle
+    return high * h
+
+
+@merged
+def _slip_time(system: System, i: int, h: float) -> float:
+    """Return the time (s) in a step at which a locked joint slips, by interpolation; h if none."""
+    held = real(held_torque(system, i))
+    excess = real(excess_torque(system, i, held))
+    if excess <= SLACK * abs(held):
+        return h
+    first = math.copysign(1.0, held) * real(system.constants.body[i, HELD_TORQUE])
+    return h * (1.0 - excess / (abs(held) - first))
+
+
+@apart
+def judge_sticking(
+    system: System, memory: Memory, stages: Array, s: int, t: float, h: float, adaptive: bool
+) -> int:
+    """Check a step of length h from t, after the evaluation of ``stages[s]`` at its end.
+
+    Returns ``PAUSED`` if the step must be repeated to end where a joint sticks or slips, else
+    ``DONE``, with the joint that does so at its end in ``clock[CHANGED]``.
+    """
+    c, clock = system.constants, memory.clock
+    earliest, changed = math.inf, -1
+    for _ in range(len(system.sizes.joint_laws)):
+        for i in range(len(system.sizes.bodies)):
+            if not friction_holds(system, i):
+                continue
+            v1 = real(memory.new[1, i, 0])
+            found = h
+            if sticks(system, i):
+                found = _slip_time(system, i, h)
+            elif real(c.body[i, SLIDING]) * v1 < 0.0:
+                v0, a0 = real(memory.state[1, i, 0]), real(stages[0, 1, i, 0])
+                found = min(_zero(h, v0, a0, v1, real(stages[s, 1, i, 0])), h * (1.0 - SLACK))
+            if found < min(h, earliest):
+                earliest, changed = found, i
+        late = h - earliest > _LATE * h and earliest > _ROUNDING * abs(t)
+        if adaptive and changed >= 0 and late:
+            memory.counts[REJECTED] += 1
+            clock[WHOLE] = max(clock[WHOLE], h)
+            # Aim beyond the change: after a step that ends before it, a tiny one would follow.
+            clock[STEP] = earliest * (1.0 + 0.5 * _LATE)
+            clock[REFUSED] = 1.0
+            return PAUSED
+        for i in range(len(system.sizes.bodies)):
+            if sticks(system, i):
+                held = held_torque(system, i)
+                if i == changed:
+                    beyond = real(excess_torque(system, i, held))
+                    clock[RISE] = beyond / max(h - earliest, SLACK * h)
+                c.body[i, HELD_TORQUE] = held
+        clock[CHANGED] = 1.0 + changed
+    return DONE
+
+
+@apart
+def change_sticking(
+    system: System, memory: Memory, stages: Array, s: int, t: float, from_left: bool
+) -> None:
+    """Let the joint of ``clock[CHANGED]`` stick or slip at t, the end of an accepted step.
+
+    Corrects ``memory.new``, and computes its derivative ``stages[s]``; ``stages[0]`` is scratch.
+    """
+    c, clock, sizes = system.constants, memory.clock, system.sizes
+    new, joint = memory.new, int(clock[CHANGED]) - 1
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            stages[0, 1, i, j] = stages[s, 1, i, j]
+    if sticks(system, joint):
+        # The accelerations differ by an amount that has increased from zero since the change.
+        since = 0.5 * excess_torque(system, joint, c.body[joint, HELD_TORQUE]) / clock[RISE]
+        moved = 0.0 * since
+    else:
+        since = new[1, joint, 0] / stages[0, 1, joint, 0]
+        moved = 0.5 * since * since
+    new[1, joint, 0] = 0.0
+    settles = from_left  # a typed constant
+    memory.counts[EVALUATIONS] += slope_at(
+        system, t, from_left, new, memory.torque, stages, s, settles
+    )
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            change = stages[s, 1, i, j] - stages[0, 1, i, j]
+            new[0, i, j] += moved * change
+            new[1, i, j] += since * change
+    new[1, joint, 0] = since * stages[s, 1, joint, 0]
+    memory.counts[EVALUATIONS] += slope_at(
+        system, t, from_left, new, memory.torque, stages, s, settles
+    )
+    clock[CHANGED] = 0.0
+    if clock[WHOLE] > 0.0:  # the motion is smooth again, at the scale of before
+        clock[STEP] = clock[WHOLE]
+        clock[LAST_NORM] = clock[REFUSED] = clock[WHOLE] = 0.0
