@@ -31,7 +31,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.integrate.memory import STEP, TIME, Memory, new_memory
+from flexarm.integrate.memory import STEP, TIME, WHOLE, Memory, new_memory
 from flexarm.integrate.status import Status as Status
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
@@ -116,7 +116,8 @@ class Progress:
         memory.clock[TIME] = self.time
         memory.counts[:] = self.sample, self.steps, self.rejected, self.evaluations, self.impacts
         status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
-        self.time, self.step = float(memory.clock[TIME]), float(memory.clock[STEP])
+        # A step that is shortened to end at a change of sticking says nothing about the run.
+        self.time, self.step = float(memory.clock[TIME]), float(memory.clock[[STEP, WHOLE]].max())
         counts = memory.counts.tolist()
         self.sample, self.steps, self.rejected, self.evaluations, self.impacts = counts
         return Status(status)

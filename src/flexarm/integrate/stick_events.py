@@ -80,7 +80,9 @@ def _slip_time(system: System, i: int, h: float) -> float:
     if excess <= SLACK * abs(held):
         return h
     first = math.copysign(1.0, held) * real(system.constants.body[i, HELD_TORQUE])
-    return h * (1.0 - excess / (abs(held) - first))
+    # Aim at twice the slack: after a step that ends below the slack, a tiny one would follow.
+    share = (excess - 2.0 * SLACK * abs(held)) / (abs(held) - first)
+    return h * (1.0 - max(share, SLACK))
 
 
 @apart
@@ -119,8 +121,7 @@ def judge_sticking(
             if sticks(system, i):
                 held = held_torque(system, i)
                 if i == changed:
-                    beyond = real(excess_torque(system, i, held))
-                    clock[RISE] = beyond / max(h - earliest, SLACK * h)
+                    clock[RISE] = abs(real(held - c.body[i, HELD_TORQUE])) / h
                 c.body[i, HELD_TORQUE] = held
         clock[CHANGED] = 1.0 + changed
     return DONE
