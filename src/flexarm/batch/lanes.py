@@ -67,7 +67,7 @@ def fits_lanes(
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: compiled kernels, no stops, no bristles, no sticking."""
+    """Return whether lanes support the arm: compiled, no joint stops, bristles or sticking."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)

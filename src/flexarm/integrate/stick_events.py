@@ -35,10 +35,11 @@ from flexarm.integrate.sticking import (
     excess_torque,
     friction_holds,
     held_torque,
+    slips,
     sticks,
 )
 from flexarm.integrate.torque import slope_at
-from flexarm.kernels.columns import HELD_TORQUE, SLIDING
+from flexarm.kernels.columns import HELD_TORQUE, SLIDING, SLIP_TIME
 from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
@@ -47,8 +48,10 @@ from flexarm.kernels.layout import Array
 _LATE = 1e-4
 #: Shortest time before a change, as a fraction of the current time: several rounding errors.
 _ROUNDING = 2e-15
-#: Bisections that locate a zero of the rate.
-_HALVINGS = 50
+#: Intervals of a step that are searched for a zero of the rate, and bisections that locate it.
+_PARTS, _HALVINGS = 8, 50
+#: Largest ratio of a step to one that was shortened to examine a change, and found none.
+_GROW = 5.0
 
 
 @merged
@@ -60,29 +63,52 @@ def _rate(x: float, h: float, v0: float, a0: float, v1: float, a1: float) -> flo
 
 
 @merged
-def _zero(h: float, v0: float, a0: float, v1: float, a1: float) -> float:
-    """Return the time (s) at which a rate takes the sign of its end v1."""
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if _rate(middle, h, v0, a0, v1, a1) * v1 > 0.0:
-            high = middle
-        else:
-            low = middle
-    return high * h
+def _turning_time(h: float, v0: float, a0: float, v1: float, a1: float, side: float) -> float:
+    """Return the first time (s) in a step at which a rate is not on a side, +1 or -1; inf if none.
+
+    Only the ends of eight intervals are examined.
+    """
+    for part in range(1, _PARTS + 1):
+        high = part / _PARTS
+        if _rate(high, h, v0, a0, v1, a1) * side >= 0.0:
+            continue
+        low = high - 1.0 / _PARTS
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            if _rate(middle, h, v0, a0, v1, a1) * side < 0.0:
+                high = middle
+            else:
+                low = middle
+        return high * h
+    return math.inf
 
 
 @merged
-def _slip_time(system: System, i: int, h: float) -> float:
-    """Return the time (s) in a step at which a locked joint slips, by interpolation; h if none."""
+def _slip_time(system: System, i: int, t: float, h: float) -> float:
+    """Return the time (s) in a step from t at which a locked joint slips; inf if it does not.
+
+    It is found by interpolation of the torques at the ends of the step. If that at the end can be
+    held, it is the time of the first stage whose torque cannot; a step to there will show.
+    """
+    c = system.constants
     held = real(held_torque(system, i))
+    if not slips(system, i, held):
+        found: float = real(c.body[i, SLIP_TIME]) - t
+        return found
     excess = real(excess_torque(system, i, held))
-    if excess <= SLACK * abs(held):
-        return h
-    first = math.copysign(1.0, held) * real(system.constants.body[i, HELD_TORQUE])
+    first = math.copysign(1.0, held) * real(c.body[i, HELD_TORQUE])
     # Aim at twice the slack: after a step that ends below the slack, a tiny one would follow.
     share = (excess - 2.0 * SLACK * abs(held)) / (abs(held) - first)
     return h * (1.0 - max(share, SLACK))
+
+
+@merged
+def _changes(system: System, memory: Memory, i: int) -> bool:
+    """Return whether the joint of body i slips or has turned at the end of a step."""
+    if sticks(system, i):
+        return slips(system, i, real(held_torque(system, i)))
+    turned: bool = real(system.constants.body[i, SLIDING] * memory.new[1, i, 0]) < 0.0
+    return turned
 
 
 @apart
@@ -100,23 +126,25 @@ def judge_sticking(
         for i in range(len(system.sizes.bodies)):
             if not friction_holds(system, i):
                 continue
-            v1 = real(memory.new[1, i, 0])
-            found = h
+            found = math.inf
+            side = math.copysign(1.0, real(c.body[i, SLIDING]))
             if sticks(system, i):
-                found = _slip_time(system, i, h)
-            elif real(c.body[i, SLIDING]) * v1 < 0.0:
-                v0, a0 = real(memory.state[1, i, 0]), real(stages[0, 1, i, 0])
-                found = min(_zero(h, v0, a0, v1, real(stages[s, 1, i, 0])), h * (1.0 - SLACK))
+                found = _slip_time(system, i, t, h)
+            else:
+                v0, v1 = real(memory.state[1, i, 0]), real(memory.new[1, i, 0])
+                a0, a1 = real(stages[0, 1, i, 0]), real(stages[s, 1, i, 0])
+                found = _turning_time(h, v0, a0, v1, a1, side)
             if found < min(h, earliest):
                 earliest, changed = found, i
-        late = h - earliest > _LATE * h and earliest > _ROUNDING * abs(t)
-        if adaptive and changed >= 0 and late:
+        if adaptive and h - earliest > _LATE * h and earliest > _ROUNDING * abs(t):
             memory.counts[REJECTED] += 1
             clock[WHOLE] = max(clock[WHOLE], h)
             # Aim beyond the change: after a step that ends before it, a tiny one would follow.
             clock[STEP] = earliest * (1.0 + 0.5 * _LATE)
             clock[REFUSED] = 1.0
             return PAUSED
+        if changed >= 0 and not _changes(system, memory, changed):
+            changed = -1
         for i in range(len(system.sizes.bodies)):
             if sticks(system, i):
                 held = held_torque(system, i)
@@ -127,8 +155,8 @@ def judge_sticking(
     return DONE
 
 
-@apart
-def change_sticking(
+@merged
+def _change_sticking(
     system: System, memory: Memory, stages: Array, s: int, t: float, from_left: bool
 ) -> None:
     """Let the joint of ``clock[CHANGED]`` stick or slip at t, the end of an accepted step.
@@ -161,7 +189,20 @@ def change_sticking(
     memory.counts[EVALUATIONS] += slope_at(
         system, t, from_left, new, memory.torque, stages, s, settles
     )
-    clock[CHANGED] = 0.0
-    if clock[WHOLE] > 0.0:  # the motion is smooth again, at the scale of before
-        clock[STEP] = clock[WHOLE]
-        clock[LAST_NORM] = clock[REFUSED] = clock[WHOLE] = 0.0
+
+
+@apart
+def end_sticking(
+    system: System, memory: Memory, stages: Array, s: int, t: float, from_left: bool
+) -> None:
+    """End an accepted step at t where a joint sticks or slips, or that was shortened for that."""
+    clock = memory.clock
+    if clock[CHANGED] > 0.0:
+        _change_sticking(system, memory, stages, s, t, from_left)
+    if clock[WHOLE] > 0.0:
+        longest = clock[WHOLE]  # the motion is smooth again, at the scale of before
+        if clock[CHANGED] == 0.0:
+            longest = min(longest, _GROW * clock[STEP])
+        clock[STEP] = max(clock[STEP], longest)
+        clock[LAST_NORM] = 0.0
+    clock[CHANGED] = clock[WHOLE] = clock[REFUSED] = 0.0

@@ -12,8 +12,8 @@ its condition, again and again, ends at the only solution (Murty, Linear Algebra
 Applications 7 (1974) 65-108).
 
 The state alone decides, so that runs can pause, and states can be samples: rates of sticking
-joints are exactly zero. The columns SMOOTHING_RATE, SLIDING, JOINT_ADDED and HELD_TORQUE of the
-constants of a run, which no other run uses, hold the decision.
+joints are exactly zero. The columns SMOOTHING_RATE, SLIDING, JOINT_ADDED, HELD_TORQUE and SLIP_TIME
+of the constants of a run, which no other run uses, hold the decision.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from flexarm.kernels.columns import (
     MASS,
     ROTOR_INERTIA,
     SLIDING,
+    SLIP_TIME,
     SMOOTHING_RATE,
     TIP_INERTIA,
     TIP_MASS,
@@ -116,6 +117,30 @@ def excess_torque(system: System, i: int, held: Any) -> Any:
     return held - breakaway(system.constants, i, 0.0)
 
 
+@merged
+def slips(system: System, i: int, held: float) -> bool:
+    """Return whether a torque (N m) releases the joint of body i."""
+    exceeds: bool = real(excess_torque(system, i, held)) > SLACK * abs(held)
+    return exceeds
+
+
+@apart
+def watch_slips(system: System, t: float) -> None:
+    """Set the time at which a locked joint slips, after an evaluation of the dynamics at t."""
+    c = system.constants
+    for i in range(len(system.sizes.bodies)):
+        if sticks(system, i) and slips(system, i, real(held_torque(system, i))):
+            c.body[i, SLIP_TIME] = min(real(c.body[i, SLIP_TIME]), t)
+
+
+@merged
+def begin_watch(system: System) -> None:
+    """Forget the slips of the stages of the last step."""
+    for _ in range(len(system.sizes.joint_laws)):
+        for i in range(len(system.sizes.bodies)):
+            system.constants.body[i, SLIP_TIME] = math.inf
+
+
 @apart
 def _violation(system: System, state: Array) -> int:
     """Return the first body whose joint, at rest, slips though locked or turns back, or -1."""
@@ -124,8 +149,7 @@ def _violation(system: System, state: Array) -> int:
         if real(state[1, i, 0]) != 0.0 or not friction_holds(system, i):
             continue
         if sticks(system, i):
-            held = held_torque(system, i)
-            if real(excess_torque(system, i, held)) > SLACK * abs(real(held)):
+            if slips(system, i, real(held_torque(system, i))):
                 return i
         elif real(c.body[i, SLIDING]) * real(system.work.acceleration[i, 0]) < 0.0:
             return i

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.integrate.base import System
-from flexarm.integrate.sticking import settle_next, sticks, take_directions
+from flexarm.integrate.sticking import settle_next, sticks, take_directions, watch_slips
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.layout import Array
 from flexarm.kernels.recursion.articulated_body import solve_forward
@@ -106,6 +106,7 @@ def rates_of(
             stages[stage, 0, i, j] = state[1, i, j]
             stages[stage, 1, i, j] = work.acceleration[i, j]
     for _ in range(len(sizes.joint_laws)):
+        watch_slips(system, t)
         for i in range(len(sizes.bodies)):
             if sticks(system, i):
                 stages[stage, 1, i, 0] = 0.0

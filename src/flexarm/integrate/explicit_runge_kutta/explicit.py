@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import BETWEEN, CHANGED, EVALUATIONS, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, CHANGED, EVALUATIONS, STEP, WHOLE, Memory
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import (
     begin_call,
@@ -26,7 +26,8 @@ from flexarm.integrate.steps import (
     judge_step,
     step_landing,
 )
-from flexarm.integrate.stick_events import change_sticking, judge_sticking
+from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.sticking import begin_watch
 from flexarm.integrate.torque import rates_of, slope_at
 from flexarm.kernels.compilation.cache import unlocked
 from flexarm.kernels.layout import Array
@@ -80,6 +81,7 @@ def advance_explicit(
         if adaptive:
             h = min(h, LONGEST / tolerance.fastest)
         t_new, h, lands = step_landing(system.drive.stops, t, h, until)
+        begin_watch(system)
         for k in range(1, last):
             combine(sizes, state, stages, A, k, k, h, new)
             t_stage = t + c[k] * h
@@ -124,8 +126,8 @@ def advance_explicit(
             sample = sample_before(memory, t_new)
         if adaptive:
             choose_step(clock, h, record.order, lands)
-        if clock[CHANGED] > 0.0:
-            change_sticking(system, memory, stages, s, t_new, from_left)
+        if clock[CHANGED] + clock[WHOLE] > 0.0:
+            end_sticking(system, memory, stages, s, t_new, from_left)
         end_step(sizes, memory, new, t_new)
         for level in range(2):
             for i in range(len(sizes.bodies)):

@@ -17,13 +17,21 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
-from flexarm.integrate.memory import BETWEEN, CHANGED, EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.memory import (
+    BETWEEN,
+    CHANGED,
+    EVALUATIONS,
+    SOFTENED,
+    STEP,
+    WHOLE,
+    Memory,
+)
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
 from flexarm.integrate.status import DONE, PAUSED
 from flexarm.integrate.steps import choose_step, combine, judge_end, judge_step, step_landing
-from flexarm.integrate.stick_events import change_sticking, judge_sticking
-from flexarm.integrate.sticking import sticks
+from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.sticking import begin_watch, sticks, watch_slips
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import (
     FREE,
@@ -125,6 +133,7 @@ def additive_step(
         for i in range(len(sizes.bodies)):  # which joints stick or slide
             record.softened.body[i, SLIDING] = system.constants.body[i, SLIDING]
             record.softened.body[i, SMOOTHING_RATE] = system.constants.body[i, SMOOTHING_RATE]
+    begin_watch(system)
     for k in range(1, s):
         combine(sizes, state, stages, AE, k, k, h, smooth)
         combine(sizes, state, stages, AI, k, k, h, known)
@@ -144,6 +153,7 @@ def additive_step(
                 stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
                 stages[k, 1, i, j] = change
         for _ in range(len(sizes.joint_laws)):
+            watch_slips(system, t + c[k] * h)
             for i in range(len(sizes.bodies)):
                 if sticks(system, i):
                     stages[k, 0, i, 0] = 0.0
@@ -198,8 +208,8 @@ def advance_additive(
             return status
         samples_between(system, tolerance, memory, stages, t, h, t_new)
         choose_step(clock, h, record.order, lands)
-        if clock[CHANGED] > 0.0:
-            change_sticking(system, memory, stages, s, t_new, from_left)
+        if clock[CHANGED] + clock[WHOLE] > 0.0:
+            end_sticking(system, memory, stages, s, t_new, from_left)
         end_step(sizes, memory, new, t_new)
         for level in range(2):
             for i in range(len(sizes.bodies)):

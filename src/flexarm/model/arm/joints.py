@@ -12,7 +12,6 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Flag, NonNegative, Number, Pair, Positive, plain
 from flexarm.model.wording import Fault
 
-
 #: Smoothing rate of functions of q and qd, relative to the rate of the Stribeck effect.
 _SMOOTHED = 0.1
 
@@ -27,9 +26,9 @@ class Friction(Record):
     equal directions; for others see (R.47) on the theory page "recursion".
 
     Functions of q and qd, such as forward dynamics, linear models, filters, controllers and
-    exports, cannot contain what sticks: they have ``tanh(rate / w)`` instead of ``sign(rate)``, with
-    a tenth of ``stribeck_rate`` for ``w``. With a ``smoothing_rate``, ``w`` is this rate, and
-    simulations have ``tanh``, too: below the smoothing rate the joint creeps instead of sticking.
+    exports, do not stick: they have ``tanh(rate / w)`` instead of ``sign(rate)``, with a tenth of
+    ``stribeck_rate`` for ``w``. With a ``smoothing_rate``, ``w`` is this rate, and simulations have
+    ``tanh``, too: below the smoothing rate the joint creeps instead of sticking.
 
     With bristles (``bristle_stiffness``), friction has a state: the LuGre model, (R.50). The joint
     turns like a damped spring before it slips, and holds. At a constant rate the torque is that of
