@@ -116,8 +116,9 @@ class Progress:
         memory.clock[TIME] = self.time
         memory.counts[:] = self.sample, self.steps, self.rejected, self.evaluations, self.impacts
         status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
+        self.time = float(memory.clock[TIME])
         # A step that is shortened to end at a change of sticking says nothing about the run.
-        self.time, self.step = float(memory.clock[TIME]), float(memory.clock[[STEP, WHOLE]].max())
+        self.step = max(float(memory.clock[STEP]), float(memory.clock[WHOLE]))
         counts = memory.counts.tolist()
         self.sample, self.steps, self.rejected, self.evaluations, self.impacts = counts
         return Status(status)

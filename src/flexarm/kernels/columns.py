@@ -43,7 +43,7 @@ BODY_COLUMNS = 47
     TIP_MASS,  # kg, point mass at the body's tip
     TIP_INERTIA,  # kg m^2, rotating with the tip section
     FREE,  # 1.0 for a joint moved by forces, 0.0 for a fixed or prescribed one
-    JOINT_ADDED,  # kg m^2, added to the joint's diagonal: nonzero in implicit steps and if it sticks
+    JOINT_ADDED,  # kg m^2, added to the joint's diagonal: in implicit steps, and if it sticks
     JOINT_DRAG,  # N m s/rad, slope of the friction torque: nonzero only in an implicit step
     JOINT_DAMPING,  # N m s/rad
     JOINT_STIFFNESS,  # N m/rad, spring parallel to the motor

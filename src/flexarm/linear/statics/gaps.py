@@ -37,6 +37,29 @@ def warn_of_bristles(arm: Arm, model: str) -> None:
         )
 
 
+def warn_of_sticking(arm: Arm, qd: FloatArray, model: str) -> None:
+    """Warn if friction holds a joint that rests at rates qd (dof,): ``model`` has a damper there.
+
+    Rates are compared with those at which the damper has become a constant torque.
+    """
+    dampers = []
+    for seat in arm.assembly.seats:
+        friction = arm.spec.joints[seat.link].friction
+        if friction is None or not friction.holds or abs(qd[seat.angle]) > friction.model_rate:
+            continue
+        level = friction.coulomb if friction.static is None else friction.static
+        if level > 0.0:
+            slope = level / friction.model_rate
+            dampers.append(f"arm.joints[{seat.link}] ({slope:.3g} N m s/rad)")
+    if dampers:
+        warn_caller(
+            f"{', '.join(dampers)}: friction holds this joint at rest. {model} has the damper in "
+            "brackets instead, with which the joint hardly moves. For a sliding joint, use an arm "
+            "without Coulomb friction, or rates above a tenth of stribeck_rate.",
+            FlexarmWarning,
+        )
+
+
 def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
     """Raise if friction has bristles.
 
