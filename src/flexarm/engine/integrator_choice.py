@@ -35,6 +35,9 @@ _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
 #: which rk4 is stable.
 _STABLE = 2.8
+#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below which
+#: the rate errors of steps that are implicit in friction exceed it, and a joint may not stick at all.
+_SMOOTH = 1e3
 
 
 class Choice(NamedTuple):
@@ -110,8 +113,11 @@ def choose_integrator(
                 "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
                 "fast for an explicit method",
             )
-        return _by_stiffness(arm, tolerance, touch, prescribed)
-    return Choice(INTEGRATORS[requested](step=step), "named by the user")
+        choice = _by_stiffness(arm, tolerance, touch, prescribed)
+        return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
+    method = INTEGRATORS[requested](step=step)
+    doubt = _smoothing_doubt(method, arm, tolerance)
+    return Choice(method, "named by the user", doubt=doubt)
 
 
 def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
@@ -174,6 +180,23 @@ def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
         "should stick, and the motion is wrong. Use integrator='auto' without a step, or raise "
         "smoothing_rate."
     )
+
+
+def _smoothing_doubt(integrator: Integrator, arm: Arm, tolerance: Tolerance) -> str:
+    """Return a warning if friction is smoothed over less than the rate errors of its steps."""
+    if not isinstance(integrator, KennedyCarpenter5):
+        return ""
+    least = _SMOOTH * tolerance.relative
+    for i, joint in enumerate(arm.spec.joints):
+        rubs = joint.friction
+        narrow = rubs is not None and rubs.smoothing_rate is not None
+        if narrow and rubs.smoothing_rate < least * rubs.stribeck_rate * (1.0 - 1e-9):
+            return (
+                f"arm.joints[{i}].friction.smoothing_rate ({rubs.smoothing_rate:.3g} rad/s) is "
+                f"below the errors that rtol={tolerance.relative:.3g} permits, so that the joint "
+                "may slide where it should stick. Leave it out: friction then holds."
+            )
+    return ""
 
 
 def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: float) -> Choice:

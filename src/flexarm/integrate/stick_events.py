@@ -44,7 +44,7 @@ from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
 
-#: Largest share of a step after the change. The corrected error is of its third power.
+#: Largest share of a step after the change. The corrected error is of its square.
 _LATE = 1e-4
 #: Shortest time before a change, as a fraction of the current time: several rounding errors.
 _ROUNDING = 2e-15

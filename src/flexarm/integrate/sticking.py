@@ -138,7 +138,8 @@ def begin_watch(system: System) -> None:
     """Forget the slips of the stages of the last step."""
     for _ in range(len(system.sizes.joint_laws)):
         for i in range(len(system.sizes.bodies)):
-            system.constants.body[i, SLIP_TIME] = math.inf
+            if sticks(system, i):
+                system.constants.body[i, SLIP_TIME] = math.inf
 
 
 @apart

@@ -33,7 +33,8 @@ class SampleSchedule:
     ) -> None:
         self.run, self._hardware = run, hardware
         self.sample_time = sample_time
-        run.doubt = friction_doubt(run.integrator, run.arm, sample_time)
+        doubt = friction_doubt(run.integrator, run.arm, sample_time)
+        run.doubt = doubt or run.choice.doubt
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm, keep)
