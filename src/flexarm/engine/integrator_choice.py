@@ -35,8 +35,8 @@ _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
 #: which rk4 is stable.
 _STABLE = 2.8
-#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below which
-#: the rate errors of steps that are implicit in friction exceed it, and a joint may not stick at all.
+#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below
+#: which it is less than the rate errors of implicit steps, so that a joint may not stick at all.
 _SMOOTH = 1e3
 
 
@@ -189,10 +189,12 @@ def _smoothing_doubt(integrator: Integrator, arm: Arm, tolerance: Tolerance) -> 
     least = _SMOOTH * tolerance.relative
     for i, joint in enumerate(arm.spec.joints):
         rubs = joint.friction
-        narrow = rubs is not None and rubs.smoothing_rate is not None
-        if narrow and rubs.smoothing_rate < least * rubs.stribeck_rate * (1.0 - 1e-9):
+        rate = None if rubs is None else rubs.smoothing_rate
+        if rubs is None or rate is None:
+            continue
+        if rate < least * rubs.stribeck_rate * (1.0 - 1e-9):
             return (
-                f"arm.joints[{i}].friction.smoothing_rate ({rubs.smoothing_rate:.3g} rad/s) is "
+                f"arm.joints[{i}].friction.smoothing_rate ({rate:.3g} rad/s) is "
                 f"below the errors that rtol={tolerance.relative:.3g} permits, so that the joint "
                 "may slide where it should stick. Leave it out: friction then holds."
             )
@@ -210,8 +212,9 @@ def _choose_by_longest(choice: Choice, arm: Arm, tolerance: Tolerance, longest: 
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
     if arm.assembly.has_sticking:
         doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
-        method = KennedyCarpenter5(step=step)
-        return Choice(method, f"order 5 with bending implicit: {reason}", doubt=doubt)
+        return Choice(
+            KennedyCarpenter5(step=step), f"order 5 with bending implicit: {reason}", doubt=doubt
+        )
     doubt = (
         f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
         "step has no error estimate: halve it once and compare."

@@ -91,15 +91,16 @@ def _slip_time(system: System, i: int, t: float, h: float) -> float:
     held, it is the time of the first stage whose torque cannot; a step to there will show.
     """
     c = system.constants
+    found: float = real(c.body[i, SLIP_TIME]) - t
     held = real(held_torque(system, i))
     if not slips(system, i, held):
-        found: float = real(c.body[i, SLIP_TIME]) - t
         return found
     excess = real(excess_torque(system, i, held))
     first = math.copysign(1.0, held) * real(c.body[i, HELD_TORQUE])
     # Aim at twice the slack: after a step that ends below the slack, a tiny one would follow.
     share = (excess - 2.0 * SLACK * abs(held)) / (abs(held) - first)
-    return h * (1.0 - max(share, SLACK))
+    found = h * (1.0 - max(share, SLACK))
+    return found
 
 
 @merged

@@ -61,13 +61,15 @@ def friction_holds(system: System, i: int) -> bool:
     """Return whether the friction of the joint of body i can hold it at rest."""
     c = system.constants
     most = real(breakaway(c, i, 0.0) + breakaway(c, i, 1.0))
-    return real(c.body[i, HOLDS] * c.body[i, FREE]) * most > 0.0
+    holds: bool = real(c.body[i, HOLDS] * c.body[i, FREE]) * most > 0.0
+    return holds
 
 
 @merged
 def sticks(system: System, i: int) -> bool:
     """Return whether the joint of body i is locked."""
-    return real(system.constants.body[i, JOINT_ADDED]) > 0.0
+    locked: bool = real(system.constants.body[i, JOINT_ADDED]) > 0.0
+    return locked
 
 
 @merged
