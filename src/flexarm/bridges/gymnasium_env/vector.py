@@ -35,29 +35,28 @@ _SYNC = "Use gymnasium.make_vec(..., vectorization_mode='sync'), which steps one
 class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
     """Many environments of one task, stepped together, eight arms at a time in each thread.
 
-        Sub-environment i has the numbers of a single environment with the seed of i, for any number of
-        sub-environments and threads. ``reset(seed=s)`` gives it the seed s + i. Its arguments are
-    Its arguments are
-        those of the single environment, with these limits: the arm has no joint limits and no friction
-        that holds (give it a ``smoothing_rate``), the instruments and motors are exact, and ``plant``
-        is not a function. Other cases, and
-        ``flexarm/TrackForce-v0``, need ``vectorization_mode="sync"``.
+    Sub-environment i has the numbers of a single environment with the seed of i, for any number of
+    sub-environments and threads. ``reset(seed=s)`` gives it the seed s + i. Its arguments are
+    those of the single environment, with these limits: the arm has no joint limits and no friction
+    that holds (give it a ``smoothing_rate``), the instruments and motors are exact, and ``plant``
+    is not a function. Other cases, and
+    ``flexarm/TrackForce-v0``, need ``vectorization_mode="sync"``.
 
-        Observations and rewards are new arrays of each step. ``info`` contains one array for each item
-        of a single ``info``, and the mask of the sub-environments that have it, ``_time`` for ``time``.
+    Observations and rewards are new arrays of each step. ``info`` contains one array for each item
+    of a single ``info``, and the mask of the sub-environments that have it, ``_time`` for ``time``.
 
-        Args:
-            num_envs: number of sub-environments.
-            autoreset_mode: ``"NextStep"``: the step after the end of an episode begins a new one and
-                ignores the action; its reward is zero. ``"SameStep"``: the last step of an episode
-                returns the first observation of the next one; ``info["final_obs"]`` and
-                ``info["final_info"]`` have the last ones. ``"Disabled"``: call ``reset`` with
-                ``options={"reset_mask": ...}``.
-            threads: number of threads, by default one for each core that this process may use.
-            arguments: of the single environment.
+    Args:
+        num_envs: number of sub-environments.
+        autoreset_mode: ``"NextStep"``: the step after the end of an episode begins a new one and
+            ignores the action; its reward is zero. ``"SameStep"``: the last step of an episode
+            returns the first observation of the next one; ``info["final_obs"]`` and
+            ``info["final_info"]`` have the last ones. ``"Disabled"``: call ``reset`` with
+            ``options={"reset_mask": ...}``.
+        threads: number of threads, by default one for each core that this process may use.
+        arguments: of the single environment.
 
-        Raises:
-            InputError: if an argument is not valid, or not supported by a vector environment.
+    Raises:
+        InputError: if an argument is not valid, or not supported by a vector environment.
     """
 
     #: Class of the single environments.
