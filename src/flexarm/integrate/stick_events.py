@@ -46,8 +46,9 @@ from flexarm.kernels.layout import Array
 
 #: Largest share of a step after the change. The corrected error is of its square.
 _LATE = 1e-4
-#: Shortest time before a change, as a fraction of the current time: several rounding errors.
-_ROUNDING = 2e-15
+#: Shortest step to a change, in radians of the fastest vibration. In shorter ones, torques near the
+#: limit are rounding errors, and no step might reach the change.
+_SHORTEST = 1e-6
 #: Intervals of a step that are searched for a zero of the rate, and bisections that locate it.
 _PARTS, _HALVINGS = 8, 50
 #: Largest ratio of a step to one that was shortened to examine a change, and found none.
@@ -114,8 +115,9 @@ def _changes(system: System, memory: Memory, i: int) -> bool:
 
 @apart
 def judge_sticking(
-    system: System, memory: Memory, stages: Array, s: int, t: float, h: float, adaptive: bool
-) -> int:
+    system: System, fastest: float, memory: Memory, stages: Array, s: int, t: float, h: float,
+    adaptive: bool,
+) -> int:  # fmt: skip
     """Check a step of length h from t, after the evaluation of ``stages[s]`` at its end.
 
     Returns ``PAUSED`` if the step must be repeated to end where a joint sticks or slips, else
@@ -137,7 +139,8 @@ def judge_sticking(
                 found = _turning_time(h, v0, a0, v1, a1, side)
             if found < min(h, earliest):
                 earliest, changed = found, i
-        if adaptive and h - earliest > _LATE * h and earliest > _ROUNDING * abs(t):
+        earliest = max(earliest, _SHORTEST / fastest)
+        if adaptive and h - earliest > _LATE * h:
             memory.counts[REJECTED] += 1
             clock[WHOLE] = max(clock[WHOLE], h)
             # Aim beyond the change: after a step that ends before it, a tiny one would follow.

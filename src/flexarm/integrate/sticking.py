@@ -49,9 +49,9 @@ _SIGN = 40.0
 _NEVER = 1e300
 #: Inertia of a locked joint, relative to that of the whole arm stretched out.
 _LOCK = 1e20
-#: Share of the breakaway torque by which a torque must exceed it to release the joint, above the
-#: rounding errors of the recursion: a released joint must not stick at once.
-SLACK = 1e-10
+#: Share of the breakaway torque by which a torque must exceed it to release the joint: a released
+#: joint must not stick at once. Rounding errors of the torque are 1e-8 for stiff links.
+SLACK = 1e-7
 #: Largest number of changes at one instant. It is not reached: a joint that changes twice is rare.
 _CHANGES = 64
 

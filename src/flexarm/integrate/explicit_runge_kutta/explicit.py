@@ -105,7 +105,7 @@ def advance_explicit(
             counts[EVALUATIONS] += 1
         status = judge_end(system, memory, h, adaptive)
         if status == DONE:
-            status = judge_sticking(system, memory, stages, s, t, h, adaptive)
+            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, adaptive)
         if status == PAUSED:
             continue
         if status != DONE:

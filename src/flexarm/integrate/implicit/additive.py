@@ -201,7 +201,7 @@ def advance_additive(
         counts[EVALUATIONS] += 1
         status = judge_end(system, memory, h, controlled)
         if status == DONE:
-            status = judge_sticking(system, memory, stages, s, t, h, controlled)
+            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, controlled)
         if status == PAUSED:
             continue
         if status != DONE:
