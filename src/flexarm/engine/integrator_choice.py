@@ -27,6 +27,9 @@ from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
 #: needs fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to
 #: ten times that of the explicit method of order 8. The default keeps the accuracy.
 _STIFF, _AT = 1300.0, 1e-5
+#: Divisor of this ratio for arms whose joints stick: steps that end at each change gain less from
+#: order 8.
+_STICKING = 30.0
 #: Rate of friction over the frequency of the fastest vibration above which "auto" is implicit, at a
 #: relative tolerance of 1e-7, where the explicit method takes two to three times the evaluations;
 #: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
@@ -243,7 +246,8 @@ def _by_stiffness(
         # Strong damping limits an explicit step in the same way as a vibration.
         fastest = max(tolerance.fastest, float(c.damping.max()))
         ratio = fastest / float(np.sqrt(c.w2[real].min()))
-        stiff = ratio > _STIFF * np.sqrt(_AT / tolerance.relative)
+        limit = _STIFF / (_STICKING if arm.assembly.has_sticking else 1.0)
+        stiff = ratio > limit * np.sqrt(_AT / tolerance.relative)
         if stiff and touch > tolerance.fastest:
             return Choice(
                 DormandPrince8(),
