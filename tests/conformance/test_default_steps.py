@@ -41,7 +41,7 @@ def rod_to_stop():
 
 def rod_that_sticks():
     """Return a rod that friction stops after 0.1 s; explicit steps of 2 ms would be unstable."""
-    friction = fa.Friction(coulomb=1.0)
+    friction = fa.Friction(coulomb=1.0, smoothing_rate=0.01)
     return driven(fa.Joint(hub_inertia=0.01, friction=friction), True, 0.5)
 
 

@@ -25,7 +25,8 @@ def joint_loss(joint: Joint, angle: float, rate: float) -> float:
     torque = 0.0
     if joint.friction is not None:
         f = joint.friction
-        sign = np.tanh(rate / f.smoothing_rate)
+        width = 0.1 * f.stribeck_rate if f.smoothing_rate is None else f.smoothing_rate
+        sign = np.tanh(rate / width)
         # The mean of the two directions, weighted by their shares of the smoothed sign.
         shares = (1 + sign) / 2, (1 - sign) / 2
         coulomb = f.coulomb, f.coulomb if f.coulomb_negative is None else f.coulomb_negative

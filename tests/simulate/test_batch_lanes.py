@@ -295,7 +295,7 @@ def test_a_load_that_does_not_fit_a_later_arm(executed):
 
 
 def test_arms_with_other_arrays_are_in_other_packs(executed):
-    rubbing = [fa.Joint(friction=fa.Friction(coulomb=0.1)), fa.Joint()]
+    rubbing = [fa.Joint(friction=fa.Friction(coulomb=0.1, smoothing_rate=0.01)), fa.Joint()]
     links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
     arms = [fa.Arm(links=links), fa.Arm(links=links, joints=rubbing), fa.Arm(links=links[::-1])]
     torque = np.random.default_rng(3).normal(size=(30, 2))
@@ -305,6 +305,15 @@ def test_arms_with_other_arrays_are_in_other_packs(executed):
     for k, arm in enumerate(arms):
         single = fa.simulate(arm, 0.05, **how)
         np.testing.assert_array_equal(batch["tip"][k], single["tip"])
+
+
+def test_arms_whose_friction_holds_are_executed_singly(executed):
+    joints = [fa.Joint(hub_inertia=0.1, friction=fa.Friction(coulomb=0.1))]
+    arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=joints)
+    how = {"torque": np.random.default_rng(3).normal(size=(30, 1)), "rate": 500.0}
+    batch = fa.simulate_batch([arm, arm], 0.05, threads=1, **how)
+    assert executed == []
+    np.testing.assert_array_equal(batch["tip"][1], fa.simulate(arm, 0.05, **how)["tip"])
 
 
 @pytest.mark.parametrize("how", EXPLICIT, ids=lambda how: how["integrator"])

@@ -198,7 +198,8 @@ def test_friction_of_controlled_arms_and_plants_warns_of_a_fixed_step():
 
 
 def test_friction_that_appears_during_a_run_warns_of_a_fixed_step():
-    arm = table_one(2, modes=2, joints=[fa.Joint(friction=fa.Friction(coulomb=0.01))] * 2)
+    friction = fa.Friction(coulomb=0.01, smoothing_rate=0.01)
+    arm = table_one(2, modes=2, joints=[fa.Joint(friction=friction)] * 2)
     change = fa.Change("joints[0].friction.coulomb", at=0.005, to=50.0)
     with pytest.warns(fa.AccuracyWarning, match="too long for friction"):
         run(arm, 0.01, step=1e-4, changes=[change])

@@ -91,6 +91,13 @@ class Assembly:
         """Whether the friction of any joint has bristles."""
         return bool(self.constants.bristles[:, 0].any())
 
+    @property
+    def has_sticking(self) -> bool:
+        """Whether the friction of any joint holds it at rest in runs."""
+        c = self.constants
+        coulomb, rise, excess = c.friction[:, 0], c.friction[:, 1], c.friction[:, 5]
+        return bool(np.any(c.holds * (2.0 * (coulomb + rise) + excess) > 0.0))
+
     @cached_property
     def run_constants(self) -> ArmConstants:
         """Constants for states of runs, which contain the deflections of bristles.
@@ -311,7 +318,7 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
     constants.rotor[i] = joint.rotor_inertia, joint.gear_ratio
     if joint.friction is not None:
         rubs = joint.friction
-        rates = rubs.stribeck_rate, rubs.smoothing_rate
+        rates = rubs.stribeck_rate, rubs.model_rate
         rise = 0.0 if rubs.static is None else rubs.static - rubs.coulomb
         excess = [
             0.0 if backward is None else backward - forward
@@ -321,6 +328,7 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
             )
         ]
         constants.friction[i] = rubs.coulomb, rise, *rates, rubs.viscous, *excess
+        constants.holds[i] = float(rubs.holds)
         if rubs.bristle_stiffness is not None:
             constants.bristles[i] = 1.0, rubs.bristle_stiffness**0.5, rubs.bristle_damping
     if joint.limits is not None:

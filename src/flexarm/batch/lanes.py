@@ -72,9 +72,10 @@ def fits_lanes(
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: compiled kernels, no joint stops and no bristles."""
+    """Return whether lanes support the arm: compiled, no joint stops, bristles or sticking."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
-    return COMPILED and all(free) and not arm.assembly.has_bristles
+    assembly = arm.assembly
+    return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
 
 
 def is_absent(value: Any) -> bool:

@@ -20,13 +20,16 @@ from flexarm.integrate import (
     RungeKutta4,
 )
 from flexarm.integrate.base import FloatArray, Tolerance
-from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
 #: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method
 #: needs fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to
 #: ten times that of the explicit method of order 8. The default keeps the accuracy.
 _STIFF, _AT = 1300.0, 1e-5
+#: Divisor of this ratio for arms whose joints stick: steps that end at each change gain less from
+#: order 8.
+_STICKING = 30.0
 #: Rate of friction over the frequency of the fastest vibration above which "auto" is implicit, at a
 #: relative tolerance of 1e-7, where the explicit method takes two to three times the evaluations;
 #: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
@@ -35,6 +38,9 @@ _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
 #: which rk4 is stable.
 _STABLE = 2.8
+#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below
+#: which it is less than the rate errors of implicit steps, so that a joint may not stick at all.
+_SMOOTH = 1e3
 
 
 class Choice(NamedTuple):
@@ -100,10 +106,11 @@ def choose_integrator(
 
     Raises:
         InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
-            bristles and the requested integrator does not support them.
+            bristles or holds and the requested integrator does not support that.
     """
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
+    _refuse_with_sticking(requested, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed)
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
@@ -130,8 +137,11 @@ def _choose(
                 "fast for an explicit method",
                 open=True,
             )
-        return _by_stiffness(arm, tolerance, touch, prescribed)
-    return Choice(INTEGRATORS[requested](step=step), "named by the user")
+        choice = _by_stiffness(arm, tolerance, touch, prescribed)
+        return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
+    method = INTEGRATORS[requested](step=step)
+    doubt = _smoothing_doubt(method, arm, tolerance)
+    return Choice(method, "named by the user", doubt=doubt)
 
 
 def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
@@ -146,6 +156,15 @@ def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: 
         refuse_bristles(arm, "integrator", shown(kind.name), hint)
 
 
+def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
+    """Raise if friction holds a joint and a requested integrator does not let joints stick."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if kind is not None and not kind.follows_sticking:
+        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
+        hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
+        refuse_sticking(arm, "integrator", shown(kind.name), hint)
+
+
 def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:
     """Return the integrator of an open-loop run from the times at which its drive is not smooth.
 
@@ -158,7 +177,7 @@ def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float
         return choice
     inside = stops[(stops > 0.0) & (stops < duration)]
     longest = float(np.diff(np.unique([0.0, *inside, duration])).max())
-    choice = _choose_by_longest(choice, longest) if choice.by_drive else choice
+    choice = _choose_by_longest(choice, arm, longest) if choice.by_drive else choice
     doubt = friction_doubt(choice.integrator, arm, longest)
     return choice._replace(doubt=f"{choice.doubt} {doubt}".strip()) if doubt else choice
 
@@ -185,13 +204,37 @@ def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
     )
 
 
-def _choose_by_longest(choice: Choice, longest: float) -> Choice:
+def _smoothing_doubt(integrator: Integrator, arm: Arm, tolerance: Tolerance) -> str:
+    """Return a warning if friction is smoothed over less than the rate errors of its steps."""
+    if not isinstance(integrator, KennedyCarpenter5):
+        return ""
+    least = _SMOOTH * tolerance.relative
+    for i, joint in enumerate(arm.spec.joints):
+        rubs = joint.friction
+        rate = None if rubs is None else rubs.smoothing_rate
+        if rubs is None or rate is None:
+            continue
+        if rate < least * rubs.stribeck_rate * (1.0 - 1e-9):
+            return (
+                f"arm.joints[{i}].friction.smoothing_rate ({rate:.3g} rad/s) is "
+                f"below the errors that rtol={tolerance.relative:.3g} permits, so that the joint "
+                "may slide where it should stick. Leave it out: friction then holds."
+            )
+    return ""
+
+
+def _choose_by_longest(choice: Choice, arm: Arm, longest: float) -> Choice:
     """Return the integrator of "auto" with a fixed step, of which the longest takes ``longest``."""
     step = float(choice.integrator.step or 0.0)
     angle = min(step, longest) * choice.fastest
     if angle <= _STABLE:
         return choice
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
+    if arm.assembly.has_sticking:
+        doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
+        method = KennedyCarpenter5(step=step)
+        reason = f"order 5 with bending implicit: {reason}"
+        return choice._replace(integrator=method, reason=reason, doubt=doubt)
     doubt = (
         f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
         "step has no error estimate: halve it once and compare."
@@ -221,7 +264,8 @@ def _by_stiffness(
         # Strong damping limits an explicit step in the same way as a vibration.
         fastest = max(tolerance.fastest, float(c.damping.max()))
         ratio = fastest / float(np.sqrt(c.w2[real].min()))
-        stiff = ratio > _STIFF * np.sqrt(_AT / tolerance.relative)
+        limit = _STIFF / (_STICKING if arm.assembly.has_sticking else 1.0)
+        stiff = ratio > limit * np.sqrt(_AT / tolerance.relative)
         if stiff and touch > tolerance.fastest:
             return Choice(
                 DormandPrince8(),

@@ -92,6 +92,7 @@ def new_run(
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
         environment=environment,
+        doubt=choice.doubt,
     )
 
 

@@ -174,7 +174,8 @@ def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
     state = kernels.zeros(2)
     still = kernels.forward_dynamics(state, torque)[:, 0].copy()
-    for i in np.flatnonzero(slope * c.free):
+    # Friction that holds does not settle: runs lock a joint that sticks.
+    for i in np.flatnonzero(slope * c.free * (1.0 - c.holds)):
         torque[i] = 1.0
         rates.append(float(slope[i] * (kernels.forward_dynamics(state, torque)[i, 0] - still[i])))
         torque[i] = 0.0

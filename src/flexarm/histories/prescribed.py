@@ -223,9 +223,12 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
 
 
 def constants_with(arm: Arm, prescribed: Sequence[int]) -> ArmConstants:
-    """Return the constants of a run, with joints, by number from 1, marked as not free."""
+    """Return the constants of a run, with joints, by number from 1, marked as not free.
+
+    They are those of this run alone if friction holds joints, because a run marks those that stick.
+    """
     constants = arm.assembly.run_constants
-    if not prescribed:
+    if not prescribed and not arm.assembly.has_sticking:
         return constants
     body = constants.body.copy()
     body[arm.assembly.joint_body[np.isin(arm.joint_numbers, prescribed)], FREE] = 0.0

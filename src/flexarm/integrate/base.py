@@ -16,8 +16,10 @@ registry):
 8. An adaptive method ends a step where a joint meets or leaves a stop or a contact opens or closes
    (``integrate.switching``); a fixed-step method ends a run that diverges with a status
    (``steps.followed``).
-9. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
-   a fixed step that is too long for a contact ends with a status.
+9. A method that follows sticking locks joints that stick (``integrate.sticking``), and an adaptive
+   one ends a step where a joint sticks or slips (``integrate.stick_events``).
+10. A method that follows contacts never skips a contact between steps (``integrate.nearness``), and
+    a fixed step that is too long for a contact ends with a status.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.integrate.memory import STEP, TIME, Memory, new_memory
+from flexarm.integrate.memory import STEP, TIME, WHOLE, Memory, new_memory
 from flexarm.integrate.status import Status as Status
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
@@ -119,7 +121,9 @@ class Progress:
             self.sample, self.steps, self.rejected, self.evaluations, self.impacts, self.touches,
         )  # fmt: skip
         status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
-        self.time, self.step = float(memory.clock[TIME]), float(memory.clock[STEP])
+        self.time = float(memory.clock[TIME])
+        # A step that is shortened to end at a change of sticking says nothing about the run.
+        self.step = max(float(memory.clock[STEP]), float(memory.clock[WHOLE]))
         counts = memory.counts.tolist()
         self.sample, self.steps, self.rejected, self.evaluations = counts[:4]
         self.impacts, self.touches = counts[4:]
@@ -136,7 +140,8 @@ class Integrator(ABC):
 
     Class attributes: ``name`` in the registry; ``order``; ``adaptive``; ``follows_contacts``, False
     for a multistep method, which requires smooth motion between stops; ``follows_bristles``,
-    whether it has step control and supports friction with bristles; and ``reference``, the BibTeX
+    whether it has step control and supports friction with bristles; ``follows_sticking``, whether
+    it changes the equations where a joint starts to stick or to slip; and ``reference``, the BibTeX
     keys of the method (``flexarm.citation``).
 
     Args:
@@ -152,6 +157,7 @@ class Integrator(ABC):
     adaptive: ClassVar[bool] = False
     follows_contacts: ClassVar[bool] = True
     follows_bristles: ClassVar[bool] = False
+    follows_sticking: ClassVar[bool] = False
     reference: ClassVar[tuple[str, ...]] = ()
     stepper: ClassVar[Callable[..., int]]
 

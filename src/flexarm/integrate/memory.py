@@ -11,7 +11,7 @@ from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
 #: method divides into equal steps.
-CLOCK_PLACES = 15
+CLOCK_PLACES = 18
 (
     TIME,  # s
     STEP,  # s, next step to try; for a method that works in spans, the longest step
@@ -28,6 +28,9 @@ CLOCK_PLACES = 15
     BETWEEN,  # 1.0 if the last call paused between two steps, else 0.0
     RESUMED,  # s, next step after one that ends at the change of a spring, zero without one
     AHEAD,  # s, from the end of the present step to a change of a spring, zero without one
+    CHANGED,  # number, from 1, of the body whose joint sticks or slips at the end of the step, or 0
+    RISE,  # N m/s, of the torque beyond the breakaway torque, if it slips
+    WHOLE,  # s, step before it was shortened to end there, or 0
 ) = range(CLOCK_PLACES)
 
 #: Indices of ``Memory.counts``.

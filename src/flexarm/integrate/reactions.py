@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import System
+from flexarm.integrate.sticking import settle_next, sticks, take_directions
 from flexarm.integrate.torque import loads_at
 from flexarm.kernels.columns import (
     GEAR_RATIO,
@@ -40,10 +41,17 @@ def reactions_many(
     sizes, constants, work = system.sizes, system.constants, system.work
     for k in range(states.shape[0]):
         loads_at(system, times[k], False)
+        take_directions(system, states[k])
+        evaluations = 1
         forward_dynamics(sizes, constants, states[k], torques[k], system.drive.loads, work)
+        while settle_next(system, states[k], evaluations):
+            evaluations += 1
+            forward_dynamics(sizes, constants, states[k], torques[k], system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 accelerations[k, i, j] = work.acceleration[i, j]
+            if sticks(system, i):
+                accelerations[k, i, 0] = 0.0
         inverse_dynamics(sizes, constants, states[k], accelerations[k], system.drive.loads, work)
         for i in range(len(sizes.bodies)):
             for p in range(3):

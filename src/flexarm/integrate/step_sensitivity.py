@@ -66,7 +66,7 @@ def held_torque_additive_step(
     memory.clock[SOFTENED] = math.nan  # the constants may have changed since the last call
     slope_at(
         system, 0.0, bool(np.bool_(False)), memory.state, memory.torque, record.stages,
-        int(np.int64(0)),
+        int(np.int64(0)), bool(np.bool_(False)),
     )  # fmt: skip
     additive_step(system, record, memory, 0.0, h)
 

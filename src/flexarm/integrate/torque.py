@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.integrate.base import System
+from flexarm.integrate.sticking import settle_next, sticks, take_directions, watch_slips
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.layout import Array
 from flexarm.kernels.recursion.articulated_body import solve_forward
@@ -104,6 +105,11 @@ def rates_of(
         for j in range(1 + len(sizes.modes)):
             stages[stage, 0, i, j] = state[1, i, j]
             stages[stage, 1, i, j] = work.acceleration[i, j]
+    for _ in range(len(sizes.joint_laws)):
+        watch_slips(system, t)
+        for i in range(len(sizes.bodies)):
+            if sticks(system, i):
+                stages[stage, 1, i, 0] = 0.0
 
 
 @compiled
@@ -115,6 +121,21 @@ def slope_at(
     torque: Array,
     stages: Array,
     stage: int,
-) -> None:
-    """Call ``rates_of`` without inlining it, where compile time is more important than speed."""
-    rates_of(system, t, from_left, state, torque, stages, stage)
+    settles: bool,
+) -> int:
+    """Call ``rates_of`` without inlining it, where compile time is more important than speed.
+
+    Args:
+        settles: whether to decide which joints stick; otherwise as in the last decision.
+
+    Returns:
+        Number of evaluations: one, and one for each joint whose decision was changed.
+    """
+    if settles:
+        take_directions(system, state)
+    evaluations = 1
+    while True:
+        rates_of(system, t, from_left, state, torque, stages, stage)
+        if not settles or not settle_next(system, state, evaluations):
+            return evaluations
+        evaluations += 1

@@ -20,7 +20,7 @@ ARM_COLUMNS = 4
 ) = range(ARM_COLUMNS)
 
 # ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
-BODY_COLUMNS = 43
+BODY_COLUMNS = 47
 (
     MASS,  # kg
     INVERSE_MASS,  # 1/kg; 0 for a body without mass
@@ -43,7 +43,7 @@ BODY_COLUMNS = 43
     TIP_MASS,  # kg, point mass at the body's tip
     TIP_INERTIA,  # kg m^2, rotating with the tip section
     FREE,  # 1.0 for a joint moved by forces, 0.0 for a fixed or prescribed one
-    JOINT_ADDED,  # kg m^2, added to the joint's diagonal: nonzero only in an implicit step
+    JOINT_ADDED,  # kg m^2, added to the joint's diagonal: in implicit steps, and if it sticks
     JOINT_DRAG,  # N m s/rad, slope of the friction torque: nonzero only in an implicit step
     JOINT_DAMPING,  # N m s/rad
     JOINT_STIFFNESS,  # N m/rad, spring parallel to the motor
@@ -59,6 +59,10 @@ BODY_COLUMNS = 43
     BRISTLED,  # 1.0 for dry friction by bristles, 0.0 for a function of the rate
     BRISTLE_ROOT,  # square root of the stiffness of the bristles in N m/rad
     BRISTLE_DAMPING,  # N m s/rad
+    HOLDS,  # 1.0 for friction that holds a joint at rest in runs, else 0.0
+    SLIDING,  # added to rate / SMOOTHING_RATE: not zero only in runs, while such a joint slides
+    HELD_TORQUE,  # N m, torque that the friction of a sticking joint holds, in runs
+    SLIP_TIME,  # s, first stage of the present step in which that torque is too large, in runs
     LOWER_STOP,  # rad
     UPPER_STOP,  # rad
     STOP_STIFFNESS,  # N m/rad

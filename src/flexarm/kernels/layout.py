@@ -116,6 +116,7 @@ class ArmConstants(_ArmArrays):
     joint_angle = Columns("body", columns.JOINT_ANGLE)
     friction = Columns("body", columns.COULOMB, 7)  # from COULOMB to VISCOUS_EXCESS
     bristles = Columns("body", columns.BRISTLED, 3)  # from BRISTLED to BRISTLE_DAMPING
+    holds = Columns("body", columns.HOLDS)
     limits = Columns("body", columns.LOWER_STOP, 4)  # from LOWER_STOP to STOP_DAMPING
     rotor = Columns("body", columns.ROTOR_INERTIA, 2)  # ROTOR_INERTIA, GEAR_RATIO
     S = Columns("mode", columns.S)

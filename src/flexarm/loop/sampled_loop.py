@@ -40,7 +40,7 @@ class SampleSchedule:
         run.integrator = run.choice.integrator
         if run.watch is not None:
             run.watch = replace(run.watch, integrator=run.integrator)
-        run.doubt = friction_doubt(run.integrator, run.arm, sample_time)
+        run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.tick = 0  # number of the current sample time
         self._sensing = sensing_of(run, hardware, sample_time)
         self.acting = Acting(hardware, run.arm, keep)

@@ -196,7 +196,7 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
     slope, motions = Entry(slope_at), Entry(point_motions)
 
     def read(state: FloatArray, system: System, t: float) -> FloatArray:
-        slope(system, t, True, state, torque, stages, 0)
+        slope(system, t, True, state, torque, stages, 0, True)
         motions(
             system.sizes,
             system.constants,

@@ -82,7 +82,7 @@ def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Slid
 def _sliding_rate(arm: Arm) -> float:
     """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
     every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
-    rates = [(10.0 * one.smoothing_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    rates = [(10.0 * one.model_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
     return max((max(pair) for pair in rates), default=0.0)
 
 

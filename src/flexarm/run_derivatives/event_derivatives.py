@@ -140,7 +140,7 @@ def _motion(known: Parameters, found: Found) -> FloatArray:
     system = run.system(history)
     kernels = KernelView(system.constants)
     stages, torque = kernels.zeros(1, 2), np.zeros(kernels.shape[0])
-    slope_at(system, found.time, True, found.state, torque, stages, 0)
+    slope_at(system, found.time, True, found.state, torque, stages, 0, True)
     motion: FloatArray = stages[0]
     return motion
 

@@ -55,17 +55,17 @@ def test_friction_equals_its_formula(rate):
 
 @pytest.mark.parametrize("rate", [0.003, 0.02, 0.1, 0.5, 2.0, 40.0])
 def test_friction_of_each_direction(rate):
-    """Levels of both directions well above the smoothing rate, and a smooth change between them."""
+    """Levels of both directions, and a smooth change between them over a tenth of the width."""
     both = {"coulomb": 2.0, "static": 3.5, "stribeck_rate": 0.2, "viscous": 0.4}
     of = arm(friction=fa.Friction(**both, coulomb_negative=1.2, viscous_negative=0.7))
     rise = 1.5 * np.exp(-((rate / 0.2) ** 2))
     for way in (1.0, -1.0):
-        sign = np.tanh(way * rate / 0.01)
+        sign = np.tanh(way * rate / 0.02)
         level = 2.0 * (1 + sign) / 2 + 1.2 * (1 - sign) / 2 + rise
         viscous = 0.4 * (1 + sign) / 2 + 0.7 * (1 - sign) / 2
         expected = level * sign + viscous * way * rate
         assert torque(of, 0.3, way * rate) == pytest.approx(-expected, rel=1e-12)
-    if rate > 0.1:  # ten smoothing rates: the other direction has a share of exp(-20)
+    if rate > 0.2:  # ten smoothing rates: the other direction has a share of exp(-20)
         assert torque(of, 0.3, rate) == pytest.approx(-(2.0 + rise + 0.4 * rate), rel=1e-8)
         assert torque(of, 0.3, -rate) == pytest.approx(1.2 + rise + 0.7 * rate, rel=1e-8)
 

@@ -37,7 +37,9 @@ def two_links(theory="second_order", gravity=GRAVITY, coulomb=0.2):
         ],
         joints=[
             fa.Joint(
-                hub_inertia=0.1, damping=0.2, friction=fa.Friction(viscous=0.1, coulomb=coulomb)
+                hub_inertia=0.1,
+                damping=0.2,
+                friction=fa.Friction(viscous=0.1, coulomb=coulomb, smoothing_rate=0.01),
             ),
             fa.Joint(hub_inertia=0.05, mass=0.3, stiffness=2.0),
         ],

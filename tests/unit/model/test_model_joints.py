@@ -20,7 +20,9 @@ def test_defaults_are_an_ideal_joint():
     assert (joint.torque_per_voltage, joint.braking) == (0.0, 0.0)
     friction = Friction(coulomb=2.0)
     assert friction.static is None
-    assert (friction.stribeck_rate, friction.smoothing_rate) == (0.1, 0.01)
+    assert (friction.stribeck_rate, friction.smoothing_rate) == (0.1, None)
+    assert friction.holds
+    assert friction.model_rate == pytest.approx(0.01)
     assert JointLimits(lower=-1.0, upper=1.0, stiffness=10.0).damping == 0.0
 
 

@@ -52,7 +52,7 @@ class Recording:
 
 def record(export: Exported) -> Recording:
     """Simulate an arm under smooth torques, and evaluate its methods along the run."""
-    arm = _without_bristles(export.arm)
+    arm = _smoothed(export.arm)
     step = min(_LONGEST, _FRACTION * export.largest_step)
     count = SAMPLES * _STRIDE
     torque = _torques(arm, count)
@@ -89,16 +89,15 @@ def record(export: Exported) -> Recording:
     return found
 
 
-def _without_bristles(arm: Arm) -> Arm:
+def _smoothed(arm: Arm) -> Arm:
     """Return an arm whose friction is a function of the rate, as in the exported functions."""
-    friction = [joint.friction for joint in arm.spec.joints]
-    if all(one is None or one.bristle_stiffness is None for one in friction):
-        return arm
-    rigid = {"bristle_stiffness": None, "bristle_damping": 0.0}
-    joints = [
-        joint if one is None else joint.replace(friction=one.replace(**rigid))
-        for joint, one in zip(arm.spec.joints, friction, strict=True)
-    ]
+    joints = []
+    for joint in arm.spec.joints:
+        if joint.friction is not None:
+            rate = joint.friction.model_rate
+            plain = {"bristle_stiffness": None, "bristle_damping": 0.0, "smoothing_rate": rate}
+            joint = joint.replace(friction=joint.friction.replace(**plain))
+        joints.append(joint)
     return Arm(arm.spec.replace(joints=joints))
 
 

@@ -22,7 +22,7 @@ from flexarm.bridges.gymnasium_env.reach import ReachEnv
 from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
 from flexarm.engine.validity import BendingWatch
 from flexarm.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
 from flexarm.observe import channels_of
 from flexarm.processes import check_workers
 
@@ -37,8 +37,9 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
 
     Sub-environment i has the numbers of a single environment with the seed of i, for any number of
     sub-environments and threads. ``reset(seed=s)`` gives it the seed s + i. Its arguments are
-    those of the single environment, with these limits: the arm has no joint limits, the
-    instruments and motors are exact, and ``plant`` is not a function. Other cases, and
+    those of the single environment, with these limits: the arm has no joint limits and no friction
+    that holds (give it a ``smoothing_rate``), the instruments and motors are exact, and ``plant``
+    is not a function. Other cases, and
     ``flexarm/TrackForce-v0``, need ``vectorization_mode="sync"``.
 
     Observations and rewards are new arrays of each step. ``info`` contains one array for each item
@@ -73,6 +74,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
         refuse_bristles(arm, "a vector environment", hint=_SYNC)
+        refuse_sticking(arm, "a vector environment", hint=f"{_SYNC} Or use smoothing_rate=0.01.")
         if not arm_fits_lanes(arm):
             rule = "must have no joint limits in a vector environment"
             raise InputError(Problem("the arm", rule, hint=_SYNC))

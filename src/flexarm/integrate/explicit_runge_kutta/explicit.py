@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, CHANGED, EVALUATIONS, STEP, WHOLE, Memory
 from flexarm.integrate.nearness import fix_branches, step_on
 from flexarm.integrate.samples import (
     begin_call,
@@ -28,6 +28,8 @@ from flexarm.integrate.steps import (
     judge_step,
     step_landing,
 )
+from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.sticking import begin_watch
 from flexarm.integrate.torque import rates_of, slope_at
 from flexarm.kernels.compilation.cache import unlocked
 from flexarm.kernels.layout import Array
@@ -61,6 +63,8 @@ def advance_explicit(
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
+    settles = from_left
+    stays = from_right
     A, c, stages, adaptive = record.A, record.c, record.stages, record.adaptive
     state, new, torque = memory.state, memory.new, memory.torque
     clock, counts = memory.clock, memory.counts
@@ -72,7 +76,7 @@ def advance_explicit(
     if t >= until:
         return DONE
     begin_springs(system, memory, adaptive)
-    slope_at(system, t, from_right, state, torque, stages, zero)
+    slope_at(system, t, from_right, state, torque, stages, zero, settles)
     count_first(memory)
     step_on(system.drive.loads.contacts)
     fix_branches(system.drive.loads.contacts, clock, counts)
@@ -81,6 +85,7 @@ def advance_explicit(
         if adaptive:
             h = min(h, LONGEST / tolerance.fastest)
         t_new, h, lands = step_landing(system.drive.stops, t, h, until)
+        begin_watch(system)
         for k in range(1, last):
             combine(sizes, state, stages, A, k, k, h, new)
             t_stage = t + c[k] * h
@@ -100,9 +105,11 @@ def advance_explicit(
         if status != DONE:
             return status
         if last == s:
-            slope_at(system, t_new, from_left, new, torque, stages, s)
+            slope_at(system, t_new, from_left, new, torque, stages, s, stays)
             counts[EVALUATIONS] += 1
         status = judge_end(system, tolerance, memory, h, adaptive)
+        if status == DONE:
+            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, adaptive)
         if status == PAUSED:
             continue
         if status != DONE:
@@ -115,12 +122,16 @@ def advance_explicit(
             out = memory.samples[sample]
             for k in range(extra, rows):
                 combine(sizes, state, stages, A, k, k, h, out)
-                slope_at(system, t + c[k] * h, from_left, out, torque, stages, k)
+                slope_at(system, t + c[k] * h, from_left, out, torque, stages, k, stays)
                 counts[EVALUATIONS] += 1
             extra = rows
             dense_weights(record.dense, (memory.sample_times[sample] - t) / h, record.weights)
             combine(sizes, state, stages, record.weights, zero, rows, h, out)
             sample = sample_before(memory, t_new)
+        if adaptive:
+            choose_step(clock, h, record.order, lands)
+        if clock[CHANGED] + clock[WHOLE] > 0.0:
+            end_sticking(system, memory, stages, s, t_new, from_left)
         end_step(sizes, memory, new, t_new)
         for level in range(2):
             for i in range(len(sizes.bodies)):
@@ -128,12 +139,12 @@ def advance_explicit(
                     stages[0, level, i, j] = stages[s, level, i, j]
         t = t_new
         if adaptive:
-            choose_step(clock, h, record.order, lands)
             lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
         if lands:  # a force may change here, and the last slope is the one from the left
-            slope_at(system, t, from_right, state, torque, stages, zero)
-            counts[EVALUATIONS] += 1
+            counts[EVALUATIONS] += slope_at(
+                system, t, from_right, state, torque, stages, zero, settles
+            )
     clock[BETWEEN] = 1.0
     return PAUSED

@@ -19,6 +19,7 @@ class ExplicitRungeKutta(Integrator):
     """Base class of the explicit methods."""
 
     stepper = staticmethod(advance_explicit)
+    follows_sticking = True
 
     @property
     @abstractmethod

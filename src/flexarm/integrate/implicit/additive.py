@@ -17,7 +17,15 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
-from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.memory import (
+    BETWEEN,
+    CHANGED,
+    EVALUATIONS,
+    SOFTENED,
+    STEP,
+    WHOLE,
+    Memory,
+)
 from flexarm.integrate.nearness import fix_branches, step_on
 from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
 from flexarm.integrate.status import DONE, PAUSED
@@ -30,13 +38,18 @@ from flexarm.integrate.steps import (
     judge_step,
     step_landing,
 )
+from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.sticking import begin_watch, sticks, watch_slips
 from flexarm.integrate.torque import drive_at, slope_at
 from flexarm.kernels.columns import (
     FREE,
+    JOINT_ADDED,
     JOINT_DAMPING,
     JOINT_DRAG,
     JOINT_STIFFNESS,
     MODE_DAMPING,
+    SLIDING,
+    SMOOTHING_RATE,
     W2,
 )
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
@@ -80,6 +93,7 @@ def soften_for(system: System, softened: ArmConstants, damping: float, stiffness
     for i in range(len(sizes.bodies)):
         drag = c.body[i, JOINT_DAMPING] + softened.body[i, JOINT_DRAG]
         added[i, 0] = damping * drag + stiffness * c.body[i, JOINT_STIFFNESS]
+        added[i, 0] += c.body[i, JOINT_ADDED]  # of a sticking joint
         for j in range(len(sizes.modes)):
             added[i, 1 + j] = damping * c.mode[i, j, MODE_DAMPING] + stiffness * c.mode[i, j, W2]
     add_to_diagonal(sizes, c, added, softened)
@@ -124,6 +138,10 @@ def additive_step(
         drag_at(system, record.softened, state)
         soften_for(system, record.softened, h * gamma, h * gamma * h * gamma)
         memory.clock[SOFTENED] = h
+        for i in range(len(sizes.bodies)):  # which joints stick or slide
+            record.softened.body[i, SLIDING] = system.constants.body[i, SLIDING]
+            record.softened.body[i, SMOOTHING_RATE] = system.constants.body[i, SMOOTHING_RATE]
+    begin_watch(system)
     for k in range(1, s):
         combine(sizes, state, stages, AE, k, k, h, smooth)
         combine(sizes, state, stages, AI, k, k, h, known)
@@ -142,6 +160,12 @@ def additive_step(
                 change = work.acceleration[i, j]
                 stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
                 stages[k, 1, i, j] = change
+        for _ in range(len(sizes.joint_laws)):
+            watch_slips(system, t + c[k] * h)
+            for i in range(len(sizes.bodies)):
+                if sticks(system, i):
+                    stages[k, 0, i, 0] = 0.0
+                    stages[k, 1, i, 0] = 0.0
     combine(sizes, state, stages, AE, s, s, h, smooth)
 
 
@@ -161,6 +185,8 @@ def advance_additive(
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
     controlled = from_left
+    settles = from_left
+    stays = from_right
     state, new, torque, stages = memory.state, memory.new, memory.torque, record.stages
     clock, counts = memory.clock, memory.counts
     s = record.error.shape[1] - 1
@@ -168,7 +194,7 @@ def advance_additive(
     if t >= until:
         return DONE
     begin_springs(system, memory, controlled)
-    slope_at(system, t, from_right, state, torque, stages, zero)
+    slope_at(system, t, from_right, state, torque, stages, zero, settles)
     count_first(memory)
     step_on(system.drive.loads.contacts)
     fix_branches(system.drive.loads.contacts, clock, counts)
@@ -181,26 +207,31 @@ def advance_additive(
             continue
         if status != DONE:
             return status
-        slope_at(system, t_new, from_left, new, torque, stages, s)
+        slope_at(system, t_new, from_left, new, torque, stages, s, stays)
         counts[EVALUATIONS] += 1
         status = judge_end(system, tolerance, memory, h, controlled)
+        if status == DONE:
+            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, controlled)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
         samples_between(system, tolerance, memory, stages, t, h, t_new)
+        choose_step(clock, h, record.order, lands)
+        if clock[CHANGED] + clock[WHOLE] > 0.0:
+            end_sticking(system, memory, stages, s, t_new, from_left)
         end_step(sizes, memory, new, t_new)
         for level in range(2):
             for i in range(len(sizes.bodies)):
                 for j in range(1 + len(sizes.modes)):
                     stages[0, level, i, j] = stages[s, level, i, j]
         t = t_new
-        choose_step(clock, h, record.order, lands)
         lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
         if lands:  # a force may change here, and the last slope is the one from the left
-            slope_at(system, t, from_right, state, torque, stages, zero)
-            counts[EVALUATIONS] += 1
+            counts[EVALUATIONS] += slope_at(
+                system, t, from_right, state, torque, stages, zero, settles
+            )
     clock[BETWEEN] = 1.0
     return PAUSED

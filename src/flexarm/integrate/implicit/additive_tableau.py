@@ -97,6 +97,7 @@ class Additive(Integrator):
 
     adaptive: ClassVar[bool] = True
     follows_bristles: ClassVar[bool] = True
+    follows_sticking: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ("KennedyCarpenter2003", "BoscarinoFilbetRusso2016")
     tableau: ClassVar[AdditiveTableau]
     stepper = staticmethod(advance_additive)

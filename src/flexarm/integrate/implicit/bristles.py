@@ -49,7 +49,8 @@ def hold_bristles(
         drag = friction_slope(system.sizes, c, i, state[1, i, 0])
         drag += bristle_slope(c, i, decay, hold)
         softened.body[i, JOINT_DRAG] = drag
-        softened.body[i, JOINT_ADDED] = hold * (c.body[i, JOINT_DAMPING] + drag)
+        softened.body[i, JOINT_ADDED] = c.body[i, JOINT_ADDED]  # of a sticking joint
+        softened.body[i, JOINT_ADDED] += hold * (c.body[i, JOINT_DAMPING] + drag)
         softened.body[i, JOINT_ADDED] += hold * hold * c.body[i, JOINT_STIFFNESS]
         s = (known[1, i, b] + hold * c.body[i, BRISTLE_ROOT] * rate) / (1.0 + hold * decay)
         torque[i] += c.body[i, FREE] * bristle_pull(c, i, decay) * (smooth[1, i, b] - s)

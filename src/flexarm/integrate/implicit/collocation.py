@@ -194,6 +194,7 @@ def advance_collocation(
     last = int(np.int64(1))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
+    stays = from_right  # joints do not stick
     clock, counts, torque = memory.clock, memory.counts, memory.torque
     stages, earlier, ends = record.stages, record.earlier, record.ends
     count = stages.shape[0]
@@ -207,7 +208,7 @@ def advance_collocation(
             if h != clock[SOFTENED]:
                 soften_for(system, record.softened, h * record.drag, h * h * record.pull)
                 clock[SOFTENED] = h
-            slope_at(system, t, from_right, memory.state, torque, ends, zero)
+            slope_at(system, t, from_right, memory.state, torque, ends, zero, stays)
             counts[EVALUATIONS] += 1
             for p in range(2 * count):
                 for i in range(len(sizes.bodies)):
@@ -227,8 +228,8 @@ def advance_collocation(
 
         next_one = counts[SAMPLES]
         if next_one < memory.sample_times.shape[0] and memory.sample_times[next_one] < t_new:
-            slope_at(system, t, from_right, memory.state, torque, ends, zero)
-            slope_at(system, t_new, from_left, memory.new, torque, ends, last)
+            slope_at(system, t, from_right, memory.state, torque, ends, zero, stays)
+            slope_at(system, t_new, from_left, memory.new, torque, ends, last, stays)
             counts[EVALUATIONS] += 2
             samples_between(system, tolerance, memory, ends, t, h, t_new)
         end_step(sizes, memory, memory.new, t_new)

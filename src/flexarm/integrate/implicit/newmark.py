@@ -177,6 +177,7 @@ def advance_newmark(
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_right = bool(np.bool_(False))
+    stays = from_right  # joints do not stick
     clock, counts, new = memory.clock, memory.counts, memory.new
     averaged, ends = record.averaged, record.ends
     share = _share(record)
@@ -196,7 +197,7 @@ def advance_newmark(
             for i in range(len(sizes.bodies)):
                 for j in range(1 + len(sizes.modes)):
                     record.known[0, i, j] = ends[0, 1, i, j]
-            slope_at(system, t, from_right, memory.state, memory.torque, ends, zero)
+            slope_at(system, t, from_right, memory.state, memory.torque, ends, zero, stays)
             counts[EVALUATIONS] += 1
             _carry_over(system, record, old_h, h)
         h = clock[LENGTH]

@@ -251,6 +251,7 @@ def advance_cowell(
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
+    stays = from_right  # joints do not stick
     clock, counts, torque = memory.clock, memory.counts, memory.torque
     past, rise, stiff, missed = record.past, record.rise, record.stiff, record.missed
     known, stages = record.start.known, record.start.stages
@@ -272,7 +273,7 @@ def advance_cowell(
                 if not longest < clock[LENGTH] * _SAME:
                     break
             soften(system, record.softened, stiff, clock[LENGTH])
-            slope_at(system, t, from_right, memory.state, torque, stages, zero)
+            slope_at(system, t, from_right, memory.state, torque, stages, zero, stays)
             counts[EVALUATIONS] += 1
             _remember(sizes, stiff, past, rise, zero, 0.0, memory.state, stages[0])
         h = clock[LENGTH]
@@ -284,7 +285,7 @@ def advance_cowell(
             status = followed(sizes, tolerance, memory.new, h)
             if status != DONE:
                 return status
-            slope_at(system, t_new, from_left, memory.new, torque, stages, zero)
+            slope_at(system, t_new, from_left, memory.new, torque, stages, zero, stays)
             counts[EVALUATIONS] += last_stage
             _remember(sizes, stiff, past, rise, k + 1, h, memory.new, stages[0])
         else:
@@ -307,7 +308,7 @@ def advance_cowell(
         if missed[2] >= _LOOK:
             missed[2] = 0.0
             copy_state(sizes, new, memory.new)
-            slope_at(system, t_new, from_left, memory.new, torque, stages, last_stage)
+            slope_at(system, t_new, from_left, memory.new, torque, stages, last_stage, stays)
             counts[EVALUATIONS] += 1
             if not _follows(system, tolerance, past, k + 1, h, stages[last_stage], missed):
                 return NOT_FOLLOWED

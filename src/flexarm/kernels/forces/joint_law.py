@@ -34,6 +34,7 @@ from flexarm.kernels.columns import (
     LOWER_PUSHES,
     LOWER_STOP,
     ROTOR_INERTIA,
+    SLIDING,
     SMOOTHING_RATE,
     STATIC_RISE,
     STOP_DAMPING,
@@ -63,11 +64,18 @@ def _friction_terms(constants: ArmConstants, i: int, rate: Any) -> tuple[Any, An
     """Return the smooth sign of a rate, the level of dry friction and the viscous friction."""
     c = constants
     ratio = rate / c.body[i, STRIBECK_RATE]
-    sign = tanh(rate / c.body[i, SMOOTHING_RATE])
+    sign = tanh(rate / c.body[i, SMOOTHING_RATE] + c.body[i, SLIDING])
     backward = 0.5 - 0.5 * sign
     level = c.body[i, COULOMB] + c.body[i, COULOMB_EXCESS] * backward
     level += c.body[i, STATIC_RISE] * exp(-ratio * ratio)
     return sign, level, c.body[i, VISCOUS] + c.body[i, VISCOUS_EXCESS] * backward
+
+
+@merged
+def breakaway(constants: ArmConstants, i: int, backward: float) -> Any:
+    """Return the torque (N m) that friction holds at rest; ``backward``: 1 if it is negative."""
+    c = constants
+    return c.body[i, COULOMB] + c.body[i, COULOMB_EXCESS] * backward + c.body[i, STATIC_RISE]
 
 
 @merged

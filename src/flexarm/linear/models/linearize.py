@@ -38,7 +38,7 @@ from flexarm.linear.models.signals import (
 )
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
-from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles
+from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
 from flexarm.observe import channels_of, contact_channels
@@ -86,6 +86,7 @@ def linearize(
         LargeDeflectionWarning: a link is bent too far, or has too large an axial load, for the
             theory of the arm.
         AccuracyWarning: friction has bristles, which a linear model does not contain.
+        FlexarmWarning: friction holds a joint that is at rest.
     """
     arm = check_kind("arm", arm, Arm)
     given = tip_force, loads, base_acceleration, contacts
@@ -101,6 +102,7 @@ def linearize(
     warn_of_theory(arm, point.q, point.environment, point.qd)
     warn_of_backlash(arm, point.q)
     warn_of_bristles(arm, "the linear model")
+    warn_of_sticking(arm, point.qd, "The linear model")
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
         holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
         point.torque[:] = holding[arm.joint_index]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from flexarm.arm import Arm
 from flexarm.assembly.assemble import FloatArray
 from flexarm.errors import AccuracyWarning, FlexarmWarning, InputError, Problem, warn_caller
+from flexarm.model import Friction
 
 
 def warn_of_backlash(arm: Arm, q: FloatArray) -> None:
@@ -34,6 +37,29 @@ def warn_of_bristles(arm: Arm, model: str) -> None:
         )
 
 
+def warn_of_sticking(arm: Arm, qd: FloatArray, model: str) -> None:
+    """Warn if friction holds a joint that rests at rates qd (dof,): ``model`` has a damper there.
+
+    Rates are compared with those at which the damper has become a constant torque.
+    """
+    dampers = []
+    for seat in arm.assembly.seats:
+        friction = arm.spec.joints[seat.link].friction
+        if friction is None or not friction.holds or abs(qd[seat.angle]) > friction.model_rate:
+            continue
+        level = friction.coulomb if friction.static is None else friction.static
+        if level > 0.0:
+            slope = level / friction.model_rate
+            dampers.append(f"arm.joints[{seat.link}] ({slope:.3g} N m s/rad)")
+    if dampers:
+        warn_caller(
+            f"{', '.join(dampers)}: friction holds this joint at rest. {model} has the damper in "
+            "brackets instead, with which the joint hardly moves. For a sliding joint, use an arm "
+            "without Coulomb friction, or rates above a tenth of stribeck_rate.",
+            FlexarmWarning,
+        )
+
+
 def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
     """Raise if friction has bristles.
 
@@ -49,10 +75,27 @@ def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> Non
         raise InputError(Problem(name, rule, hint=hint))
 
 
+def refuse_sticking(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
+    """Raise if friction holds a joint; arguments as in ``refuse_bristles``.
+
+    Raises:
+        InputError: if the friction of any joint holds it.
+    """
+    if arm.assembly.has_sticking:
+        sticking = _joints(arm, lambda friction: friction.holds)
+        rule = f"{value} cannot be combined with friction that holds ({sticking})".lstrip()
+        raise InputError(Problem(name, rule, hint=hint))
+
+
 def _bristled(arm: Arm) -> str:
     """Return the paths of the joints whose friction has bristles."""
+    return _joints(arm, lambda friction: friction.bristle_stiffness is not None)
+
+
+def _joints(arm: Arm, has: Callable[[Friction], bool]) -> str:
+    """Return the paths of the joints whose friction has a property."""
     return ", ".join(
         f"arm.joints[{i}]"
         for i, joint in enumerate(arm.spec.joints)
-        if joint.friction is not None and joint.friction.bristle_stiffness is not None
+        if joint.friction is not None and has(joint.friction)
     )

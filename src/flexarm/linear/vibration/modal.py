@@ -16,7 +16,7 @@ from flexarm.assembly.assemble import FloatArray
 from flexarm.axial import warn_of_theory
 from flexarm.errors import InputError, Problem, check_array, check_result, few, public_call
 from flexarm.linear.statics.equilibrium import Equilibrium
-from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles
+from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
 from flexarm.linear.statics.tangent import Tangent, tangent
 from flexarm.linear.vibration.curves import displacements
@@ -137,6 +137,7 @@ def modes(
     Warns:
         LargeDeflectionWarning: a link is bent too far, or has too large an axial load, for the
             theory of the arm.
+        FlexarmWarning: friction holds a free joint.
 
     The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
@@ -155,6 +156,9 @@ def modes(
     warn_of_theory(arm, place, environment, steady_rates(arm, rate))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
+    rates = np.full(arm.dof, np.inf)  # of locked joints, whose friction has no effect
+    rates[held.moving] = steady_rates(arm, rate)[held.moving]
+    warn_of_sticking(arm, rates, "The model of the modes")
     return found
 
 

@@ -12,20 +12,27 @@ from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Flag, NonNegative, Number, Pair, Positive, plain
 from flexarm.model.wording import Fault
 
+#: Smoothing rate of functions of q and qd, relative to the rate of the Stribeck effect.
+_SMOOTHED = 0.1
+
 
 class Friction(Record):
-    """Friction of a joint: viscous and regularised Coulomb friction with the Stribeck effect.
+    """Friction of a joint: viscous and Coulomb friction with the Stribeck effect.
 
-    Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) tanh(rate /
-    smoothing_rate) + viscous rate`` against the motion. Below the smoothing rate the joint creeps,
-    whereas a real joint sticks. Coulomb and viscous friction may have other values at negative
+    Torque ``(coulomb + (static - coulomb) exp(-(rate / stribeck_rate)^2)) sign(rate) + viscous
+    rate`` against the motion. In simulations the joint sticks: at rest, friction holds it up to the
+    breakaway torque ``static``. Coulomb and viscous friction may have other values at negative
     rates; static friction is above both Coulomb levels by the same amount. The formula is that of
     equal directions; for others see (R.47) on the theory page "recursion".
 
+    Functions of q and qd, such as forward dynamics, linear models, filters, controllers and
+    exports, do not stick: they have ``tanh(rate / w)`` instead of ``sign(rate)``, with a tenth of
+    ``stribeck_rate`` for ``w``. With a ``smoothing_rate``, ``w`` is this rate, and simulations have
+    ``tanh``, too: below the smoothing rate the joint creeps instead of sticking.
+
     With bristles (``bristle_stiffness``), friction has a state: the LuGre model, (R.50). The joint
     turns like a damped spring before it slips, and holds. At a constant rate the torque is that of
-    the formula without ``tanh``. Bristles act in simulations; functions of q and qd, linear models
-    and exports have the formula.
+    the formula. Bristles act in simulations; functions of q and qd have ``tanh``.
     """
 
     coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
@@ -36,8 +43,12 @@ class Friction(Record):
     stribeck_rate: Positive = Field(
         default=0.1, description="Rate above which the Stribeck friction has decayed (rad/s)."
     )
-    smoothing_rate: Positive = Field(
-        default=0.01, description="Rate below which friction is viscous (rad/s)."
+    smoothing_rate: Positive | None = Field(
+        default=None,
+        description=(
+            "Rate below which friction is viscous (rad/s); by default joints stick in simulations, "
+            "and functions of q and qd have a tenth of stribeck_rate."
+        ),
     )
     viscous: NonNegative = Field(
         default=0.0, description="Friction torque per rate, on the side of the motor (N m s/rad)."
@@ -72,6 +83,18 @@ class Friction(Record):
         static = given.static if given.has("coulomb", "static") else None
         if static is not None and static < given.coulomb:
             yield Fault(("static",), f"be at least coulomb ({given.coulomb:.9g})", shown(static))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the joint sticks in simulations, as the default does."""
+        return self.smoothing_rate is None and self.bristle_stiffness is None
+
+    @property
+    def model_rate(self) -> float:
+        """Smoothing rate of functions of q and qd, rad/s."""
+        if self.smoothing_rate is not None:
+            return self.smoothing_rate
+        return _SMOOTHED * self.stribeck_rate
 
 
 class JointLimits(Record):
