@@ -232,9 +232,8 @@ def _choose_by_longest(choice: Choice, arm: Arm, longest: float) -> Choice:
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
     if arm.assembly.has_sticking:
         doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
-        method = KennedyCarpenter5(step=step)
         reason = f"order 5 with bending implicit: {reason}"
-        return choice._replace(integrator=method, reason=reason, doubt=doubt)
+        return choice._replace(integrator=KennedyCarpenter5(step=step), reason=reason, doubt=doubt)
     doubt = (
         f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
         "step has no error estimate: halve it once and compare."
