@@ -15,7 +15,7 @@ import numpy as np
 
 import flexarm as fa
 from benchmarks.arms import table_one
-from flexarm.control.base import Controller
+from flexarm.control.contract.base import Controller
 
 #: Duration of the motion (s), and its joint angles (rad) at the start and the end.
 _DURATION, _START, _END = 2.0, [0.3, 0.6], [0.5, 0.9]

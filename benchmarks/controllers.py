@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 
 import flexarm as fa
-from flexarm.control.base import Controller
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.contract.base import Controller
+from flexarm.control.laws import CONTROLLERS
 
 #: Joint angles (rad) at the start and the end of the motion, and its duration (s).
 START, END, DURATION = [0.3, 1.2], [0.6, 1.5], 0.5

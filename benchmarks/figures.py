@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.work_precision import Point
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import (
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import (
     BLUE,
     GREEN,
     GREY,

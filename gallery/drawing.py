@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from flexarm.plot.style import INK
+from flexarm.view.plot.style import INK
 
 #: What is known, drawn as a line; what the package computes, as points upon it.
 KNOWN: dict[str, Any] = {"color": INK, "linewidth": 0.9}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm.plot.style import Sheet, styled
+from flexarm.view.plot.style import Sheet, styled
 from gallery.case import Case, Row
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"

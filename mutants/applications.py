@@ -9,15 +9,15 @@ APPLICATIONS: dict[str, Area] = {
         mutants=20,
         groups=(
             Group(
-                sources=("engine/changes/*.py",),
+                sources=("simulation/run/changes/*.py",),
                 tests=("simulate/test_changes.py", "simulate/test_instants_of_changes.py"),
             ),
             Group(
-                sources=("engine/event*.py",),
+                sources=("simulation/run/event*.py",),
                 tests=("simulate/test_events.py", "simulate/test_event_arguments.py"),
             ),
             Group(
-                sources=("engine/contact_*.py", "engine/impacts.py"),
+                sources=("simulation/run/contact_*.py", "simulation/run/impacts.py"),
                 tests=(
                     "simulate/test_contacts.py",
                     "simulate/test_rejected_contact_starts.py",
@@ -26,9 +26,9 @@ APPLICATIONS: dict[str, Area] = {
             ),
             Group(
                 sources=(
-                    "engine/integrator_choice.py",
-                    "engine/tolerance.py",
-                    "engine/default_step.py",
+                    "simulation/run/integrator_choice.py",
+                    "simulation/run/tolerance.py",
+                    "simulation/run/default_step.py",
                 ),
                 tests=(
                     "simulate/test_integrator_choice.py",
@@ -42,11 +42,11 @@ APPLICATIONS: dict[str, Area] = {
             ),
             Group(sources=("simulation/separated.py",), tests=("simulate/test_separated.py",)),
             Group(
-                sources=("engine/section_forces.py",),
+                sources=("simulation/run/section_forces.py",),
                 tests=("simulate/test_section_channels.py",),
             ),
             Group(
-                sources=("engine/**/*.py", "simulation/**/*.py"),
+                sources=("simulation/run/**/*.py", "simulation/**/*.py"),
                 tests=(
                     "simulate/test_results.py",
                     "simulate/test_hardware.py",
@@ -66,11 +66,11 @@ APPLICATIONS: dict[str, Area] = {
         mutants=15,
         groups=(
             Group(
-                sources=("batch/reductions.py",),
+                sources=("simulation/batch/reductions.py",),
                 tests=("simulate/test_batch_reductions.py",),
             ),
             Group(
-                sources=("batch/**/*.py",),
+                sources=("simulation/batch/**/*.py",),
                 tests=(
                     "simulate/test_batch.py",
                     "simulate/test_batch_lanes.py",
@@ -79,7 +79,7 @@ APPLICATIONS: dict[str, Area] = {
                 ),
             ),
             Group(
-                sources=("studies/**/*.py",),
+                sources=("cases/studies/**/*.py",),
                 tests=(
                     "studies/test_samples.py",
                     "studies/test_study_statistics.py",
@@ -95,14 +95,14 @@ APPLICATIONS: dict[str, Area] = {
         groups=(
             Group(
                 sources=(
-                    "run_derivatives/adjoint.py",
-                    "run_derivatives/gradient.py",
-                    "run_derivatives/repeated_parts.py",
+                    "simulation/derivatives/adjoint.py",
+                    "simulation/derivatives/gradient.py",
+                    "simulation/derivatives/repeated_parts.py",
                 ),
                 tests=("simulate/test_goal_gradient.py",),
             ),
             Group(
-                sources=("run_derivatives/**/*.py",),
+                sources=("simulation/derivatives/**/*.py",),
                 tests=(
                     "simulate/test_sensitivities.py",
                     "simulate/test_sensitivities_of_events.py",
@@ -133,11 +133,11 @@ APPLICATIONS: dict[str, Area] = {
         mutants=10,
         groups=(
             Group(
-                sources=("learning/**/*.py",),
+                sources=("planning/learning/**/*.py",),
                 tests=("learning/test_iterative_learning.py",),
             ),
             Group(
-                sources=("real_time/**/*.py",),
+                sources=("simulation/real_time/**/*.py",),
                 tests=("simulate/test_realtime.py", "simulate/test_realtime_failures.py"),
             ),
         ),
@@ -146,11 +146,11 @@ APPLICATIONS: dict[str, Area] = {
         mutants=10,
         groups=(
             Group(
-                sources=("optimize/excitation.py",),
+                sources=("planning/optimize/excitation.py",),
                 tests=("identification/test_planning.py",),
             ),
             Group(
-                sources=("optimize/**/*.py",),
+                sources=("planning/optimize/**/*.py",),
                 tests=(
                     "optimize/test_limits.py",
                     "optimize/test_motion_and_errors.py",

@@ -12,7 +12,7 @@ CONTROL = Area(
     mutants=30,
     groups=(
         Group(
-            sources=("estimation/**/*.py",),
+            sources=("control/filters/**/*.py",),
             tests=(
                 "unit/control/test_unscented_kalman.py",
                 "unit/control/test_extended_kalman.py",
@@ -22,7 +22,7 @@ CONTROL = Area(
             ),
         ),
         Group(
-            sources=("loop_analysis/**/*.py",),
+            sources=("control/analysis/**/*.py",),
             tests=(
                 "unit/control/test_loop_margins.py",
                 "unit/control/test_loop_models.py",
@@ -31,7 +31,7 @@ CONTROL = Area(
             ),
         ),
         Group(
-            sources=("loop/**/*.py",),
+            sources=("simulation/loop/**/*.py",),
             tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
         ),
         Group(
@@ -46,11 +46,11 @@ CONTROL = Area(
             tests=("unit/control/test_loop_shaping.py",),
         ),
         Group(
-            sources=("controllers/vibration/*.py",),
+            sources=("control/laws/vibration/*.py",),
             tests=("unit/control/test_strain_damping.py",),
         ),
         Group(
-            sources=("controllers/**/repetitive.py",),
+            sources=("control/laws/**/repetitive.py",),
             tests=("unit/control/test_repetitive.py",),
         ),
         Group(

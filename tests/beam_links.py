@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.beams import BeamTable, link_constants, rigid_constants
+from flexarm.arm.beams import BeamTable, link_constants, rigid_constants
 
 
 def flexible_link(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexarm.run_derivatives.differences import ORDER_6, ORDER_8
+from flexarm.simulation.derivatives.differences import ORDER_6, ORDER_8
 
 
 def differences(results_of, value, step):

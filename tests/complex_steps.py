@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexarm.actions.environment import Environment
-from flexarm.engine.progress import Meter
-from flexarm.histories.piecewise import PiecewiseCubic
+from flexarm.arm.actions.environment import Environment
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
 from flexarm.linear.step_derivatives.formulas import constants_at
 from flexarm.model.paths import number_at
-from flexarm.simulation.preparation import run_options
+from flexarm.simulation.calls.preparation import run_options
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.progress import Meter
 
 STEP = 1e-30
 

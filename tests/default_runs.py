@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import flexarm as fa
-from flexarm.scenarios.scenario import run_scenario
+from flexarm.cases.scenario.scenario import run_scenario
 
 #: Largest error of the tip over the length of the arm, as the documentation states it.
 PROMISED = 1e-6

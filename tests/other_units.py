@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
 from flexarm.model.checks import Record
-from flexarm.studio.values.ranges import unit_of
+from flexarm.view.studio.values.ranges import unit_of
 
 #: Exponents of length, mass and time in each unit.
 _BASE = {

@@ -20,11 +20,11 @@ from matplotlib.axes import Axes
 from measure_integrators import Torque
 
 import flexarm as fa
-from flexarm.histories.functions import function_history
 from flexarm.integrate import INTEGRATORS
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.palette import series_colors
-from flexarm.plot.style import Sheet, styled
+from flexarm.simulation.histories.functions import function_history
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.palette import series_colors
+from flexarm.view.plot.style import Sheet, styled
 
 FIGURE = Path(__file__).with_name("work-precision.png")
 DURATION = 2.0

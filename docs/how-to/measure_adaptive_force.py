@@ -10,7 +10,7 @@ import numpy as np
 
 import flexarm as fa
 from flexarm.motion.timing import TimingLaw
-from flexarm.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
+from flexarm.view.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
 
 warnings.simplefilter("ignore", fa.FlexarmWarning)  # soft links bend far on some surfaces
 #: Times (s) of one cycle: approach, press, slide, release, lift, return.

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from measure_default_step import DURATION, Case, apart, cases, run
 
 import flexarm as fa
-from flexarm.engine.tolerance import fastest_frequency
+from flexarm.simulation.run.tolerance import fastest_frequency
 
 ARMS = 70
 TOLERANCES = (1e-3, 1e-5, 1e-7)

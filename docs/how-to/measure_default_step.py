@@ -98,7 +98,7 @@ def draw(seed: int) -> tuple[fa.Arm, dict[str, object]]:
 
 def cases(count: int, first: int = 0) -> Iterator[Case]:
     """Yield arms that can be followed, from a seed on."""
-    from flexarm.engine.tolerance import fastest_frequency
+    from flexarm.simulation.run.tolerance import fastest_frequency
 
     found = 0
     for seed in itertools.count(first):

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 import flexarm as fa
-from flexarm.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
+from flexarm.view.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
 
 DURATION, START, END = 6.0, 2.0, 5.0
 

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from measure_default_step import DURATION, apart, draw, run
 
 import flexarm as fa
-from flexarm.engine.tolerance import fastest_frequency
+from flexarm.simulation.run.tolerance import fastest_frequency
 
 ARMS = 60
 RATES = (250.0, 500.0, 1000.0, 2000.0)  # torque samples a second

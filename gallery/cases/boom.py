@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import FLEXIBLE, INK, RIGID, SERIES, VERMILLION
+from flexarm.view.plot.style import FLEXIBLE, INK, RIGID, SERIES, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
 from gallery.references import reference

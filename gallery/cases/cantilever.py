@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import INK, SERIES, legend_above
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import INK, SERIES, legend_above
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
 from gallery.drawing import OURS

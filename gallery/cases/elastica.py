@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.bending import one_warning
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import BLUE, INK, VERMILLION
+from flexarm.arm.bending import one_warning
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row, Source
 from gallery.drawing import OURS, logarithmic_ticks

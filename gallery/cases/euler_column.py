@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREY, INK
+from flexarm.view.plot.style import BLUE, GREY, INK
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row, Source
 from gallery.drawing import KNOWN, OURS

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexarm.plot.style import GREY, SERIES, legend_above
+from flexarm.view.plot.style import GREY, SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import KNOWN, OURS

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import SERIES
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import SERIES
 from gallery.beam import FloatArray, wave_digits
 from gallery.case import Case, Row, rounding_digits
 from gallery.references import reference

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import BLUE, INK, VERMILLION
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS

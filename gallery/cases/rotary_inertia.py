@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexarm.plot.style import INK, SERIES, legend_above
+from flexarm.view.plot.style import INK, SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.style import BLUE, GREY, INK, VERMILLION, legend_above
+from flexarm.view.plot.style import BLUE, GREY, INK, VERMILLION, legend_above
 from gallery.beam import unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.linalg import eigh
 
-from flexarm.plot.style import INK, SERIES
+from flexarm.view.plot.style import INK, SERIES
 from gallery.beam import FloatArray, wave_digits
 from gallery.case import Case, Row
 from gallery.drawing import OURS

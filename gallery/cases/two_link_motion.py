@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.plot.line_labels import label_lines
-from flexarm.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION
+from flexarm.view.plot.line_labels import label_lines
+from flexarm.view.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row, distance_digits
 from gallery.drawing import KNOWN

@@ -24,7 +24,7 @@ def __getattr__(name: str) -> Any:
 
         return version("flexarm")
     if name in _RENAMED:
-        from flexarm.errors import warn_deprecated
+        from flexarm.base.errors import warn_deprecated
 
         new, removal = _RENAMED[name]
         warn_deprecated(f"flexarm.{name}", f"flexarm.{new}", removal)
@@ -32,6 +32,6 @@ def __getattr__(name: str) -> Any:
     try:
         return _load(name)
     except AttributeError as error:
-        from flexarm.errors import with_nearest
+        from flexarm.base.errors import with_nearest
 
         raise with_nearest(error, name, __all__) from None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks import controllers
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.laws import CONTROLLERS
 
 
 def test_every_controller_is_measured() -> None:

@@ -5,7 +5,7 @@ import pytest
 import flexarm as fa
 from bridges.c_code_tools import make
 from bristled_joints import RUBBING
-from flexarm.errors import AccuracyWarning
+from flexarm.base.errors import AccuracyWarning
 
 
 def rubbing():
@@ -46,7 +46,7 @@ def test_exports_refuse(name, tmp_path):
         REFUSING[name](rubbing(), tmp_path)
 
 
-@pytest.mark.filterwarnings("ignore::flexarm.errors.FlexarmWarning")
+@pytest.mark.filterwarnings("ignore::flexarm.base.errors.FlexarmWarning")
 def test_c_code_passes_its_test(tmp_path):
     fa.export_c(rubbing(), tmp_path)
     done = make(tmp_path, "test")

@@ -6,7 +6,7 @@ import pytest
 import flexarm as fa
 from bridges.test_c_controllers import LAWS, OwnController, heavy
 from conformance.controller_examples import EXAMPLES, two_links
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.laws import CONTROLLERS
 
 REFUSED = {
     "estimator",

@@ -9,8 +9,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import flexarm as fa
-from flexarm.batch.plants import LanePlants
 from flexarm.bridges.gymnasium_env import VECTOR_ENVIRONMENTS, laboratory_arm
+from flexarm.simulation.batch.plants import LanePlants
 
 every = pytest.mark.parametrize("name", VECTOR_ENVIRONMENTS)
 REACH, FORCE = "flexarm/Reach-v0", "flexarm/TrackForce-v0"

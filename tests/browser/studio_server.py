@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import numpy as np
 from PIL import Image
 
-from flexarm.studio.state import open_bytes
+from flexarm.view.studio.state import open_bytes
 
 #: Short run of a stiff arm, so that each change is computed within a fraction of a second.
 SCENARIO = """\
@@ -245,7 +245,7 @@ def project_with(**values):
 
 
 def scene_of(project):
-    from flexarm.studio.compute import Request, parts_of
+    from flexarm.view.studio.compute import Request, parts_of
 
     return json.loads(next(parts_of(Request(project))).data)["scenes"][0]
 

@@ -12,7 +12,7 @@ from PIL import Image
 from stored_pictures import assert_looks_like
 
 import flexarm as fa
-from flexarm.plot.palette import BLUE, ORANGE
+from flexarm.view.plot.palette import BLUE, ORANGE
 
 LINK = {"length": 0.5, "flexural_rigidity": 3.0, "mass_per_length": 0.4, "elements": 1}
 #: Of 255: edges of lines are smoothed and differ more than this from the colour of the line.

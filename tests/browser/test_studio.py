@@ -9,9 +9,9 @@ import pytest
 from studio_server import LENGTH, SCENARIO, assert_shows, project_with, scene_of
 
 import flexarm as fa
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model.file_format.changes import change_of
-from flexarm.studio.state import open_bytes
+from flexarm.view.studio.state import open_bytes
 
 
 def test_studio_opens_the_file_of_the_command_line(window):

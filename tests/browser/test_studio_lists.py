@@ -9,7 +9,7 @@ import pytest
 from studio_server import LENGTH, SCENARIO, assert_shows, scene_of
 
 import flexarm as fa
-from flexarm.studio.state import open_bytes
+from flexarm.view.studio.state import open_bytes
 
 NEW_LOAD, FORCE = "loads.<new>", "loads[0].force[1]"
 TABLE = "loads[0].factor.<table>"

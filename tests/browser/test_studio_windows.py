@@ -11,7 +11,7 @@ import pytest
 from stored_pictures import assert_looks_like
 from studio_server import LENGTH, MASS, Screen, assert_shows, project_with, studio
 
-from flexarm.studio.state import open_bytes
+from flexarm.view.studio.state import open_bytes
 
 
 def test_page_looks_like_the_picture_of_the_documentation(new_window):

@@ -9,7 +9,7 @@ import pytest
 from scenarios import GOOD, UNSTABLE, invoke
 
 import flexarm as fa
-from flexarm.output import read_result
+from flexarm.cases.results import read_result
 
 ONE_LINK = """\
 flexarm: 1
@@ -200,7 +200,7 @@ def test_failed_run_without_output_writes_nothing(tmp_path):
 
 
 def test_ctrl_c_and_memory_error_print_no_traceback(good, monkeypatch):
-    from flexarm.scenarios.scenario import Prepared
+    from flexarm.cases.scenario.scenario import Prepared
 
     for error, status in ((KeyboardInterrupt, 130), (MemoryError, 1)):
 

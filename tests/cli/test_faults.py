@@ -106,12 +106,12 @@ def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
 
 WAITING = """
 import os, signal, sys
-from flexarm.output import csv_table, netcdf
+from flexarm.cases.results import csv_table, netcdf
 def parts(*_):
     yield b"half"
     os.kill(os.getpid(), signal.{signal})
     raise RuntimeError("the signal was ignored")
-import flexarm.output.formats as formats
+import flexarm.cases.results.formats as formats
 from dataclasses import replace
 formats.FORMATS[".nc"] = replace(formats.FORMATS[".nc"], encode=parts)
 from flexarm.cli.main import main

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from flexarm.cases.results import read_result
 from flexarm.cli import drawing
 from flexarm.cli.main import app
 from flexarm.model import load_scenario
-from flexarm.output import read_result
-from flexarm.paper import paper_scenario
-from flexarm.plot.paper.paper_data import FIGURE_NAMES
+from flexarm.view.paper import paper_scenario
+from flexarm.view.plot.paper.paper_data import FIGURE_NAMES
 
 
 def reproduce(folder, *options):

@@ -56,7 +56,7 @@ def test_ctrl_c_interrupts_a_run(tmp_path):
     code = """
 import os, signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from flexarm.engine.progress import Meter
+from flexarm.simulation.run.progress import Meter
 Meter.update = lambda self, fraction: os.kill(os.getpid(), signal.SIGINT)
 from flexarm.cli.main import main
 main()

@@ -7,7 +7,7 @@ from scenarios import GOOD, UNSTABLE, invoke
 from test_wrong_input import assert_rejected
 
 import flexarm as fa
-from flexarm.output import encode_netcdf
+from flexarm.cases.results import encode_netcdf
 
 
 @pytest.fixture

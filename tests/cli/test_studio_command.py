@@ -61,7 +61,7 @@ def test_printed_address_is_a_valid_one(monkeypatch, host, shown, warned):
     """It contains the token; an address of IPv6 has brackets in front of the port."""
     pytest.importorskip("nicegui")
     served = []
-    monkeypatch.setattr("flexarm.studio.app.serve", lambda *options: served.extend(options))
+    monkeypatch.setattr("flexarm.view.studio.app.serve", lambda *options: served.extend(options))
     monkeypatch.setattr("flexarm.cli.commands.studio._check_address", lambda host, port: None)
     done = invoke("--host", host, "--port", 8123)
     assert done.exit_code == 0

@@ -77,7 +77,7 @@ OUTPUTS = {
 @pytest.mark.parametrize("what", OUTPUTS)
 @pytest.mark.parametrize("option", ["--out", "--plot", "--animate"])
 def test_unwritable_path_is_rejected_before_the_run(what, option, tmp_path, monkeypatch):
-    from flexarm.scenarios.scenario import Prepared
+    from flexarm.cases.scenario.scenario import Prepared
 
     monkeypatch.setattr(Prepared, "run", lambda *_, **__: pytest.fail("it ran"))
     good = write(tmp_path / "good.yaml", GOOD)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import flexarm as fa
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.laws import CONTROLLERS
 
 SAMPLE_TIME = 0.004
 

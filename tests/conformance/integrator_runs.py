@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from arm_states import state_array
-from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate.base import Drive, Progress, Status, System, Tolerance
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
+from flexarm.simulation.run.tolerance import tolerance_of
 
 #: Torque in cubic pieces on two joints, smooth at the break at 0.5 s.
 BREAKS = np.array([0.0, 0.5, 1.0])

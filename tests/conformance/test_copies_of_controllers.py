@@ -8,7 +8,7 @@ import pytest
 from controller_examples import EXAMPLES, two_links
 
 import flexarm as fa
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.laws import CONTROLLERS
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")

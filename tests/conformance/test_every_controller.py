@@ -1,4 +1,4 @@
-"""The numbered rules of ``flexarm.control.base``, for every controller of the registry."""
+"""The numbered rules of ``flexarm.control.contract.base``, for every controller of the registry."""
 
 import inspect
 import math
@@ -8,13 +8,13 @@ import pytest
 from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
-from flexarm.control.base import Controller
-from flexarm.controllers import CONTROLLERS
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.linear_controller import memory_of
+from flexarm.cases.scenario.controllers import FILTERS
+from flexarm.control.analysis.linear_controller import memory_of
+from flexarm.control.contract.base import Controller
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.laws import CONTROLLERS
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
-from flexarm.scenarios.controllers import FILTERS
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.model import Scenario, StudySpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import look
-from flexarm.studio.state import Project, open_bytes
-from flexarm.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
-from flexarm.studio.values.field import Field
-from flexarm.studio.values.fields import SAMPLED, groups_of
-from flexarm.studio.values.forms import Forms, forms_of
+from flexarm.view.studio.state import Project, open_bytes
+from flexarm.view.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
+from flexarm.view.studio.values.field import Field
+from flexarm.view.studio.values.fields import SAMPLED, groups_of
+from flexarm.view.studio.values.forms import Forms, forms_of
 
 #: A scenario in which a contact, instruments and a controller are possible.
 SCENARIO = """\

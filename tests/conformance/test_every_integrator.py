@@ -23,11 +23,11 @@ from integrator_runs import (
 import flexarm as fa
 from arm_states import state_array
 from constant_torques import parabolas
+from flexarm.base.references import citation
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.integrate import status as codes
 from flexarm.integrate.base import Progress, Status
 from flexarm.kernels.compilation.cache import undecorated
-from flexarm.references import citation
 
 every = pytest.mark.parametrize("name", INTEGRATORS)
 each_problem = pytest.mark.parametrize("problem", PROBLEMS)

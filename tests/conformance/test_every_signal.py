@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.estimation.predicted_readings import PredictedReadings
+from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.sensors import POINT_SIGNALS

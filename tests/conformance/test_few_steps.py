@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from arm_states import state_array
-from flexarm.actions.environment import Environment
-from flexarm.engine.tolerance import tolerance_of
+from flexarm.arm.actions.environment import Environment
 from flexarm.integrate import INTEGRATORS
 from flexarm.integrate.base import Drive, Status, System, Tolerance
 from flexarm.kernels.layout import new_workspace, run_time_sizes
+from flexarm.simulation.run.tolerance import tolerance_of
 
 UNTIL, BREAK = 0.1, 0.04
 

@@ -13,9 +13,9 @@ from typing import Any
 from docs_pages import ROOT
 from python_tables import python_tables
 
-from flexarm.engine.channels import CHANNELS, LIMITS, Channel
 from flexarm.model import json_schema
 from flexarm.model.units import unit_of
+from flexarm.simulation.run.channels import CHANNELS, LIMITS, Channel
 
 FILE_FORMAT = "docs/reference/file-format.md"
 PYTHON = "docs/reference/python-api.md"

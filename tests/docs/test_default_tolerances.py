@@ -21,7 +21,7 @@ from test_docs_examples import RUNNING, run
 
 import flexarm as fa
 from default_runs import PROMISED, DefaultRun, record
-from flexarm.scenarios.scenario import run_scenario
+from flexarm.cases.scenario.scenario import run_scenario
 
 SCENARIOS = sorted((ROOT / "examples").glob("*.yaml"))
 SCRIPTS = [

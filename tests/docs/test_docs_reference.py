@@ -14,7 +14,7 @@ from reference_tables import generated, missing_sections, part_pattern
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.controllers import CONTROLLERS
+from flexarm.control.laws import CONTROLLERS
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import json_schema
 from flexarm.motion import TIMING_LAWS

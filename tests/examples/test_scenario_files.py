@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import load_scenario
-from flexarm.scenarios.scenario import prepare
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 GRAVITY = 9.81

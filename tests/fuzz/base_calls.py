@@ -15,7 +15,7 @@ import numpy as np
 
 import flexarm as fa
 from conformance.controller_examples import EXAMPLES, complete
-from flexarm.controllers import CONTROLLERS as REGISTRY
+from flexarm.control.laws import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
 from fuzz.arm_calls import ARM, STATE, Q, arm, start, wound
 from fuzz.filter_calls import FILTER_METHODS, FILTERS

@@ -22,11 +22,11 @@ from unittest import mock
 import numpy as np
 
 import flexarm as fa
+from flexarm.cases.results import write_figure
 from flexarm.cli.failures import end_orderly_when_terminated
 from flexarm.kernels.compilation import cache as cache_settings
 from flexarm.kernels.compilation import code_cache
-from flexarm.output import write_figure
-from flexarm.plot.signals import signals_figure
+from flexarm.view.plot.signals import signals_figure
 from fuzz.base_calls import arm, result
 from fuzz.farm import Part
 from fuzz.study_calls import samples

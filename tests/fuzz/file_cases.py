@@ -193,7 +193,7 @@ def damaged_file(rng: np.random.Generator, number: int) -> None:
     content = change(text, chance)
     Path("file.yaml").write_bytes(content)
     Path("record.csv").write_bytes(record())
-    stepping = importlib.import_module("flexarm.engine.stepping")
+    stepping = importlib.import_module("flexarm.simulation.run.stepping")
     few = {"_MOST_STEPS": 1e4, "_MOST_STEPS_A_TICK": 1e4}  # the error is that of divergence
     with mock.patch.multiple(stepping, **few):
         outcome = invoked(command, "file.yaml")

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 import flexarm as fa
-import flexarm.plot
+import flexarm.view.plot
 from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
 from fuzz.export_calls import EXPORTS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.histories.multisine import rates_of
+from flexarm.simulation.histories.multisine import rates_of
 
 
 def test_rates_contain_the_rise():

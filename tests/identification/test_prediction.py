@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import flexarm as fa
-from flexarm.estimation.predicted_readings import reading_rows
+from flexarm.control.filters.predicted_readings import reading_rows
 from flexarm.identification import fitting
 from flexarm.identification.prediction import predicted_run
 from flexarm.identification.prediction.linear_filter import LinearModel, gains_of, likelihoods

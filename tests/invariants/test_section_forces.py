@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arm_states import changed, drawn, state_array
-from flexarm.observe import channels_of
+from flexarm.arm.observe import channels_of
 from random_options import busy
 
 # Sums of a few dozen terms of the size of the largest one.

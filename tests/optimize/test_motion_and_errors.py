@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-import flexarm.optimize.optimal_motion as optimal
-from flexarm.optimize.plan import GAUSS
-from flexarm.optimize.transcription import Answer, Transcription
+import flexarm.planning.optimize.optimal_motion as optimal
+from flexarm.planning.optimize.plan import GAUSS
+from flexarm.planning.optimize.transcription import Answer, Transcription
 
 LINK = {"length": 1.0, "flexural_rigidity": 30.0, "mass_per_length": 0.5}
 LIMITS = fa.MotionLimits(torque=4.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flexarm.references import _ENTRIES
+from flexarm.base.references import _ENTRIES
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -7,15 +7,15 @@ import pytest
 import xarray as xr
 
 import flexarm as fa
-from flexarm.errors import Problem
-from flexarm.proposals.assessment import Assessed, Loops
-from flexarm.proposals.candidates import Candidate
-from flexarm.proposals.case import case_of, plants_of
-from flexarm.proposals.design import _chosen
-from flexarm.proposals.reasons import reasons_of
-from flexarm.proposals.requirements import requirements_of
-from flexarm.scenarios.scenario import prepare
-from flexarm.scenarios.study import PreparedStudy
+from flexarm.base.errors import Problem
+from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.planning.proposals.assessment import Assessed, Loops
+from flexarm.planning.proposals.candidates import Candidate
+from flexarm.planning.proposals.case import case_of, plants_of
+from flexarm.planning.proposals.design import _chosen
+from flexarm.planning.proposals.reasons import reasons_of
+from flexarm.planning.proposals.requirements import requirements_of
 
 DEFAULTS = {
     "sensors": None,

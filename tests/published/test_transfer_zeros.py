@@ -14,8 +14,8 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.inversion.zero_dynamics import rest_end
 from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.simulation.inversion.zero_dynamics import rest_end
 
 DATA = Path(__file__).parents[1] / "data"
 BEAM = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexarm.batch import lanes
+from flexarm.simulation.batch import lanes
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.engine.tolerance import fastest_frequency
 from flexarm.integrate import RungeKutta4
+from flexarm.simulation.run.tolerance import fastest_frequency
 from paper_arms import table_one_arm
 
 
@@ -23,7 +23,7 @@ def run(arm, **options):
 
 def test_run_whose_steps_shrink_is_stopped(monkeypatch):
     """The limits are days of computing; here they are ten steps."""
-    module = sys.modules["flexarm.engine.stepping"]
+    module = sys.modules["flexarm.simulation.run.stepping"]
     for name in ("_MOST_STEPS", "_MOST_STEPS_A_TICK"):
         monkeypatch.setattr(module, name, 10.0)
     with pytest.raises(fa.SimulationError, match=r"the step has shrunk to 0\.001 s") as failure:

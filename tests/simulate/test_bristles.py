@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from bristled_joints import NUMBERS, PUBLISHED, RUBBING, lugre, turning
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.observe import channels_of
 from flexarm.integrate import INTEGRATORS
-from flexarm.observe import channels_of
 
 
 @cache

@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from bristled_joints import NUMBERS, RUBBING, turning
-from flexarm.errors import AccuracyWarning, InputError
+from flexarm.base.errors import AccuracyWarning, InputError
 
 
 def test_plant_keeps_the_deflection():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulation.metrics import METRICS, metrics_of, tip_reference
+from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.engine import default_step
 from flexarm.integrate import INTEGRATORS
+from flexarm.simulation.run import default_step
 
 FIXED = [name for name, kind in INTEGRATORS.items() if not kind.adaptive]
 ROD = {"length": 1.0, "mass_per_length": 1.0}

@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
+from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.model import Scenario, StudySpec
 from flexarm.model.paths import with_number
-from flexarm.scenarios.study import PreparedStudy
 
 WINDING = fa.Winding(torque_constant=0.04, resistance=1.5)
 RATIO, ROTOR = 80.0, 2e-5

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.histories.functions import function_history
-from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.samples import sampled_torque
+from flexarm.simulation.histories.functions import function_history
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.samples import sampled_torque
 
 #: Between two of the points that are evaluated first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062

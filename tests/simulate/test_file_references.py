@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.cases.scenario import references
+from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.model import Scenario, StudySpec, load_scenario, save_scenario
-from flexarm.scenarios import references
-from flexarm.scenarios.scenario import prepare
-from flexarm.scenarios.study import PreparedStudy
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning"),

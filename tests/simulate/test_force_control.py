@@ -6,7 +6,7 @@ from scipy.signal import cont2discrete
 
 import flexarm as fa
 from flexarm.motion.geometry.kinematics import tip_jacobian
-from flexarm.simulation.metrics import metrics_of
+from flexarm.simulation.calls.metrics import metrics_of
 from paper_arms import laboratory_arm
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0

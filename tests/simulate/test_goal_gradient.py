@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.histories.samples import added_coefficients, collected_samples, sampled_torque
-from flexarm.run_derivatives.repeated_parts import Repetition
+from flexarm.simulation.derivatives.repeated_parts import Repetition
+from flexarm.simulation.histories.samples import (
+    added_coefficients,
+    collected_samples,
+    sampled_torque,
+)
 
 pytestmark = pytest.mark.compiled
 #: Both add the same derivatives in another order.

@@ -229,7 +229,7 @@ def test_warning_begins_at_a_hundred_thousandth_of_the_reach(share, warns, monke
     limits = fa.JointLimits(lower=-0.04, upper=0.04, stiffness=STIFFNESS)
     links = [fa.Link(length=2.0, mass_per_length=1.0, flexible=False)]
     long = fa.Arm(links=links, joints=[fa.Joint(limits=limits)])
-    module = sys.modules["flexarm.engine.impacts"]
+    module = sys.modules["flexarm.simulation.run.impacts"]
     monkeypatch.setattr(module, "_error_of_finer", lambda apart, factor: np.full(len(apart), share))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.bending import one_warning
+from flexarm.arm.bending import one_warning
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 

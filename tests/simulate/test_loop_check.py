@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.loop.stability import differenced, instability
+from flexarm.simulation.loop.stability import differenced, instability
 from paper_arms import laboratory_arm, table_one_arm
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
@@ -127,8 +127,8 @@ run: {duration: 1.0, rate: 100}
 
 def test_surfaces_without_a_force_reference_are_ignored():
     """Joint control ends with straight links deep in the wall, which is not an equilibrium."""
+    from flexarm.cases.scenario.scenario import prepare
     from flexarm.model import load_scenario
-    from flexarm.scenarios.scenario import prepare
 
     path = Path(__file__).parents[2] / "examples" / "wipe_wall.yaml"
     prepared = prepare(load_scenario(path))

@@ -9,8 +9,8 @@ import pytest
 from numba import typeof
 
 import flexarm as fa
-from flexarm.bending import theory_error
-from flexarm.engine.validity import BendingWatch
+from flexarm.arm.bending import theory_error
+from flexarm.simulation.run.validity import BendingWatch
 
 #: A binary fraction, so that samples and sample times are equal to the last bit.
 TICK = 2.0**-9

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm.engine import progress as meter
+from flexarm.simulation.run import progress as meter
 
 
 @pytest.fixture

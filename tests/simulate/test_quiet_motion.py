@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.engine.tolerance import fastest_frequency
 from flexarm.integrate.steps import LONGEST
+from flexarm.simulation.run.tolerance import fastest_frequency
 
 
 @pytest.mark.parametrize("integrator", ["dormand_prince_8"])

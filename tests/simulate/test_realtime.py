@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.real_time.clock import SampleTimes
-from flexarm.real_time.partners import OwnController
-from flexarm.real_time.plant_side import PlantLoop
+from flexarm.simulation.real_time.clock import SampleTimes
+from flexarm.simulation.real_time.partners import OwnController
+from flexarm.simulation.real_time.plant_side import PlantLoop
 
 H = 0.001
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.6}

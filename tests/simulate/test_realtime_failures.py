@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from conformance.controller_examples import EXAMPLES, two_links
-from flexarm.control.base import requirements_of
+from flexarm.control.contract.base import requirements_of
 from simulate.test_realtime import (
     READINGS,
     SENT,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.real_time import controller_side
+from flexarm.simulation.real_time import controller_side
 from simulate.foreign_packets import Hostile, Sender, packed, place, send_stale, udp_socket
 from simulate.test_realtime import (
     SENT,

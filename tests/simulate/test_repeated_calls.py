@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.bending import LARGEST_ERROR, BendingErrors
-from flexarm.engine.tolerance import fastest_frequency
+from flexarm.arm.bending import LARGEST_ERROR, BendingErrors
+from flexarm.simulation.run.tolerance import fastest_frequency
 
 
 def an_arm(**options: object) -> fa.Arm:

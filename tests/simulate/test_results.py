@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
-from flexarm.engine.channels import CHANNELS
+from flexarm.simulation.run.channels import CHANNELS
 
 #: Channels of runs with contacts; torque_command is that of closed loops.
 CONTACT = ("contact_force", "contact_gap", "contact_energy")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import load_scenario
-from flexarm.scenarios.scenario import prepare
 
 ARM = """\
 flexarm: 1
@@ -215,7 +215,9 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr(import_module("flexarm.scenarios.initial_state"), "equilibrium", none)
+        monkeypatch.setattr(
+            import_module("flexarm.cases.scenario.initial_state"), "equilibrium", none
+        )
         with pytest.raises(fa.EquilibriumError, match=r"above 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 

@@ -5,8 +5,8 @@ import pytest
 
 import flexarm as fa
 from complex_steps import by_complex_steps, step_ends
-from flexarm.actions.environment import Environment
-from flexarm.assembly.assemble import assemble
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.assembly.assemble import assemble
 from flexarm.model.paths import number_at, number_paths, with_number
 from random_arms import random_spec
 
@@ -314,8 +314,8 @@ def test_more_than_eight_parameters_equal_single_ones():
 
 def test_constants_of_a_formula_and_of_a_difference_agree():
     """The file changes only one number, so both ways of ``arm_parameters`` must agree."""
-    from flexarm.run_derivatives.arm_parameters import arm_derivative
-    from flexarm.run_derivatives.differences import differences as numerical
+    from flexarm.simulation.derivatives.arm_parameters import arm_derivative
+    from flexarm.simulation.derivatives.differences import differences as numerical
 
     rng = np.random.default_rng(7)
     for _ in range(5):

@@ -8,7 +8,7 @@ import pytest
 
 import flexarm as fa
 from central_differences import differences
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.hardware.measurement import Measurement
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
 from flexarm.linear.step_derivatives.formulas import constants_at

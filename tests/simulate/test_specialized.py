@@ -5,8 +5,8 @@ import itertools
 import pytest
 
 import flexarm as fa
-from flexarm.engine import stepping
 from flexarm.kernels.layout import run_time_sizes
+from flexarm.simulation.run import stepping
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.actions.environment import Environment
-from flexarm.histories.loads import load_history
+from flexarm.arm.actions.environment import Environment
+from flexarm.simulation.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 FINE = {"rtol": 1e-10, "atol": 1e-12}

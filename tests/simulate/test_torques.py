@@ -8,9 +8,9 @@ from scipy.interpolate import CubicSpline
 
 import flexarm as fa
 from constant_torques import parabolas
-from flexarm.histories.functions import function_history
-from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.samples import find_kinks, sampled_torque
+from flexarm.simulation.histories.functions import function_history
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.samples import find_kinks, sampled_torque
 from strategies import between
 
 

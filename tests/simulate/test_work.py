@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.integrate import DormandPrince8
-from flexarm.simulation.choice import integrator_of
+from flexarm.simulation.calls.choice import integrator_of
 from random_arms import random_spec
 
 #: Fall of a rigid rod of 1 m from the horizontal for one second, under 9.81 m/s^2: its tip (m).

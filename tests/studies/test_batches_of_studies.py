@@ -5,12 +5,12 @@ import pytest
 from small_study import PD, READING, content
 
 import flexarm as fa
-from flexarm.batch import lanes
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.cases.studies import batches
+from flexarm.cases.studies.execution import RECORDED, Executor
 from flexarm.model import StudySpec, file_text
-from flexarm.scenarios.study import PreparedStudy
-from flexarm.simulation.metrics import metrics_of
-from flexarm.studies import batches
-from flexarm.studies.execution import RECORDED, Executor
+from flexarm.simulation.batch import lanes
+from flexarm.simulation.calls.metrics import metrics_of
 
 MASS = content()["vary"]["payload.mass"]
 #: A motion that is slow enough for a quasi-static reference.
@@ -158,8 +158,8 @@ def test_long_samples_are_measured_once(seconds, compiling, runs, monkeypatch):
     monkeypatch.setattr(study._executor, "outcomes", lambda *_: done.append(0))
     clock = {"compile_seconds": lambda: compiling * bool(done)}
     clock["perf_counter"] = lambda: seconds * len(done) + clock["compile_seconds"]()
-    monkeypatch.setattr("flexarm.studies.study.time.perf_counter", clock["perf_counter"])
-    monkeypatch.setattr("flexarm.studies.study.compile_seconds", clock["compile_seconds"])
+    monkeypatch.setattr("flexarm.cases.studies.study.time.perf_counter", clock["perf_counter"])
+    monkeypatch.setattr("flexarm.cases.studies.study.compile_seconds", clock["compile_seconds"])
     assert study._measured_seconds(1) == seconds
     assert len(done) == runs
 

@@ -11,7 +11,7 @@ from kills import compare, write_study
 from small_study import files_of
 
 import flexarm as fa
-from flexarm.studies import workers
+from flexarm.cases.studies import workers
 
 dask = pytest.importorskip("dask", reason="it comes with the extra: pip install 'flexarm[cluster]'")
 pytest.importorskip("distributed", reason="it comes with the same extra")

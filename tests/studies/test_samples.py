@@ -6,8 +6,8 @@ from scipy.stats import kstest, loguniform, norm
 from small_study import PD, READING, content
 
 import flexarm as fa
+from flexarm.cases.studies.samples import Samples
 from flexarm.model import StudySpec
-from flexarm.studies.samples import Samples
 
 VARY = {
     "payload.mass": {"kind": "uniform", "low": 0.0, "high": 2.0},

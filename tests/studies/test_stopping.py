@@ -5,7 +5,7 @@ import pytest
 from small_study import content, files_of
 
 import flexarm as fa
-from flexarm.studies.stopping import quantile_interval
+from flexarm.cases.studies.stopping import quantile_interval
 
 STOP = {"metric": "tip_error_rms", "quantile": 0.5, "within": 0.022}
 
@@ -55,7 +55,7 @@ def test_a_study_ends_at_the_same_sample_for_all_chunks_and_interruptions(tmp_pa
         return execute(start, stop)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("flexarm.studies.study.executor_of", lambda _: interrupted._executor)
+        patch.setattr("flexarm.cases.studies.study.executor_of", lambda _: interrupted._executor)
         patch.setattr(interrupted._executor, "outcomes", twice)
         with pytest.raises(KeyboardInterrupt):
             interrupted.run(second, workers=1, chunk=9)

@@ -7,8 +7,8 @@ import pytest
 from small_study import PD, READING, content, files_of
 
 import flexarm as fa
+from flexarm.cases.studies import store as stores
 from flexarm.model import StudySpec, file_text
-from flexarm.studies import store as stores
 
 zarr = pytest.importorskip("zarr", reason="it comes with the extra: pip install 'flexarm[cluster]'")
 

@@ -8,12 +8,12 @@ import pytest
 from small_study import CONTENT, PD, READING, content
 
 import flexarm as fa
-from flexarm import processes
+from flexarm.base import processes
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.cases.studies.workers import cluster
 from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.model import StudySpec
-from flexarm.scenarios.study import PreparedStudy
-from flexarm.simulation.compare import evaluated
-from flexarm.studies.workers import cluster
+from flexarm.simulation.calls.compare import evaluated
 
 GAUGE = {"station": 0.05, "distance": 0.005}
 LARGE = {"kind": "values", "values": [0.1, 5.0]}

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexarm.errors import (
+from flexarm.base.errors import (
     FlexarmError,
     InputError,
     ModelError,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 
 LINK = fa.Link(length=0.5, flexural_rigidity=30.0, mass_per_length=0.4, elements=1)
 

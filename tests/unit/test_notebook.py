@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.notebook import html_table
+from flexarm.base.notebook import html_table
 
 
 def cells(value: Any) -> list[list[str]]:

@@ -7,7 +7,7 @@ closed form; frequencies of the beams from their exact transcendental equations)
 import numpy as np
 import pytest
 
-from flexarm.paper import (
+from flexarm.view.paper import (
     FAST,
     SLOW,
     PaperCase,

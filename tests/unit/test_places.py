@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-import flexarm.writing.replace_file as replace_module
-from flexarm.errors import InputError
-from flexarm.output import write_figure
-from flexarm.writing.places import check_folder, check_place, write_text, write_whole
-from flexarm.writing.replace_file import replace_file
+import flexarm.base.writing.replace_file as replace_module
+from flexarm.base.errors import InputError
+from flexarm.base.writing.places import check_folder, check_place, write_text, write_whole
+from flexarm.base.writing.replace_file import replace_file
+from flexarm.cases.results import write_figure
 
 SUFFIXES = (".nc", ".csv")
 
@@ -131,7 +131,7 @@ def test_two_writers_of_one_file_do_not_interfere(tmp_path):
 
 KILLED = """
 import os, signal, sys
-from flexarm.writing.replace_file import replace_file
+from flexarm.base.writing.replace_file import replace_file
 def parts():
     yield b"half"
     os.kill(os.getpid(), signal.SIGKILL)
@@ -192,7 +192,7 @@ def test_unopened_temporary_file_is_not_tracked(tmp_path):
 
 FOREIGN = """
 import sys
-from flexarm.writing.replace_file import replace_file
+from flexarm.base.writing.replace_file import replace_file
 replace_file(sys.argv[1], [b"newer"])
 """
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from flexarm import processes
+from flexarm.base import processes
 
 
 def where(offset, k):

@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 import flexarm as fa
-from flexarm.errors import InputError, Problem, check_array, public_call, public_call_as
+from flexarm.base.errors import InputError, Problem, check_array, public_call, public_call_as
 
 
 @public_call

@@ -5,7 +5,7 @@ import functools
 import pytest
 
 import flexarm as fa
-from flexarm.user_functions import call
+from flexarm.base.user_functions import call
 
 
 async def later(t):

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.cases.scenario.scenario import Prepared
+from flexarm.control.analysis.sample_time import PHASE, controlled_modes, recommended_sample_time
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
-from flexarm.loop.stability import LoopPole
-from flexarm.loop_analysis.sample_time import PHASE, controlled_modes, recommended_sample_time
-from flexarm.scenarios.scenario import Prepared
-from flexarm.simulation.choice import integrator_of
+from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.loop.stability import LoopPole
 
 Rows = list[tuple[str, str]]
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from flexarm.processes import process_pool, usable_cores
+from flexarm.base.processes import process_pool, usable_cores
 
 if TYPE_CHECKING:
-    from flexarm.plot.paper.paper_data import Histories
+    from flexarm.view.plot.paper.paper_data import Histories
 
 _MOST_PROCESSES = 2  # more would not speed up the figures of the paper
 _Task = tuple[Callable[..., None], tuple[object, ...]]
@@ -20,14 +20,14 @@ _Task = tuple[Callable[..., None], tuple[object, ...]]
 
 def load_plotting() -> None:
     """Import the modules for drawing."""
-    import flexarm.output
-    import flexarm.plot.paper.paper_figures  # noqa: F401
+    import flexarm.cases.results
+    import flexarm.view.plot.paper.paper_figures  # noqa: F401
 
 
 def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
     """Save figures of the paper as PNG and PDF; also accepts "overview" and "theories"."""
-    from flexarm.output import write_figure
-    from flexarm.plot.paper.paper_figures import FIGURES
+    from flexarm.cases.results import write_figure
+    from flexarm.view.plot.paper.paper_figures import FIGURES
 
     for name in names:
         figure = FIGURES[name](case)

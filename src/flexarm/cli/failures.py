@@ -13,7 +13,7 @@ from typing import ParamSpec
 
 import typer
 
-from flexarm.errors import FlexarmError, FlexarmWarning, InputError, printable
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, printable
 
 P = ParamSpec("P")
 
@@ -59,7 +59,7 @@ def end_orderly_when_terminated() -> None:
     """
 
     def leave(*_: object) -> None:
-        from flexarm.writing.replace_file import remove_unfinished
+        from flexarm.base.writing.replace_file import remove_unfinished
 
         remove_unfinished()
         _flush_briefly()

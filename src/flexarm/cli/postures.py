@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem, shown
 
 
 def comma_separated(text: str) -> list[str]:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import typer
 
-from flexarm.arm import load_arm
+from flexarm.arm.arm import load_arm
+from flexarm.base.errors import InputError, Problem, UnstableLoopWarning, shown
 from flexarm.cli.failures import FAILED_RUN, print_error
 from flexarm.cli.postures import comma_separated
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, UnstableLoopWarning, shown
-from flexarm.proposals.design import ControllerDesign, check_new, design
+from flexarm.planning.proposals.design import ControllerDesign, check_new, design
 
 if TYPE_CHECKING:
     import xarray as xr

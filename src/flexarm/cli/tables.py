@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flexarm.errors import printable
+from flexarm.base.errors import printable
 
 
 class _Screen(Console):

@@ -1,1 +1,1 @@
-"""Contract of controllers: their base class, their requirements, checks of their gains."""
+"""Controllers: contract, laws, design, filters, analysis of sampled loops, hardware."""

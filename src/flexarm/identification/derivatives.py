@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm import Arm
-from flexarm.errors import FlexarmError, FlexarmWarning, InputError
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Case, Space, initial_argument
 from flexarm.integrate.base import FloatArray
-from flexarm.run_derivatives.sensitivities import sensitivities
+from flexarm.simulation.derivatives.sensitivities import sensitivities
 
 #: Step of central differences, as a fraction of the scale of a parameter: the error of the
 #: difference, which grows with its square, stays below that of the runs divided by it.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.identification.derivatives import output_derivatives
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Space

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import (
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import (
     check_choice,
     check_count,
     check_each,
@@ -18,8 +19,7 @@ from flexarm.arguments import (
     check_kind,
     check_list_of,
 )
-from flexarm.arm import Arm
-from flexarm.errors import (
+from flexarm.base.errors import (
     AccuracyWarning,
     ConvergenceWarning,
     IdentifiabilityWarning,

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flexarm.arm import Arm
-from flexarm.engine.channels import CHANNELS, Channel
-from flexarm.errors import InputError, Problem, nearest, shown
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem, nearest, shown
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.identification.records import UNITS
+from flexarm.simulation.run.channels import CHANNELS, Channel
 
 #: Inputs of the motors, which simulated results do not contain.
 CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arguments import check_path
-from flexarm.control.base import Controller, Reference
-from flexarm.errors import (
+from flexarm.base.arguments import check_path
+from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
     Problem,
@@ -19,6 +18,7 @@ from flexarm.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.control.contract.base import Controller, Reference
 from flexarm.identification.filtering import without_phase
 from flexarm.identification.labels import (
     MEASURED,

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_dataset, check_kind, check_mapping, check_posture
-from flexarm.control.base import Controller, Reference, check_controller, check_reference
-from flexarm.errors import InputError, Problem, nearest, public_call, shown
-from flexarm.histories.samples import INTERPOLATIONS
+from flexarm.base.arguments import check_dataset, check_kind, check_mapping, check_posture
+from flexarm.base.errors import InputError, Problem, nearest, public_call, shown
+from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.identification.labels import MEASURED, Label, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.records import RecordSettings
+from flexarm.simulation.histories.samples import INTERPOLATIONS
 
 #: Fewest samples of a record.
 FEWEST = 4

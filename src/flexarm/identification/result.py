@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm, save_arm
-from flexarm.errors import InputError, Problem, public_call, shown, suggestion
+from flexarm.arm.arm import Arm, save_arm
+from flexarm.base.arguments import check_kind
+from flexarm.base.errors import InputError, Problem, public_call, shown, suggestion
+from flexarm.base.notebook import html_table
+from flexarm.base.writing.places import AnyPath
 from flexarm.identification.storage import restored, stored
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
-from flexarm.notebook import html_table
-from flexarm.simulation.result import package_version
-from flexarm.writing.places import AnyPath
+from flexarm.simulation.calls.result import package_version
 
 #: Probability below which a test of residuals fails.
 SIGNIFICANT = 0.01

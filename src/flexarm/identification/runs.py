@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.batch.run import simulate_batch
-from flexarm.errors import (
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import (
     FlexarmError,
     FlexarmWarning,
     InputError,
@@ -19,17 +18,18 @@ from flexarm.errors import (
     SimulationError,
     warn_caller,
 )
-from flexarm.histories.piecewise import PiecewiseCubic
-from flexarm.histories.prescribed import PrescribedAngle
-from flexarm.histories.samples import sampled_torque
 from flexarm.identification.filtering import Path, without_phase
 from flexarm.identification.labels import Label, columns_of, place_of
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
-from flexarm.simulation.choice import integrator_of
-from flexarm.simulation.run import simulate
+from flexarm.simulation.batch.run import simulate_batch
+from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.prescribed import PrescribedAngle
+from flexarm.simulation.histories.samples import sampled_torque
 
 #: Phase (rad) of the slowest vibration from sample to sample above which a record misses it.
 _UNRESOLVED = np.pi

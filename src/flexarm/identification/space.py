@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, problems_of, shown
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem, problems_of, shown
 from flexarm.identification.labels import Label, columns_of
 from flexarm.identification.record import MeasuredRecord
 from flexarm.integrate.base import FloatArray

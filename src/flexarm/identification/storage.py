@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem
 from flexarm.model import Motors
 from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.files import arm_spec_of_text, file_text

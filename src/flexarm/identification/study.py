@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from flexarm.arm import described_arm
-from flexarm.errors import InputError, Problem
+from flexarm.arm.arm import described_arm
+from flexarm.base.errors import InputError, Problem
+from flexarm.cases.scenario.file_errors import problems_at
 from flexarm.identification.identify import identify
 from flexarm.identification.reading import record_of_file
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.result import Identification
 from flexarm.model.file_format.identification_file import locate_identification
 from flexarm.model.wording import path_of
-from flexarm.scenarios.file_errors import problems_at
 
 
 class PreparedIdentification:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arguments import library_missing
-from flexarm.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
+from flexarm.base.arguments import library_missing
+from flexarm.base.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
 from flexarm.identification.labels import split_unit
 
 #: Columns (samples,) by name.

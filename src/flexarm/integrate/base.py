@@ -69,7 +69,7 @@ class System(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Allowed error of one step, in lengths of ``scale``; see ``flexarm.engine.tolerance``.
+    """Allowed error of one step, in lengths of ``scale``; see ``flexarm.simulation.run.tolerance``.
 
     The allowed error of a joint angle is ``absolute * unit + relative * |angle|``; that of a mode
     is ``unit * (absolute + relative * d)`` with ``d`` the largest ``|mode| / unit`` of its body. A
@@ -146,8 +146,8 @@ class Integrator(ABC):
 
     Args:
         step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
-            (``flexarm.engine.default_step``). For a method with step control, the first step to
-            try; None: half a radian of the fastest mode.
+            (``flexarm.simulation.run.default_step``). For a method with step control, the first
+            step to try; None: half a radian of the fastest mode.
     """
 
     step: float | None = None

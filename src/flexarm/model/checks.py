@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from flexarm.errors import InputError, ModelError
+from flexarm.base.errors import InputError, ModelError
 from flexarm.model.help_text import docstring_of, positional_fields, signature_of
 from flexarm.model.units import in_si, units_of
 from flexarm.model.wording import Fault, Path, worded

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast,
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.arguments import check_numbers
-from flexarm.errors import ModelError, Problem, public_call
+from flexarm.base.arguments import check_numbers
+from flexarm.base.errors import ModelError, Problem, public_call
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.instrument_faults import InstrumentFault

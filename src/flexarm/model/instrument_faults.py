@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from flexarm.arguments import check_number
-from flexarm.errors import public_call, shown
+from flexarm.base.arguments import check_number
+from flexarm.base.errors import public_call, shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, NonNegative, Number
 from flexarm.model.wording import Fault

@@ -8,7 +8,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
-from flexarm.errors import InputError, ModelError, Problem, shown
+from flexarm.base.errors import InputError, ModelError, Problem, shown
 from flexarm.model.checks import Record
 from flexarm.model.quantities import Names
 

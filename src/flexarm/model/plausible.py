@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from flexarm.errors import ImplausibleValueWarning, warn_caller
+from flexarm.base.errors import ImplausibleValueWarning, warn_caller
 
 #: Earth's standard gravity, m/s^2.
 STANDARD_GRAVITY = 9.80665

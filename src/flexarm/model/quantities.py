@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.errors import printable
+from flexarm.base.errors import printable
 from flexarm.model.wording import refuse
 
 T = TypeVar("T")

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from flexarm.errors import Problem, shown
-from flexarm.errors import nearest as nearest
-from flexarm.errors import suggestion as suggestion
+from flexarm.base.errors import Problem, shown
+from flexarm.base.errors import nearest as nearest
+from flexarm.base.errors import suggestion as suggestion
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem
+from flexarm.base.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

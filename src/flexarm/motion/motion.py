@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_number, check_positive, check_times, warn_of_degrees
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
     from flexarm.motion.sampled import SampledMotion
 
     Floats = NDArray[np.float64]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.arguments import check_number, check_times
-from flexarm.errors import public_call
+from flexarm.base.arguments import check_number, check_times
+from flexarm.base.errors import public_call
 from flexarm.motion.motion import DerivedMotion, JointState, Motion
 
 if TYPE_CHECKING:

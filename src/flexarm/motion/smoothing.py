@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.arguments import check_choice, check_positive
-from flexarm.errors import public_call
+from flexarm.base.arguments import check_choice, check_positive
+from flexarm.base.errors import public_call
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 
 if TYPE_CHECKING:

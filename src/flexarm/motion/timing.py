@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_number, check_times
-from flexarm.errors import InputError, Problem, check_array, nearest, public_call, shown
+from flexarm.base.arguments import check_number, check_times
+from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -1,1 +1,1 @@
-"""Simulation of an arm: ``simulate`` and related functions, results, metrics, comparisons."""
+"""Runs through time: one run, its loop, many at once, their derivatives, real time."""

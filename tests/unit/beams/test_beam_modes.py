@@ -5,12 +5,12 @@ import pytest
 from scipy.linalg import eigh
 
 from beam_links import flexible_link
-from flexarm.beams.assembly import beam_matrices
-from flexarm.beams.flexibility import strain_to_nodal
-from flexarm.beams.modes import BeamBasis, beam_basis
-from flexarm.beams.properties import BeamTable
-from flexarm.beams.quadrature import beam_quadrature
-from flexarm.errors import InputError
+from flexarm.arm.beams.assembly import beam_matrices
+from flexarm.arm.beams.flexibility import strain_to_nodal
+from flexarm.arm.beams.modes import BeamBasis, beam_basis
+from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.quadrature import beam_quadrature
+from flexarm.base.errors import InputError
 
 X = np.array([0.0, 0.4, 0.55, 1.3, 2.0])
 STIFFNESS = np.array([5.0, 4.0, 8.0, 2.0, 1.0])

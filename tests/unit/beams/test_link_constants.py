@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
 from beam_links import flexible_link, rigid_link
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 
 
 class Table(RandomTable):

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from flexarm.beams.assembly import (
+from flexarm.arm.beams.assembly import (
     beam_matrices,
     interior_shapes,
     nodal_rotations,
     nodal_shapes,
 )
-from flexarm.beams.flexibility import strain_to_nodal
-from flexarm.beams.hermite import shape_functions
-from flexarm.beams.properties import BeamTable
-from flexarm.beams.quadrature import beam_quadrature
-from flexarm.beams.shear import (
+from flexarm.arm.beams.flexibility import strain_to_nodal
+from flexarm.arm.beams.hermite import shape_functions
+from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.quadrature import beam_quadrature
+from flexarm.arm.beams.shear import (
     deflection_shapes,
     point_shapes,
     rotation_shapes,

@@ -5,9 +5,9 @@ import pytest
 
 import flexarm as fa
 from arm_states import drawn
-from flexarm.actions.contacts import place_contacts
+from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.observe import contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, VELOCITY
-from flexarm.observe import contact_values
 from random_options import busy
 
 SEEDS = range(2000, 2020)

@@ -7,10 +7,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 import flexarm as fa
-from flexarm.actions.contacts import place_contacts
-from flexarm.actions.surfaces import pieces_of
+from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions.surfaces import pieces_of
+from flexarm.arm.observe import contact_forces, contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, POSITION
-from flexarm.observe import contact_forces, contact_values
 
 ARM = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)] * 2)
 

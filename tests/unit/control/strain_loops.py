@@ -4,8 +4,8 @@ import control
 import numpy as np
 
 import flexarm as fa
-from flexarm.control.base import Controller
-from flexarm.loop_analysis.linear_controller import linear_controller
+from flexarm.control.analysis.linear_controller import linear_controller
+from flexarm.control.contract.base import Controller
 
 TICK = 1e-4
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control_design.surface_plan import SurfacePlan
-from flexarm.control_design.task_plan import TaskPlan
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.design.surface_plan import SurfacePlan
+from flexarm.control.design.task_plan import TaskPlan
+from flexarm.control.hardware.measurement import Measurement
 
 LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
 ARM = fa.Arm(

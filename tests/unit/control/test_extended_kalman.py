@@ -6,8 +6,8 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 import flexarm as fa
-from flexarm.estimation.predicted_readings import PredictedReadings
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.filters.predicted_readings import PredictedReadings
+from flexarm.control.hardware.measurement import Measurement
 from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 

@@ -5,7 +5,7 @@ import pytest
 from linear_arm import arm_with_gauges as two_links
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.hardware.measurement import Measurement
 
 ENCODER = fa.Instrument("joint_angle", noise=2e-4)
 

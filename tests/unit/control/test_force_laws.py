@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop.sampled_reference import sampled_reference
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.simulation.loop.sampled_reference import sampled_reference
 
 LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
 ARM = fa.Arm(

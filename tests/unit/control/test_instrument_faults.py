@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.hardware.instruments import Readings
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.control.hardware.instruments import Readings
 from flexarm.model import locate_study
-from flexarm.scenarios.study import PreparedStudy
 
 TICK = 0.1
 

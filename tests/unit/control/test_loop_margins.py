@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.loop_analysis.linear_controller import linear_controller
-from flexarm.loop_analysis.margin_design import _least
-from flexarm.loop_analysis.margins import loop_at
-from flexarm.loop_analysis.plant_model import instruments_of, model_at, signals_of
+from flexarm.control.analysis.linear_controller import linear_controller
+from flexarm.control.analysis.margin_design import _least
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.analysis.plant_model import instruments_of, model_at, signals_of
 from paper_arms import laboratory_arm
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))

@@ -5,8 +5,8 @@ import pytest
 from test_loop_margins import robust_arm, turntable
 
 import flexarm as fa
-from flexarm.control_design.loop_shaping import bilinear, coprime_controller
-from flexarm.control_design.rigid_model import RigidModel
+from flexarm.control.design.loop_shaping import bilinear, coprime_controller
+from flexarm.control.design.rigid_model import RigidModel
 
 POSTURE = [0.8, 0.9]
 

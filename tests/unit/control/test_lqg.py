@@ -5,7 +5,7 @@ import pytest
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
-from flexarm.control_design.linear_design import preview_gain
+from flexarm.control.design.linear_design import preview_gain
 
 SAMPLE_TIME = 0.002
 #: Outputs that determine the whole state of links of one element each.

@@ -184,8 +184,8 @@ def _stalled(*args, **options):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("flexarm.estimation.horizon._MOST", 1),
-        ("flexarm.estimation.horizon._HALVINGS", -1),
+        ("flexarm.control.filters.horizon._MOST", 1),
+        ("flexarm.control.filters.horizon._HALVINGS", -1),
         ("scipy.optimize.lsq_linear", _stalled),
     ],
 )

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.base import Controller
-from flexarm.control_design.flexible_model import FlexibleModel
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.margins import loop_at
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.contract.base import Controller
+from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.hardware.measurement import Measurement
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.assembly.kernel_view import KernelView
-from flexarm.hardware.measurement import Measurement
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.control.hardware.measurement import Measurement
 
 TICK = 0.002
 

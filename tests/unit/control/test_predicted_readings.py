@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.estimation.predicted_readings import PredictedReadings
+from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 
 ANGLE = fa.Instrument("joint_angle", noise=1e-4)

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from test_position_laws import TICK, arm, readings
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.hardware.measurement import Measurement
 
 
 class Steady:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control_design.rigid_model import RigidModel
+from flexarm.control.design.rigid_model import RigidModel
 from oracles.rigid_double_pendulum import RigidDoublePendulum
 
 ANGLE, RATE, ACCELERATION = np.array([0.4, -0.9]), np.array([1.3, -2.1]), np.array([3.0, 5.0])

@@ -5,9 +5,9 @@ import pytest
 from test_loop_margins import STEP, D, K, returned, robust_arm, turntable
 
 import flexarm as fa
-from flexarm.loop_analysis.margins import loop_at
-from flexarm.loop_analysis.robustness import covering_ball, fitted_weight
-from flexarm.loop_analysis.structured import structured_bound
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.analysis.robustness import covering_ball, fitted_weight
+from flexarm.control.analysis.structured import structured_bound
 
 
 def complex_normal(rng, *shape):

@@ -20,9 +20,9 @@ from strain_loops import (
 )
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.linear_controller import linear_controller
-from flexarm.loop_analysis.margins import loop_at
+from flexarm.control.analysis.linear_controller import linear_controller
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.hardware.measurement import Measurement
 
 LAWS = [fa.PositivePositionFeedback, fa.IntegralResonantControl]
 every = pytest.mark.parametrize("law", LAWS)

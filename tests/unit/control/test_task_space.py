@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control_design.task_space import TaskSpace
+from flexarm.control.design.task_space import TaskSpace
 from flexarm.motion.geometry.chain import rigid_chain
 from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
 

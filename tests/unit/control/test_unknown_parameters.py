@@ -10,13 +10,13 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import flexarm as fa
+from flexarm.cases.results.formats import write_result
+from flexarm.cases.scenario.controllers import FILTERS
 from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import FilterSpec
 from flexarm.model.paths import with_numbers
-from flexarm.output.formats import write_result
-from flexarm.scenarios.controllers import FILTERS
 
 EVERY = pytest.mark.parametrize(
     "kind",

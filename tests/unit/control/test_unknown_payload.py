@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import lognorm, norm
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.hardware.measurement import Measurement
 
 ENCODER = fa.Instrument("joint_angle", noise=2e-4)
 STRAIN = fa.Instrument("strain", noise=3e-6)

@@ -6,8 +6,8 @@ import pytest
 from strain_loops import TICK, Echo, base_driven, closed_poles, continuous, modal_law, one_link
 
 import flexarm as fa
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.margins import loop_at
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.hardware.measurement import Measurement
 
 
 def test_law_is_the_published_block_diagram():

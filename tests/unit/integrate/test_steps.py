@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.engine.tolerance import tolerance_of
 from flexarm.integrate import Cowell4
 from flexarm.integrate.base import Drive, System
 from flexarm.integrate.memory import COUNT, END, LENGTH, new_memory
@@ -13,6 +12,7 @@ from flexarm.integrate.status import DIVERGED, DONE, NOT_FINITE
 from flexarm.integrate.steps import begin_span, followed, next_stop
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.layout import new_workspace, no_loads, run_time_sizes
+from flexarm.simulation.run.tolerance import tolerance_of
 
 ROD = {"length": 5.0, "flexural_rigidity": 900.0, "mass_per_length": 0.6, "elements": 1}
 

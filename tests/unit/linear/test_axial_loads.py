@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.actions.environment import Environment
-from flexarm.axial import Acting, AxialLoads
+from flexarm.arm.actions.environment import Environment
+from flexarm.linear.statics.axial import Acting, AxialLoads
 from flexarm.linear.statics.tangent import tangent
 from random_arms import random_spec
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.bending import BendingErrors, bending_warning, one_warning
+from flexarm.arm.bending import BendingErrors, bending_warning, one_warning
 
 STRIP = {"length": 1.0, "flexural_rigidity": 1.0, "mass_per_length": 0.1}
 FORCE, MOMENT = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.engine.channels import CHANNELS
 from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.simulation.run.channels import CHANNELS
 
 LINK = fa.Link(
     length=0.5,

@@ -3,8 +3,8 @@
 import pytest
 
 import flexarm as fa
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import load_scenario
-from flexarm.scenarios.scenario import prepare
 
 HEAD = """flexarm: 1
 arm: {links: [{length: 1.0, mass_per_length: 1.0, flexible: false}]}

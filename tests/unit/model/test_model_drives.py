@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import ArmSpec, Link, Scenario
 from flexarm.model.drives import balances
 

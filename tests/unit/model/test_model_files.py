@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from model_bad_files import BAD_ARMS, BROKEN_FILES
 
-from flexarm.errors import InputError, ModelError
+from flexarm.base.errors import InputError, ModelError
 from flexarm.model import (
     ArmSpec,
     Link,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from flexarm.errors import InputError, ModelError
+from flexarm.base.errors import InputError, ModelError
 from flexarm.model import (
     ArmSpec,
     Circle,

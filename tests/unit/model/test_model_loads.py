@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import (
     AccelerationTable,
     ArmSpec,

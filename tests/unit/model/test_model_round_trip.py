@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from model_strategies import arm_specs, scenarios
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.model import (
     ArmSpec,
     Joint,

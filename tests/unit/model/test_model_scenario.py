@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import (
     ArmSpec,
     InitialState,

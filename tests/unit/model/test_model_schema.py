@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import ArmSpec, Link, Scenario, json_schema
 
 

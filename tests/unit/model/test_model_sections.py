@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import (
     MATERIALS,
     Box,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import StudySpec
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.drives import CONTROLLED

@@ -15,8 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 import flexarm as fa
+from flexarm.base.errors import InputError
 from flexarm.cli.main import app
-from flexarm.errors import InputError
 from flexarm.model import ArmSpec, load_arm_spec
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.file_format.identification_file import locate_identification

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import flexarm as fa
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model import json_schema, load_arm_spec, load_scenario
 from flexarm.model.checks import Record
 from flexarm.model.file_format.changes import change_of, changed

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_checks import Links
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import inverse_kinematics as of_an_arm
 from flexarm.motion.geometry.inverse_kinematics import reach_limits
 from flexarm.motion.geometry.kinematics import tip_jacobian, tip_position

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from motion_checks import Links
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import joint_motion
 
 # In floating point -3 + (-0.9 - -3) differs from -0.9, so an exact end needs care.

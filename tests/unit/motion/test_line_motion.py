@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from motion_checks import Links
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import line_motion
 from flexarm.motion.geometry.chain import RigidChain
 from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate, tip_position

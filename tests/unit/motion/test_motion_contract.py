@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import (
     TIMING_LAWS,
     circle_motion,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from motion_checks import Links, smooth_times
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import joint_motion, line_motion, rigid_torque
 
 # Uniform rods in closed form: A = m1 L1^2 / 3 + m2 L1^2, B = m2 L2^2 / 3, C = m2 L1 L2 / 2.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
 from flexarm.model import Joint, Link, Payload
 from flexarm.motion import joint_motion, line_motion, rigid_torque
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_checks import Links
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.motion import (
     TIMING_LAWS,
     circle_motion,

@@ -10,9 +10,9 @@ import pytest
 import xarray as xr
 
 import flexarm as fa
-from flexarm.engine.channels import CHANNELS
-from flexarm.errors import InputError
-from flexarm.output import FORMATS, read_result, write_result
+from flexarm.base.errors import InputError
+from flexarm.cases.results import FORMATS, read_result, write_result
+from flexarm.simulation.run.channels import CHANNELS
 
 
 @pytest.fixture(scope="module")

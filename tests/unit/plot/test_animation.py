@@ -14,9 +14,9 @@ from PIL import Image
 from plot_results import LINK, arm, result, rigid_result
 
 import flexarm as fa
-from flexarm.plot.animation import video
-from flexarm.plot.animation.frames import Stage
-from flexarm.plot.palette import ORANGE, PURPLE
+from flexarm.view.plot.animation import video
+from flexarm.view.plot.animation.frames import Stage
+from flexarm.view.plot.palette import ORANGE, PURPLE
 
 FPS = 25.0
 #: A result of 0.2 s has frames at 0, 0.04, ..., 0.2 s.
@@ -266,7 +266,7 @@ def test_errors_of_ffmpeg_are_in_the_message(tmp_path, monkeypatch, animation):
     broken = tmp_path / "ffmpeg"
     broken.write_text("#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 1\n")
     broken.chmod(0o755)
-    monkeypatch.setattr("flexarm.plot.animation.find_ffmpeg", lambda *_: str(broken))
+    monkeypatch.setattr("flexarm.view.plot.animation.find_ffmpeg", lambda *_: str(broken))
     (tmp_path / "out").mkdir()
     with pytest.raises(fa.InputError, match="Unknown encoder libx264"):
         animation.save(tmp_path / "out" / "arm.mp4")
@@ -281,7 +281,7 @@ def test_full_disk_keeps_the_older_file(suffix, tmp_path, monkeypatch, animation
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flexarm.writing.places.replace_file", full)
+    monkeypatch.setattr("flexarm.base.writing.places.replace_file", full)
     with pytest.raises(fa.InputError, match="No space left on device"):
         animation.save(path)
     assert path.read_text() == "older"

@@ -8,8 +8,8 @@ import pytest
 from plot_results import arm, result, rigid_result
 
 import flexarm as fa
-from flexarm.engine.channels import CHANNELS
-from flexarm.plot.selection import signals_of
+from flexarm.simulation.run.channels import CHANNELS
+from flexarm.view.plot.selection import signals_of
 
 
 @pytest.fixture(autouse=True)

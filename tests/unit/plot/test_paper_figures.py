@@ -6,9 +6,15 @@ import matplotlib
 import numpy as np
 import pytest
 
-from flexarm.paper import PaperCase
-from flexarm.plot.paper.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS, POSTURES, histories
-from flexarm.plot.paper.paper_figures import FIGURES
+from flexarm.view.paper import PaperCase
+from flexarm.view.plot.paper.paper_data import (
+    FIGURE_NAMES,
+    HISTORY_NAMES,
+    PANELS,
+    POSTURES,
+    histories,
+)
+from flexarm.view.plot.paper.paper_figures import FIGURES
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.plot.selection import Signals
-from flexarm.reporting import clock
-from flexarm.reporting.measures import (
+from flexarm.view.plot.selection import Signals
+from flexarm.view.reporting import clock
+from flexarm.view.reporting.measures import (
     energies,
     errors_table,
     extremes_table,
     key_figures,
     run_facts,
 )
-from flexarm.reporting.panels import few_lines, fitted, panels
+from flexarm.view.reporting.panels import few_lines, fitted, panels
 
 LINK = {"length": 0.5, "flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 1}
 #: The documented limit of a report's size.
@@ -220,7 +220,7 @@ def test_full_disk_keeps_the_older_file(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flexarm.writing.places.replace_file", full)
+    monkeypatch.setattr("flexarm.base.writing.places.replace_file", full)
     with pytest.raises(fa.InputError, match="No space left on device"):
         fa.report(controlled(), path)
     assert path.read_text() == "older"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
-from flexarm.studio.state import open_bytes, paper_project
+from flexarm.view.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
+from flexarm.view.studio.state import open_bytes, paper_project
 
 from test_state import STUDY  # isort: skip
 
@@ -32,7 +32,7 @@ def test_picture_equals_that_of_a_run():
 
 
 def test_margins_equal_those_of_loop_margins():
-    from flexarm.scenarios.scenario import prepare
+    from flexarm.cases.scenario.scenario import prepare
 
     project = paper_project().edited(("drive", "kind"), "joint_pd")
     (margins,) = parts_of(Request(project, "margins"))
@@ -68,7 +68,7 @@ def test_failed_run_gives_its_reason():
 
 
 def test_plant_of_a_study_is_simulated():
-    from flexarm.scenarios.study import PreparedStudy
+    from flexarm.cases.scenario.study import PreparedStudy
 
     project = open_bytes(STUDY.encode(), "study.yaml")
     study = PreparedStudy(project.record)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.model import Load
-from flexarm.studio.state import History, open_bytes, paper_project
-from flexarm.studio.values.edits import FORM, KIND, NEW, PRESET, REMOVE, TABLE, WAY
+from flexarm.view.studio.state import History, open_bytes, paper_project
+from flexarm.view.studio.values.edits import FORM, KIND, NEW, PRESET, REMOVE, TABLE, WAY
 
 from test_state import STUDY  # isort: skip
 
@@ -67,7 +67,7 @@ def test_the_kind_of_a_surface_changes():
 
 
 def test_new_contacts_are_free_of_the_arm_at_its_start():
-    from flexarm.scenarios.scenario import prepare
+    from flexarm.cases.scenario.scenario import prepare
 
     project = paper_project().edited(CONTACTS, None)
     for kind in ("round", "table", "wall"):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import pytest
 from pydantic import Field
 
-from flexarm.errors import ModelError
+from flexarm.base.errors import ModelError
 from flexarm.model.arm.links import Gauge
 from flexarm.model.checks import Record
 from flexarm.model.drives import CONTROLLED, DRIVES, FEEDFORWARD_DRIVES
@@ -23,13 +23,13 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.units import unit_of
 from flexarm.model.wording import look
-from flexarm.studio.state import open_file, paper_project
-from flexarm.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS
-from flexarm.studio.values.field import fields_in
-from flexarm.studio.values.fields import FieldMaker, groups_of
-from flexarm.studio.values.new_values import new_record
-from flexarm.studio.values.ranges import Sizes
-from flexarm.studio.values.table_text import table_content
+from flexarm.view.studio.state import open_file, paper_project
+from flexarm.view.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS
+from flexarm.view.studio.values.field import fields_in
+from flexarm.view.studio.values.fields import FieldMaker, groups_of
+from flexarm.view.studio.values.new_values import new_record
+from flexarm.view.studio.values.ranges import Sizes
+from flexarm.view.studio.values.table_text import table_content
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = [

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.studio.script import script_of
-from flexarm.studio.state import open_bytes, open_file, paper_project
+from flexarm.view.studio.script import script_of
+from flexarm.view.studio.state import open_bytes, open_file, paper_project
 
 from test_state import STUDY  # isort: skip
 
@@ -39,7 +39,7 @@ def test_script_gives_the_numbers_of_the_window(tmp_path):
 
 
 def test_script_simulates_the_plant_of_a_study(tmp_path):
-    from flexarm.scenarios.study import PreparedStudy
+    from flexarm.cases.scenario.study import PreparedStudy
 
     project = open_bytes(STUDY.encode(), "s").chosen(drive="joint PD", plant="heavier")
     found = run(script_of(project), tmp_path)

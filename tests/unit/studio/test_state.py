@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 import flexarm as fa
-from flexarm.errors import InputError, ModelError
+from flexarm.base.errors import InputError, ModelError
 from flexarm.model.drives import CONTROLLED
 from flexarm.model.file_format.files import load_any
-from flexarm.studio.state import (
+from flexarm.view.studio.state import (
     MOST_UNDO,
     History,
     Project,
@@ -83,7 +83,7 @@ def test_another_kind_of_motion_starts_at_the_same_point(kind):
 
 @pytest.mark.parametrize("kind", CONTROLLED)
 def test_another_drive_has_gains_of_a_stable_loop(kind):
-    from flexarm.scenarios.scenario import prepare
+    from flexarm.cases.scenario.scenario import prepare
 
     if kind == "mu_synthesis":
         pytest.importorskip("slycot", reason="slycot is not installed: mu synthesis was not tried")

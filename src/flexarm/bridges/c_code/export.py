@@ -9,14 +9,14 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm.arguments import check_path
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_path
+from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.writing.places import check_folder, write_text
 from flexarm.bridges.symbolic.casadi_model import CasadiModel, casadi_model
-from flexarm.control.base import Controller, check_controller
-from flexarm.errors import InputError, Problem, public_call, shown
-from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.contract.base import Controller, check_controller
+from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
-from flexarm.writing.places import check_folder, write_text
 
 if TYPE_CHECKING:
     from flexarm.bridges.c_code.exported import Exported

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import chain
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.laws.traced_controller import TracedController
 from flexarm.bridges.c_code.named_function import NamedFunction
 from flexarm.bridges.c_code.observer import Observer

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.bridges.symbolic.scalars import Scalar, SymbolError
-from flexarm.loop_analysis.linear_controller import Memory
+from flexarm.control.analysis.linear_controller import Memory
 
 
 def kept_attributes(owner: Any, packages: tuple[str, ...]) -> dict[str, Any]:

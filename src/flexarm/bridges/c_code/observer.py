@@ -15,19 +15,19 @@ from typing import Any
 import casadi
 import numpy as np
 
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.bridges.c_code.model_functions import dynamics_of_columns, runge_kutta
 from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
-from flexarm.errors import InputError, Problem, shown
-from flexarm.estimation.extended_kalman import ITERATIONS, ExtendedKalmanFilter
-from flexarm.estimation.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
-from flexarm.estimation.kalman_filter import KalmanFilter
-from flexarm.estimation.moving_horizon import MovingHorizonEstimator
-from flexarm.estimation.payload_hypotheses import split, widest_single
-from flexarm.estimation.unscented_kalman import UnscentedKalmanFilter
+from flexarm.control.filters.extended_kalman import ITERATIONS, ExtendedKalmanFilter
+from flexarm.control.filters.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
+from flexarm.control.filters.kalman_filter import KalmanFilter
+from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
+from flexarm.control.filters.payload_hypotheses import split, widest_single
+from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.linear.models.signals import find_outputs
 
 _PAYLOAD = "payload.mass"

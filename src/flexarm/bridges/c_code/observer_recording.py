@@ -7,11 +7,11 @@ from copy import deepcopy
 
 import numpy as np
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.errors import FlexarmWarning
-from flexarm.estimation.extended_kalman import ExtendedKalmanFilter
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.hardware.measurement import Measurement
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 #: Initial joint angles and rates, and torques in rad/s^2 of a straight arm.

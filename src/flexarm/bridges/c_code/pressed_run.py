@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 
 #: Samples (first, end) without a contact force: at the start, within a contact, after the lift-off.
 _NO_CONTACT = ((0, 3), (10, 12), (23, 25))

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.observer_recording import estimates, record_observer
 from flexarm.bridges.c_code.pressed_run import contact_readings
 from flexarm.bridges.c_code.replay import replay
-from flexarm.errors import FlexarmWarning
 from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
-from flexarm.simulation.run import simulate
+from flexarm.simulation.calls.run import simulate
 
 #: Number of recorded samples, and number of steps of the run between two of them.
 SAMPLES, _STRIDE = 32, 8

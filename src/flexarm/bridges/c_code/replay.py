@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.laws.gain_table import around, gain_table
 from flexarm.bridges.c_code.laws.traced_controller import TracedController, nominal_values
 from flexarm.bridges.c_code.pressed_run import PressedRun, pressed_values
-from flexarm.control_design.nominal import strain_matrix
-from flexarm.controllers import LQG
-from flexarm.controllers.force.task_controller import TaskController
-from flexarm.controllers.vibration.strain_damping import StrainDamping
-from flexarm.hardware.measurement import Measurement
+from flexarm.control.design.nominal import strain_matrix
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.laws import LQG
+from flexarm.control.laws.force.task_controller import TaskController
+from flexarm.control.laws.vibration.strain_damping import StrainDamping
 from flexarm.motion import Motion, joint_motion
 
 #: Angle (rad) by which the joints of the reference turn.

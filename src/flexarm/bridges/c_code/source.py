@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.casadi_source import casadi_source
 from flexarm.bridges.c_code.exported import Exported, origin, prototype
 from flexarm.bridges.c_code.named_function import NamedFunction

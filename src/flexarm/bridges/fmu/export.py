@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_choice
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_choice
+from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
+from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
 from flexarm.bridges.fmu.binary import compiled
 from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.control.base import Controller, check_controller
-from flexarm.engine.new_run import initial_state
-from flexarm.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
-from flexarm.writing.places import check_place, write_whole
+from flexarm.control.contract.base import Controller, check_controller
+from flexarm.simulation.run.new_run import initial_state
 
 if TYPE_CHECKING:
     from flexarm.bridges.c_code.exported import Exported

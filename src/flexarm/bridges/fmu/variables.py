@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.exported import Exported
-from flexarm.engine.channels import CHANNELS
-from flexarm.engine.tolerance import tip_units
 from flexarm.linear.models.signals import find_inputs, find_outputs, state_names
+from flexarm.simulation.run.channels import CHANNELS
+from flexarm.simulation.run.tolerance import tip_units
 
 #: Functions of the exported code that give outputs, and the channels of their results.
 OUTPUTS = {
@@ -54,7 +54,7 @@ class Variable:
     """Variable of an FMU; its value reference is its place in the list of all variables.
 
     Attributes:
-        name, unit, description: as in ``flexarm.engine.channels``; the unit may be empty.
+        name, unit, description: as in ``flexarm.simulation.run.channels``; the unit may be empty.
         causality: "independent", "input", "parameter", "output" or "local".
         variability: "continuous", "discrete" or "fixed".
         start: initial value; None for computed variables.

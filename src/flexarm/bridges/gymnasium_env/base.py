@@ -13,8 +13,16 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_each, check_kind, check_number
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_each, check_kind, check_number
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    SimulationError,
+    check_array,
+    public_call,
+    shown,
+)
 from flexarm.bridges.gymnasium_env.observation import (
     FloatArray,
     Observation,
@@ -24,9 +32,8 @@ from flexarm.bridges.gymnasium_env.observation import (
     reach_of,
 )
 from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
-from flexarm.errors import InputError, Problem, SimulationError, check_array, public_call, shown
 from flexarm.model import Change, Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
-from flexarm.simulation.plant import Plant
+from flexarm.simulation.calls.plant import Plant
 
 #: An arm, or a function that draws one for each episode.
 PlantSource = Arm | Callable[[np.random.Generator], Arm]

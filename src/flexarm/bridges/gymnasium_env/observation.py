@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from flexarm.arm import Arm
-from flexarm.hardware.measurement import Measurement
+from flexarm.arm.arm import Arm
+from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import Instrument
 
 FloatArray = NDArray[np.float64]

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexarm.base.errors import check_array
 from flexarm.bridges.gymnasium_env.base import ArmEnv
 from flexarm.bridges.gymnasium_env.observation import FloatArray, Part
-from flexarm.errors import check_array
 
 #: Largest initial joint angle (rad), unless a stop is closer.
 _RANGE = 2.5

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_number
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_number
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.bridges.gymnasium_env.base import ArmEnv, PlantSource
 from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part
 from flexarm.bridges.gymnasium_env.reach import joint_range
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
 from flexarm.motion.tip.tip_motion import TipMotion

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.gymnasium_env.base import ArmEnv
 from flexarm.bridges.gymnasium_env.observation import FloatArray, Part
 from flexarm.bridges.gymnasium_env.reach import joint_range
-from flexarm.errors import InputError, Problem
 from flexarm.motion import line_motion
 from flexarm.motion.tip.tip_motion import TipMotion
 

@@ -12,19 +12,19 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count
-from flexarm.arm import Arm
-from flexarm.batch.lanes import arm_fits_lanes
-from flexarm.batch.plants import LanePlants, Places
+from flexarm.arm.arm import Arm
+from flexarm.arm.observe import channels_of
+from flexarm.base.arguments import check_count
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.processes import check_workers
 from flexarm.bridges.gymnasium_env.base import ArmEnv
 from flexarm.bridges.gymnasium_env.observation import FloatArray, Vector, exact_instruments
 from flexarm.bridges.gymnasium_env.reach import ReachEnv
 from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
-from flexarm.engine.validity import BendingWatch
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
-from flexarm.observe import channels_of
-from flexarm.processes import check_workers
+from flexarm.simulation.batch.lanes import arm_fits_lanes
+from flexarm.simulation.batch.plants import LanePlants, Places
+from flexarm.simulation.run.validity import BendingWatch
 
 BoolArray = NDArray[np.bool_]
 _Steps = tuple[Vector, FloatArray, BoolArray, BoolArray, dict[str, Any]]

@@ -8,13 +8,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm.arguments import check_dataset, check_kind
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_dataset, check_kind
+from flexarm.base.errors import public_call
+from flexarm.base.writing.mat_file import mat_bytes
+from flexarm.base.writing.places import check_place, write_text, write_whole
 from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.errors import public_call
 from flexarm.linear import LinearModel, linearize
-from flexarm.writing.mat_file import mat_bytes
-from flexarm.writing.places import check_place, write_text, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr

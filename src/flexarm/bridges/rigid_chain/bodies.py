@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.rigid_chain.chain import RigidChain
-from flexarm.errors import InputError, Problem
 
 
 class Body(NamedTuple):

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem
 from flexarm.model import Joint, Link, ModalDamping, SectionTable
 
 #: Points of the quadrature in each interval of the table of a link.

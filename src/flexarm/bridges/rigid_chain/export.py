@@ -6,14 +6,14 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-from flexarm.arguments import check_count, check_kind
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_count, check_kind
+from flexarm.base.errors import public_call
+from flexarm.base.writing.places import check_place, write_text
 from flexarm.bridges.rigid_chain.bodies import Body, bodies
 from flexarm.bridges.rigid_chain.chain import RigidChain, rigid_chain
 from flexarm.bridges.rigid_chain.exudyn_script import exudyn_script
 from flexarm.bridges.rigid_chain.files import mjcf, urdf
-from flexarm.errors import public_call
-from flexarm.writing.places import check_place, write_text
 
 #: Largest number of virtual joints of a link.
 _MOST = 64

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.rigid_chain.bodies import Body
 from flexarm.bridges.rigid_chain.chain import RigidChain
 from flexarm.bridges.rigid_chain.files import explained, time_step
-from flexarm.errors import InputError, Problem
 
 _SCRIPT = '''\
 """{name}: a planar arm in Exudyn.

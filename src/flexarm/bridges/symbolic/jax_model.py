@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from flexarm.arguments import check_kind, library_missing
-from flexarm.arm import Arm, Energy
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm, Energy
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import check_kind, library_missing
+from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
-from flexarm.errors import InputError, Problem, public_call, shown
 
 if TYPE_CHECKING:
     from jax import Array

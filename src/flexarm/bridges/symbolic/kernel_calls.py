@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.actions.loads import place_loads, tip_load
-from flexarm.arm import Arm
+from flexarm.arm.actions.loads import place_loads, tip_load
+from flexarm.arm.arm import Arm
 from flexarm.bridges.symbolic.scalars import Objects
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.compilation.numbers import tanh

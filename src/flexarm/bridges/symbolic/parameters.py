@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arguments import check_list_of
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.coordinates import check_joint
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import check_joint
+from flexarm.arm.stations import place_gauges
+from flexarm.base.arguments import check_list_of
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
-from flexarm.errors import InputError, Problem, shown
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.formulas import constants_at
 from flexarm.model.paths import number_at, number_paths, with_number
-from flexarm.stations import place_gauges
 
 #: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a
 #: factor of four is exact in binary, but the computation of sections rounds.

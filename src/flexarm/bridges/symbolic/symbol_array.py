@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import Scalar, plain
 from flexarm.kernels.layout import ArmConstants, Workspace

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexarm.arm import described_arm
+from flexarm.arm.arm import described_arm
+from flexarm.base.errors import InputError, Problem
+from flexarm.cases.scenario.file_errors import Where
+from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.cases.scenario.summary import about_arm, about_run
+from flexarm.cases.studies.samples import Samples
 from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import InputError, Problem
 from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.file_format.changes import change_of, changed
 from flexarm.model.file_format.files import describes_arm_only, load_document
 from flexarm.model.plausible import warn_of
-from flexarm.scenarios.file_errors import Where
-from flexarm.scenarios.scenario import prepare
-from flexarm.scenarios.study import PreparedStudy
-from flexarm.scenarios.summary import about_arm, about_run
-from flexarm.studies.samples import Samples
 
 
 def check_file(path: Path, sets: Sequence[str] = ()) -> None:

@@ -9,6 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.base.errors import FlexarmWarning, InputError, Problem
+from flexarm.base.processes import check_workers
+from flexarm.base.writing.places import check_place, write_text, write_whole
+from flexarm.cases.results import FIGURE_SUFFIXES, encode_netcdf, write_figure
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.cases.studies.study import Study
 from flexarm.cli.commands.sweep import (
     draw_samples,
     limits_of,
@@ -17,15 +23,9 @@ from flexarm.cli.commands.sweep import (
 )
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import FlexarmWarning, InputError, Problem
 from flexarm.model import locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.plausible import warn_of
-from flexarm.output import FIGURE_SUFFIXES, encode_netcdf, write_figure
-from flexarm.processes import check_workers
-from flexarm.scenarios.study import PreparedStudy
-from flexarm.studies.study import Study
-from flexarm.writing.places import check_place, write_text, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,7 +99,7 @@ def compare_file(
         _save(table, out)
         screen.print(f"table in {out}", soft_wrap=True)
     if plot is not None:
-        from flexarm.plot.comparison import comparison_figure
+        from flexarm.view.plot.comparison import comparison_figure
 
         write_figure(comparison_figure(table), plot)
         screen.print(f"plot in {plot}", soft_wrap=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm, described_arm, load_arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm, described_arm, load_arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.export import export_c
 from flexarm.bridges.fmu.export import export_fmu
 from flexarm.bridges.rigid_chain.export import (
@@ -16,14 +16,14 @@ from flexarm.bridges.rigid_chain.export import (
     export_mjcf,
     export_urdf,
 )
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console
-from flexarm.control.base import Controller
-from flexarm.estimation.estimator_controller import EstimatorController
+from flexarm.control.contract.base import Controller
+from flexarm.control.filters.estimator_controller import EstimatorController
 from flexarm.model import load_arm_spec, locate_scenario
 from flexarm.model.file_format.files import describes_arm_only, load_document
-from flexarm.scenarios.scenario import prepare
-from flexarm.simulation.preparation import start_of
+from flexarm.simulation.calls.preparation import start_of
 
 #: Exports as chains of rigid bodies, by the suffix of their files.
 _CHAINS = {"xml": export_mjcf, "urdf": export_urdf, "py": export_exudyn}

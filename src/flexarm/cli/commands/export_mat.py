@@ -6,20 +6,20 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm.arm import Arm, described_arm
-from flexarm.bending import bending_warning
+from flexarm.arm.arm import Arm, described_arm
+from flexarm.arm.bending import bending_warning
+from flexarm.base.errors import FlexarmWarning, InputError
 from flexarm.bridges.matlab.export import export_mat
+from flexarm.cases.results import read_result
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import comma_separated, joint_numbers
 from flexarm.cli.tables import console
-from flexarm.errors import FlexarmWarning, InputError
 from flexarm.linear import equilibrium, linearize
 from flexarm.model import load_arm_spec, locate_scenario
 from flexarm.model.file_format.files import describes_arm_only, load_document
-from flexarm.output import read_result
-from flexarm.plot.drawn_arm import arm_of
-from flexarm.scenarios.scenario import prepare
-from flexarm.simulation.compare import warnings_of
+from flexarm.simulation.calls.compare import warnings_of
+from flexarm.view.plot.drawn_arm import arm_of
 
 if TYPE_CHECKING:
     import xarray as xr

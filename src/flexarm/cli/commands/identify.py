@@ -7,13 +7,13 @@ from pathlib import Path
 
 import xarray as xr
 
+from flexarm.base.errors import ConvergenceWarning, IdentifiabilityWarning
+from flexarm.base.writing.places import check_place
+from flexarm.cases.results import write_result
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import ConvergenceWarning, IdentifiabilityWarning
 from flexarm.identification.result import FIT_HEADS, HEADS, Identification, fit_rows
 from flexarm.identification.study import PreparedIdentification
-from flexarm.output import write_result
-from flexarm.writing.places import check_place
 
 SUFFIXES = (".yaml", ".yml")
 

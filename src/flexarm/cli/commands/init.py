@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.writing.places import check_folder, write_text
 from flexarm.cli.starting_files import arm_text, scenario_text
 from flexarm.cli.tables import console
-from flexarm.errors import InputError, Problem, shown
-from flexarm.writing.places import check_folder, write_text
 
 
 def write_starting_files(folder: Path, links: int, gravity: bool) -> None:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flexarm.arm import load_arm
-from flexarm.bending import one_warning
+from flexarm.arm.arm import load_arm
+from flexarm.arm.bending import one_warning
+from flexarm.base.writing.places import check_place
+from flexarm.cases.results import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import comma_separated, joint_numbers, listed
 from flexarm.cli.tables import console, facts, numbers
 from flexarm.linear import LinearModel, equilibrium, linearize
-from flexarm.output import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear, write_figure
-from flexarm.writing.places import check_place
 
 #: Poles below this fraction of the largest are zero to rounding.
 _ROUNDING = 1e-7
@@ -63,7 +63,7 @@ def show_linear(
         save_linear(model, out)
         screen.print(f"model in {out}", soft_wrap=True)
     if plot is not None:
-        from flexarm.plot.response import response_figure
+        from flexarm.view.plot.response import response_figure
 
         write_figure(response_figure(model), plot)
         screen.print(f"responses in {plot}", soft_wrap=True)

@@ -8,20 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm, described_arm
-from flexarm.bending import one_warning
+from flexarm.arm.arm import Arm, described_arm
+from flexarm.arm.bending import one_warning
+from flexarm.base.errors import InputError, Problem
+from flexarm.base.writing.places import check_place, write_text
+from flexarm.cases.results import FIGURE_SUFFIXES, write_figure
 from flexarm.cli.failures import warn
 from flexarm.cli.postures import at, joint_numbers
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem
 from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
 from flexarm.linear import modes as modes_of
 from flexarm.linear.vibration.held import Joints
 from flexarm.model import load_arm_spec
 from flexarm.model.file_format.changes import change_of, changed
 from flexarm.model.file_format.files import load_document
-from flexarm.output import FIGURE_SUFFIXES, write_figure
-from flexarm.writing.places import check_place, write_text
 
 #: Samples along a range of postures or spins, and stride of the printed rows.
 _SAMPLES, _SHOWN_EVERY = 81, 10
@@ -124,7 +124,7 @@ def _show(found: Modes, title: str, options: ModesOptions) -> None:
         write_text(_table(found), options.csv)
         screen.print(f"all {found.frequency_hz.size} modes in {options.csv}", soft_wrap=True)
     if options.plot is not None:
-        from flexarm.plot.vibration import modes_figure
+        from flexarm.view.plot.vibration import modes_figure
 
         write_figure(modes_figure(found, options.most), options.plot)
         screen.print(f"shapes in {options.plot}", soft_wrap=True)
@@ -165,7 +165,7 @@ def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None
         write_text(_tracks_table(tracks), options.csv)
         screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)
     if options.plot is not None:
-        from flexarm.plot.vibration import tracks_figure
+        from flexarm.view.plot.vibration import tracks_figure
 
         write_figure(tracks_figure(tracks), options.plot)
         screen.print(f"plot in {options.plot}", soft_wrap=True)

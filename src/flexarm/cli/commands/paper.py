@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
 
+from flexarm.base.writing.places import check_folder, write_text
 from flexarm.cli.drawing import Drawing, draw_figures
 from flexarm.cli.tables import console, numbers
-from flexarm.writing.places import check_folder, write_text
 
 if TYPE_CHECKING:
-    from flexarm.paper import PaperCase
+    from flexarm.view.paper import PaperCase
 
 #: Number of single figures that a process draws in one task.
 _AT_ONCE = 4
@@ -48,14 +48,14 @@ def reproduce(folder: Path, with_report: bool = False) -> None:
     """
     check_folder("--out", folder)
     if with_report:
-        from flexarm.reporting.document import template_engine
+        from flexarm.view.reporting.document import template_engine
 
         template_engine()
     with Drawing() as drawing:
         # Import here, because the other processes load Matplotlib at the same time.
-        from flexarm.output import write_result
-        from flexarm.paper import FAST, SLOW, PaperCase
-        from flexarm.plot.paper.paper_data import FIGURE_NAMES, histories
+        from flexarm.cases.results import write_result
+        from flexarm.view.paper import FAST, SLOW, PaperCase
+        from flexarm.view.plot.paper.paper_data import FIGURE_NAMES, histories
 
         slow, fast = PaperCase(SLOW), PaperCase(FAST)
         shown = histories(slow)
@@ -79,7 +79,7 @@ def reproduce(folder: Path, with_report: bool = False) -> None:
 
 
 def _write_report(case: PaperCase, numbers: str, path: Path) -> None:
-    from flexarm.reporting import report
+    from flexarm.view.reporting import report
 
     title = "The paper's arm along a line"
     report(case.flexible, path, title=title, notes=numbers, rigid=case.rigid)
@@ -96,7 +96,7 @@ def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:
 
 
 def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, str, str]]:
-    from flexarm.paper import link_numbers, tip_numbers, torque_range
+    from flexarm.view.paper import link_numbers, tip_numbers, torque_range
 
     cases = (slow, fast)
     for k, pair in enumerate(zip(*map(torque_range, cases), strict=True), start=1):
@@ -116,7 +116,7 @@ def _millimetres(metres: float) -> str:
 
 
 def _frequencies(case: PaperCase) -> Iterator[RenderableType]:
-    from flexarm.paper import FINE_ELEMENTS, frequency_tables
+    from flexarm.view.paper import FINE_ELEMENTS, frequency_tables
 
     tables = frequency_tables(case)
     fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from flexarm.base.errors import InputError
+from flexarm.base.writing.places import check_place
+from flexarm.cases.results import read_result
 from flexarm.cli.tables import console
-from flexarm.errors import InputError
 from flexarm.identification.storage import is_identification
-from flexarm.output import read_result
-from flexarm.plot.drawn_arm import check_drawable
-from flexarm.reporting import report
-from flexarm.reporting.document import template_engine
-from flexarm.writing.places import check_place
+from flexarm.view.plot.drawn_arm import check_drawable
+from flexarm.view.reporting import report
+from flexarm.view.reporting.document import template_engine
 
 
 def report_file(

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
+from flexarm.base.writing.places import check_place
+from flexarm.cases.results import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.cli.failures import collected_warnings, print_error, warn
 from flexarm.cli.tables import console, facts
-from flexarm.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.model import locate_scenario
 from flexarm.model.file_format.changes import Change, change_of, changed
 from flexarm.model.file_format.files import load_document
-from flexarm.output import FIGURE_SUFFIXES, FORMATS, write_figure, write_result
-from flexarm.plot.animation.video import check_animation_place
-from flexarm.scenarios.scenario import prepare
-from flexarm.simulation.compare import warnings_of
-from flexarm.writing.places import check_place
+from flexarm.simulation.calls.compare import warnings_of
+from flexarm.view.plot.animation.video import check_animation_place
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -120,12 +120,12 @@ def _written(result: xr.Dataset, options: RunOptions) -> Iterator[tuple[str, Pat
         write_result(result, options.out)
         yield "result", options.out
     if options.plot is not None:
-        from flexarm.plot.signals import signals_figure
+        from flexarm.view.plot.signals import signals_figure
 
         write_figure(signals_figure(result), options.plot)
         yield "plot", options.plot
     if options.animation is not None:
-        from flexarm.plot.animation import animate
+        from flexarm.view.plot.animation import animate
 
         animate(result, options.animation)
         yield "animation", options.animation

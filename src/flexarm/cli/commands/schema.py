@@ -14,6 +14,6 @@ def print_schema(kind: str, out: Path | None) -> None:
     if out is None:
         print(text, end="")
         return
-    from flexarm.writing.places import check_place, write_text
+    from flexarm.base.writing.places import check_place, write_text
 
     write_text(text, check_place("--out", out, (".json",)))

@@ -6,9 +6,9 @@ import secrets
 from importlib.util import find_spec
 from pathlib import Path
 
-from flexarm.arguments import library_missing
+from flexarm.base.arguments import library_missing
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.cli.tables import console
-from flexarm.errors import InputError, Problem, shown
 
 
 def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
@@ -21,9 +21,9 @@ def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
     for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
         if find_spec(module) is None:
             raise library_missing(name, "studio")
-    from flexarm.studio.app import serve
-    from flexarm.studio.guard import is_loopback
-    from flexarm.studio.state import open_file, paper_project
+    from flexarm.view.studio.app import serve
+    from flexarm.view.studio.guard import is_loopback
+    from flexarm.view.studio.state import open_file, paper_project
 
     project = paper_project() if file is None else open_file(file)
     _check_address(host, port)

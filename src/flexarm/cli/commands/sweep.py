@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arguments import check_choice
+from flexarm.base.arguments import check_choice
+from flexarm.base.errors import InputError, Problem, SimulationError, shown
+from flexarm.base.writing.places import check_place
+from flexarm.cases.results import FIGURE_SUFFIXES, write_figure
+from flexarm.cases.studies.execution import RECORDED
+from flexarm.cases.studies.statistics import study_statistics
+from flexarm.cases.studies.study import Study
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.tables import console, numbers
-from flexarm.errors import InputError, Problem, SimulationError, shown
-from flexarm.output import FIGURE_SUFFIXES, write_figure
-from flexarm.studies.execution import RECORDED
-from flexarm.studies.statistics import study_statistics
-from flexarm.studies.study import Study
-from flexarm.writing.places import check_place
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -153,7 +153,7 @@ def print_rare_failures(study: Study) -> None:
 
 def draw_samples(table: xr.Dataset, plot: Path) -> None:
     """Write the figure of the samples."""
-    from flexarm.plot.samples import samples_figure
+    from flexarm.view.plot.samples import samples_figure
 
     write_figure(samples_figure(table), plot)
     console().print(f"plot in {plot}", soft_wrap=True)

@@ -7,11 +7,11 @@ from concurrent.futures import as_completed
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from flexarm.base.errors import InputError, Problem
+from flexarm.base.processes import process_pool, usable_cores
 from flexarm.cli.features import FEATURES, compile_feature
 from flexarm.cli.tables import console
-from flexarm.errors import InputError, Problem
 from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
-from flexarm.processes import process_pool, usable_cores
 
 
 def compile_everything() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from flexarm.arguments import check_kind
-from flexarm.errors import InputError, Problem, few, public_call
+from flexarm.base.arguments import check_kind
+from flexarm.base.errors import InputError, Problem, few, public_call
+from flexarm.base.notebook import html_table
 from flexarm.identification.labels import Label, place_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import Modes, linearize
-from flexarm.notebook import html_table
 
 #: Motion of an output, relative to the RMS of its channel, that is rounding.
 _STILL = 1e-9

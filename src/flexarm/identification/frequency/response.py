@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count, check_nonnegative, check_positive
-from flexarm.errors import (
+from flexarm.base.arguments import check_count, check_nonnegative, check_positive
+from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
     Problem,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
+from flexarm.base.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
 from flexarm.identification.filtering import coefficients
 from flexarm.identification.labels import Label
 from flexarm.identification.record import MeasuredRecord

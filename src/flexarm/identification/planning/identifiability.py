@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
-from flexarm.errors import InputError, Problem, SimulationError, public_call
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_kind
+from flexarm.base.errors import InputError, Problem, SimulationError, public_call
+from flexarm.base.notebook import html_table
 from flexarm.identification.assessment import columns_of_fit, parameters_of
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
 from flexarm.identification.record import MeasuredRecord, Records, check_inputs, check_some_records
@@ -23,7 +24,6 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.model.identification.parameters import FreeParameter
-from flexarm.notebook import html_table
 
 _HEADS = ("parameter", "value", "std. deviation", "%")
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.errors import FlexarmError, InputError, Problem
-from flexarm.estimation.predicted_readings import LINEAR_SIGNALS, reading_rows
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.identification.labels import place_of
 from flexarm.identification.prediction.linear_filter import Gains, LinearModel, corrected
 from flexarm.identification.record import MeasuredRecord

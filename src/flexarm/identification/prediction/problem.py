@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flexarm.errors import InputError
+from flexarm.base.errors import InputError
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem, Watch
 from flexarm.identification.prediction.linear_filter import (
     Gains,

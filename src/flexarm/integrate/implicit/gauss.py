@@ -65,7 +65,7 @@ class Gauss6(Integrator):
 
     Args:
         step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
-            (``flexarm.engine.default_step``).
+            (``flexarm.simulation.run.default_step``).
     """
 
     name = "gauss_6"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.arguments import check_number
-from flexarm.errors import public_call
+from flexarm.base.arguments import check_number
+from flexarm.base.errors import public_call
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.newmark import NewmarkRecord, advance_newmark
 from flexarm.kernels.compilation.dual_arrays import zeros_like
@@ -24,7 +24,7 @@ class GeneralizedAlpha(Integrator):
 
     Args:
         step: fixed step (s), shortened to end at every stop; None: ``simulate`` chooses it
-            (``flexarm.engine.default_step``).
+            (``flexarm.simulation.run.default_step``).
         spectral_radius: amplification factor per step of a vibration far too fast for the step:
             1 preserves it, 0 removes it in one step.
 

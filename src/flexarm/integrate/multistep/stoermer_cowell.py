@@ -29,7 +29,7 @@ class Cowell4(Integrator):
     Args:
         step: longest step (s), shortened to end at every stop, and as required by the highest
             frequency and the fastest damping of the arm, bent or straight; None: ``simulate``
-            chooses it (``flexarm.engine.default_step``).
+            chooses it (``flexarm.simulation.run.default_step``).
     """
 
     name = "cowell_4"

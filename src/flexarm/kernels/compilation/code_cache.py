@@ -33,7 +33,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from platformdirs import user_cache_dir
 
-from flexarm.writing.replace_file import replace_file
+from flexarm.base.writing.replace_file import replace_file
 
 code_library: Any
 try:

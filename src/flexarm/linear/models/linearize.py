@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.actions.environment import Environment
-from flexarm.actions.loads import marker, parts_of, place_loads
-from flexarm.arguments import check_kind
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.kernel_view import KernelView
-from flexarm.axial import warn_of_theory
-from flexarm.bending import one_warning
-from flexarm.errors import InputError, Problem, check_array, check_result, public_call
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions.loads import marker, parts_of, place_loads
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.bending import one_warning
+from flexarm.arm.observe import channels_of, contact_channels
+from flexarm.base.arguments import check_kind
+from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
@@ -37,11 +37,11 @@ from flexarm.linear.models.signals import (
     torque_places,
 )
 from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.statics.axial import warn_of_theory
 from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
-from flexarm.observe import channels_of, contact_channels
 
 ComplexArray = NDArray[Any]
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.actions.loads import marker, place_loads
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model import Load, Sensor
 
 _AXES = ("x", "y")

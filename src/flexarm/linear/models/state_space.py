@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arguments import check_choice, library_missing
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import check_frequencies, public_call
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import check_choice, library_missing
+from flexarm.base.errors import check_frequencies, public_call
+from flexarm.base.notebook import html_table
 from flexarm.linear.models.transfer import frequency_response, slowest_first, transmission_zeros
-from flexarm.notebook import html_table
 
 if TYPE_CHECKING:
     import control

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 
 #: A matrix counts as singular if its solution exceeds that of a regular one by this factor.
 _SINGULAR = 1e13

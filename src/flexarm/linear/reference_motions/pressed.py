@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import (
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.bending import one_warning, warn_of_bending
+from flexarm.base.arguments import (
     check_direction,
     check_function,
     check_kind,
@@ -17,15 +20,12 @@ from flexarm.arguments import (
     check_positive,
     check_times,
 )
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.bending import one_warning, warn_of_bending
-from flexarm.errors import InputError, Problem, public_call
+from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.motion.motion import check_motion
-from flexarm.user_functions import call
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count, check_kind, check_positive, check_times
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.coordinates import coordinate_sizes
-from flexarm.bending import warn_of_bending
-from flexarm.errors import (
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import coordinate_sizes
+from flexarm.arm.bending import warn_of_bending
+from flexarm.base.arguments import check_count, check_kind, check_positive, check_times
+from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
     Problem,

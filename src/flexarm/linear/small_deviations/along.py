@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_choice, check_kind, check_positive, check_times
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, public_call
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import check_choice, check_kind, check_positive, check_times
+from flexarm.base.errors import InputError, Problem, check_array, public_call
+from flexarm.base.writing.places import check_place, write_whole
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.motion import check_motion
-from flexarm.writing.places import check_place, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr

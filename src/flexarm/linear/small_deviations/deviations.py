@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.linear.small_deviations.collocation import (
     interpolate,
     stage_accelerations,

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.linear.small_deviations.collocation import STAGES, stage_accelerations, step_maps
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 

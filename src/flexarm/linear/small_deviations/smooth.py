@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.linear.small_deviations.along import Separation
 
 _FIRST, _MOST = 32, 256

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 
 #: Largest rotation (rad) of a joint or of an end of a segment in one step: for larger rotations
 #: the linearisation with the present stiffness is not accurate.

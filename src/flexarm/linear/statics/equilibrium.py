@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.actions.environment import Environment
-from flexarm.arguments import check_kind, check_posture
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.coordinates import coordinate_sizes, modal_size
-from flexarm.axial import geometric_stiffness, warn_of_theory
-from flexarm.errors import FlexarmError, InputError, Problem, check_array, few, public_call
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size
+from flexarm.base.arguments import check_kind, check_posture
+from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, few, public_call
+from flexarm.base.notebook import html_table
+from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
 from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
 from flexarm.model import Contact, Load
-from flexarm.notebook import html_table
 
 #: Residual forces below this fraction of the largest force count as zero.
 _RESIDUAL = 1e-11

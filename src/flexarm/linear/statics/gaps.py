@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import AccuracyWarning, FlexarmWarning, InputError, Problem, warn_caller
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import AccuracyWarning, FlexarmWarning, InputError, Problem, warn_caller
 from flexarm.model import Friction
 
 

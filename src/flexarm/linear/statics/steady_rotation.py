@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.coordinates import coordinate_sizes
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import coordinate_sizes
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.linear.statics.tangent import tangent
 

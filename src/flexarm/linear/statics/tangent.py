@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.actions.environment import EMPTY, Environment
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.actions.environment import EMPTY, Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 
 

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.kernel_view import KernelView
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.integrate import INTEGRATORS, REMOVED
 from flexarm.integrate.base import Drive, System
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta

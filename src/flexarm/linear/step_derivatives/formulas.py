@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import constants_of_links, place_joints_and_payload
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import constants_of_links, place_joints_and_payload
+from flexarm.arm.stations import place_gauges
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.linear.step_derivatives.parameters import POWERS
 from flexarm.model import ArmSpec, Link
 from flexarm.model.paths import with_number
-from flexarm.stations import place_gauges
 
 
 def constants_at(

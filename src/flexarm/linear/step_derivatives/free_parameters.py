@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, problems_of, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem, problems_of, shown
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.formulas import constants_at

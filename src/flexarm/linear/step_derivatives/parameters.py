@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import Piece, constants_of_links
-from flexarm.assembly.hub_radius import move_root
-from flexarm.errors import InputError, Problem, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import Piece, constants_of_links
+from flexarm.arm.assembly.hub_radius import move_root
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels.layout import ArmConstants
 from flexarm.model import RayleighDamping
 

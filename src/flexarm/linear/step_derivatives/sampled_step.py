@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray, IntArray
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray, IntArray
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.integrate import INTEGRATORS
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.step_sensitivity import held_torque_jacobian

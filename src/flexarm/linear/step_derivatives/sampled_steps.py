@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.integrate.transfers import held_torque_transfers
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.dual_arrays import Duals

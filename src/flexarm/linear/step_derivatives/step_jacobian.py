@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arguments import check_kind, check_list_of, check_positive
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import check_array, public_call
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import check_kind, check_list_of, check_positive
+from flexarm.base.errors import check_array, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.statics.gaps import warn_of_bristles

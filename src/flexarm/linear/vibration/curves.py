@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.actions.loads import marker, place_loads
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.shapes import axis_points

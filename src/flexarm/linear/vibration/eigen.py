@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.assemble import FloatArray
 
 #: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.
 _ZERO = 1e-10

@@ -8,10 +8,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import as_list
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import as_list
+from flexarm.base.errors import InputError, Problem, check_array, shown
 
 JOINTS = ("locked", "free")
 _RULE = "be 'locked', 'free' or [proportional, derivative] (N m/rad, N m s/rad) for each joint"

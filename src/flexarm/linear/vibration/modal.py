@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.actions.environment import Environment
-from flexarm.arguments import check_count, check_flag, check_kind, check_number, check_posture
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.axial import warn_of_theory
-from flexarm.errors import InputError, Problem, check_array, check_result, few, public_call
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.stations import MOST_STATIONS
+from flexarm.base.arguments import check_count, check_flag, check_kind, check_number, check_posture
+from flexarm.base.errors import InputError, Problem, check_array, check_result, few, public_call
+from flexarm.base.notebook import html_table
+from flexarm.linear.statics.axial import warn_of_theory
 from flexarm.linear.statics.equilibrium import Equilibrium
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
@@ -23,8 +25,6 @@ from flexarm.linear.vibration.curves import displacements
 from flexarm.linear.vibration.eigen import damped, undamped
 from flexarm.linear.vibration.held import JointFeedback, Joints, joint_feedback
 from flexarm.model import Load
-from flexarm.notebook import html_table
-from flexarm.stations import MOST_STATIONS
 
 
 @dataclass(frozen=True, eq=False)

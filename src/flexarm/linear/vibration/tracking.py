@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arguments import check_count, check_flag, check_kind
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
-from flexarm.bending import one_warning, warn_of_bending
-from flexarm.errors import InputError, Problem, check_array, few, public_call, shown
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.bending import one_warning, warn_of_bending
+from flexarm.base.arguments import check_count, check_flag, check_kind
+from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.held import Joints
 from flexarm.linear.vibration.modal import Modes, modes

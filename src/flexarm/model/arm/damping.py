@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from flexarm.arguments import check_count
-from flexarm.errors import public_call
+from flexarm.base.arguments import check_count
+from flexarm.base.errors import public_call
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Fraction, NonNegative, OneOrMany
 from flexarm.model.wording import Fault

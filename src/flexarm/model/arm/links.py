@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.arm.damping import Damping
 from flexarm.model.arm.sections import MaterialOrName, Section, SectionTable
 from flexarm.model.checks import Given, Record

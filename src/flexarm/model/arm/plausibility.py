@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 
-from flexarm.arguments import about_degrees
+from flexarm.base.arguments import about_degrees
 from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.links import Link
 from flexarm.model.arm.plausible_masses import judge_masses

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.arm.joints import Joint, Payload
 from flexarm.model.arm.links import Link
 from flexarm.model.checks import Given, Record

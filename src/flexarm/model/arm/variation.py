@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model.arm.joints import Friction, Joint
 from flexarm.model.arm.links import Link
 from flexarm.model.arm.spec import ArmSpec

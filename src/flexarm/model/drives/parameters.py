@@ -1,8 +1,9 @@
 """Parameters of controllers, declared once: the arguments of a constructor and the keys of a file.
 
 A subclass of `Parameters` annotates each parameter with its type, bounds and description, in the
-manner of a dataclass. The controller class derives from it (``flexarm.control.parametrised``), and
-`record_of` makes the record that reads the same values from a file.
+manner of a dataclass. The controller class derives from it
+(``flexarm.control.contract.parametrised``), and `record_of` makes the record that reads the same
+values from a file.
 """
 
 from __future__ import annotations

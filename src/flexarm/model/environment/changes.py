@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Discriminator, Field, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.errors import InputError, shown
+from flexarm.base.errors import InputError, shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.tables import TimeTable, is_table

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, Field, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.arguments import check_number
-from flexarm.errors import ModelError, Problem, public_call, shown
+from flexarm.base.arguments import check_number
+from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.tables import AccelerationTable, FactorTable, is_table

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.wording import Fault
 
 Point = tuple[float, float]

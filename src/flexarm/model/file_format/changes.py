@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
 
-from flexarm.errors import InputError, ModelError, Problem, shown
+from flexarm.base.errors import InputError, ModelError, Problem, shown
 from flexarm.model.file_format.yaml_text import Document, parse
 from flexarm.model.paths import parts_of
 from flexarm.model.wording import Path, path_text

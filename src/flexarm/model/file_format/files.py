@@ -13,8 +13,9 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from flexarm.arguments import check_path
-from flexarm.errors import ModelError, Problem, public_call, shown
+from flexarm.base.arguments import check_path
+from flexarm.base.errors import ModelError, Problem, public_call, shown
+from flexarm.base.writing.places import AnyPath, write_text
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.file_format.changes import changed
@@ -24,7 +25,6 @@ from flexarm.model.file_format.yaml_text import Document, parse, to_yaml
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
 from flexarm.model.wording import Path, suggestion
-from flexarm.writing.places import AnyPath, write_text
 
 FILE_VERSION = 1
 

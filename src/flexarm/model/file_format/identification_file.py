@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from flexarm.base.writing.places import AnyPath
 from flexarm.model.file_format.files import _located
 from flexarm.model.file_format.yaml_text import Document
 from flexarm.model.identification.study import IdentificationStudy
 from flexarm.model.wording import Path
-from flexarm.writing.places import AnyPath
 
 
 def locate_identification(

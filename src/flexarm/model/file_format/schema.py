@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexarm.errors import ModelError, Problem, public_call, shown
+from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.sections import MATERIALS
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.file_format.files import FILE_VERSION

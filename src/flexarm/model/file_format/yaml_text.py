@@ -16,7 +16,7 @@ import yaml
 from yaml.composer import Composer
 from yaml.resolver import Resolver
 
-from flexarm.errors import ModelError, Problem, shown
+from flexarm.base.errors import ModelError, Problem, shown
 from flexarm.model.wording import Path, path_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pydantic import Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Flag, Number, Positive, Word
 from flexarm.model.wording import Fault

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.identification.filters import Filter
 from flexarm.model.quantities import (

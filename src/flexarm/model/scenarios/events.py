@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, Direction, Flag, Number, Pair, Word
 from flexarm.model.wording import Fault

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import CONTROLLED
 from flexarm.model.quantities import Count, Listed, Number, length_of

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
-from flexarm.errors import shown
+from flexarm.base.errors import shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import (

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field, ValidationError
 
-from flexarm.errors import InputError, shown
+from flexarm.base.errors import InputError, shown
 from flexarm.model.arm.joints import Friction
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.arm.variation import varied_spec

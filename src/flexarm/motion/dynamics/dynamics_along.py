@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm.assembly.kernel_view import KernelView
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
 
     Floats = NDArray[np.float64]
 

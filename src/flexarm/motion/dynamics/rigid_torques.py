@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from flexarm.errors import public_call
+from flexarm.base.errors import public_call
 from flexarm.motion.geometry.chain import check_arm
 from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
     from flexarm.motion.motion import Motion
 
     Floats = NDArray[np.float64]

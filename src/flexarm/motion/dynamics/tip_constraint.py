@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem
+from flexarm.base.errors import InputError, Problem
 from flexarm.motion.geometry.kinematics import tip_jacobian
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
     from flexarm.motion.dynamics.dynamics_along import DynamicsAlong
     from flexarm.motion.motion import Motion
 

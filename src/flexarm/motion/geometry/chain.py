@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.motion.geometry.kinematics import tip_position
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
 
     Floats = NDArray[np.float64]
 

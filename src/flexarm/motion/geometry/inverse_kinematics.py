@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.arguments import check_posture
-from flexarm.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.arguments import check_posture
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.geometry.nearest_posture import nearest_posture
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
 
     Floats = NDArray[np.float64]
 

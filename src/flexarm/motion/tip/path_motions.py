@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm.arguments import warn_of_degrees
-from flexarm.errors import public_call
+from flexarm.base.arguments import warn_of_degrees
+from flexarm.base.errors import public_call
 from flexarm.motion.tip.tip_motion import TipMotion, tip_motion
 from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
     from flexarm.motion.timing import TimingLaw
 
 

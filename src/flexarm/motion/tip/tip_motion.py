@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.geometry.inverse_kinematics import (
     check_elbow,
@@ -27,7 +27,7 @@ from flexarm.motion.tip.joint_path import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.arm import Arm
+    from flexarm.arm.arm import Arm
     from flexarm.motion.tip.joint_path import Posture
     from flexarm.motion.tip.tip_paths import TipPath
 

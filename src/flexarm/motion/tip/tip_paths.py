@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm.arguments import check_number, check_positive
-from flexarm.errors import InputError, Problem, check_array, shown
+from flexarm.base.arguments import check_number, check_positive
+from flexarm.base.errors import InputError, Problem, check_array, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -10,7 +10,7 @@ import casadi
 import numpy as np
 
 from flexarm.bridges.c_code.laws.long_memory import LongMemory
-from flexarm.control_design.posture_grid import Interpolated
+from flexarm.control.design.posture_grid import Interpolated
 
 
 class GainTable(LongMemory):

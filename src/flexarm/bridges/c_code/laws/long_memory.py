@@ -16,8 +16,8 @@ import numpy as np
 from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import objects, plain
-from flexarm.controllers import RBFAdaptive, RepetitiveControl
-from flexarm.controllers.uncertain.repetitive import PeriodHistory
+from flexarm.control.laws import RBFAdaptive, RepetitiveControl
+from flexarm.control.laws.uncertain.repetitive import PeriodHistory
 from flexarm.kernels.controller_terms.adaptation import network_torque
 
 _Call = Callable[..., dict[str, Any]]

@@ -14,8 +14,9 @@ from typing import Any
 import casadi
 import numpy as np
 
-from flexarm.arm import Arm
-from flexarm.assembly.assemble import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.c_code.kept_attributes import check_kept, check_sizes
 from flexarm.bridges.c_code.laws.gain_table import around, gain_table
 from flexarm.bridges.c_code.laws.long_memory import LongMemory, long_memory
@@ -36,9 +37,11 @@ from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.symbolic.branches import branched
 from flexarm.bridges.symbolic.scalars import SymbolError, plain
 from flexarm.bridges.symbolic.symbol_array import make_symbolic
-from flexarm.control.base import requirements_of
-from flexarm.control_design.nominal import Nominal
-from flexarm.controllers import (
+from flexarm.control.analysis.linear_controller import Memory, MemoryNameError, memory_of
+from flexarm.control.contract.base import requirements_of
+from flexarm.control.design.nominal import Nominal
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.laws import (
     LQG,
     MPC,
     Adaptive,
@@ -48,15 +51,12 @@ from flexarm.controllers import (
     RBFAdaptive,
     RepetitiveControl,
 )
-from flexarm.controllers.force.task_controller import TaskController
-from flexarm.controllers.joint.follower import JointFollower
-from flexarm.controllers.vibration.strain_damping import StrainDamping
-from flexarm.errors import InputError, Problem
-from flexarm.hardware.measurement import Measurement
-from flexarm.loop_analysis.linear_controller import Memory, MemoryNameError, memory_of
+from flexarm.control.laws.force.task_controller import TaskController
+from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.control.laws.vibration.strain_damping import StrainDamping
 
 #: Packages whose objects belong to a controller.
-_PACKAGES = ("flexarm.controllers", "flexarm.control_design")
+_PACKAGES = ("flexarm.control.laws", "flexarm.control.design")
 #: Reasons why the law of a controller cannot be exported.
 _REFUSED: dict[type[Any], str] = {
     EstimatorController: "Its parts are exported one by one: `inner` and `estimator`.",

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.bridges.symbolic.scalars import objects
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, symbol_array
-from flexarm.control_design.nominal import Nominal
+from flexarm.control.design.nominal import Nominal
 
 
 @dataclass(eq=False)

@@ -7,16 +7,16 @@ from typing import Any
 import casadi
 import numpy as np
 
-from flexarm.arm import Arm
+from flexarm.arm.arm import Arm
 from flexarm.bridges.c_code.laws.traced_inputs import Inputs, ReferenceInputs
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import objects, plain
 from flexarm.bridges.symbolic.symbol_array import symbol_array
-from flexarm.control_design.surface_plan import SurfaceMotion, SurfacePlan
-from flexarm.control_design.task_plan import TaskPlan
-from flexarm.control_design.task_space import TaskSpace, TaskState
-from flexarm.controllers import AdaptiveForce
+from flexarm.control.design.surface_plan import SurfaceMotion, SurfacePlan
+from flexarm.control.design.task_plan import TaskPlan
+from flexarm.control.design.task_space import TaskSpace, TaskState
+from flexarm.control.laws import AdaptiveForce
 from flexarm.kernels.controller_terms.task_dynamics import tip_torque
 
 #: Coefficients of friction of the two references, where they are not given.

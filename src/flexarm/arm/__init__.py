@@ -1,0 +1,1 @@
+"""The arm: its constants, dynamics, observables and actions; ``Arm`` is its public object."""

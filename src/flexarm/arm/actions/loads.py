@@ -1,0 +1,193 @@
+"""The place of external forces and moments in the kernels' arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.arm.assembly.coordinates import Coordinates
+from flexarm.arm.beams import LinkConstants
+from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.base.errors import InputError, check_array
+from flexarm.kernels.forces.contact import LEVER, WEIGHT
+from flexarm.kernels.layout import Contacts, Loads, empty_loads
+from flexarm.model import Load
+from flexarm.model.environment.loads import place_faults_of
+
+#: Positions closer than this fraction of a length are equal, because sums of lengths are rounded.
+SAME_PLACE = 1e-9
+#: Gauss points on each piece of a distributed load: exact for the cubic shapes of an element.
+_POINTS = 4
+
+
+def tip_load(arm: Coordinates, tip_force: ArrayLike | None) -> list[Load]:
+    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list of at most one load.
+
+    The list is empty for None.
+    """
+    if tip_force is None:
+        return []
+    force = check_array("tip_force", tip_force, (-1,))
+    size = force.size if force.size in (2, 3) else 3
+    force = check_array("tip_force", force, (size,))
+    moment = float(force[2]) if size == 3 else 0.0
+    return [Load(link=arm.links, force=tuple(force[:2].tolist()), moment=moment)]
+
+
+def marker(link: int, station: float | None) -> Load:
+    """Return a load of zero, which marks a point of an arm: ``station`` (m) from a link's root."""
+    return Load(link=link, force=(0.0, 0.0), station=station)
+
+
+def place_loads(arm: Coordinates, loads: Sequence[Load], what: str = "Load") -> Loads:
+    """Convert loads to the kernels' arrays; ``what`` is their name in messages.
+
+    Raises:
+        InputError: if a load is not on a link of the arm, or beyond its length.
+    """
+    parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
+    for load in loads:
+        problems = [fault.problem() for fault in place_faults_of(arm.spec, load)]
+        if problems:
+            raise InputError(*(replace(p, name=f"{what}.{p.name}") for p in problems))
+        if load.spread is None:
+            parts.append(_point(arm, load))
+        else:
+            parts += _spread(arm, load)
+    placed = empty_loads(arm.assembly.constants, len(parts))
+    for k, (body, weight, lever, row, slope, matrix, load) in enumerate(parts):
+        placed.body[k], placed.weight[k], placed.lever[k] = body, weight, lever
+        placed.rows[k, : row.size] = row
+        placed.slopes[k, : slope.size] = slope
+        if placed.shortening.shape[1]:
+            placed.shortening[k, : row.size, : row.size] = matrix
+        placed.follower[k] = float(load.frame == "link")
+        placed.value[k] = load.value
+    return placed
+
+
+def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
+    """Return the load of each entry of placed loads: distributed ones may have several entries."""
+    found: list[Load] = []
+    for load in loads:
+        found += [load] * (1 if load.spread is None else len(_spread(arm, load)))
+    return found
+
+
+def loads_inboard(
+    arm: Coordinates, owners: Sequence[Load], placed: Loads, reach: FloatArray
+) -> Loads:
+    """Return the placed loads that act on each body between its root and a section.
+
+    Args:
+        owners: loads of the entries of ``placed``, from ``parts_of``.
+        reach: (n,) m from the root of each body's piece to its section. A load at the same
+            position is beyond the section; at the root, where ``reach`` is zero, it is inboard.
+
+    Returns:
+        Loads in the same order, in new arrays. Those beyond the section have weight 0, also
+        contacts. The base acceleration is zero, because it is in the accelerations of the roots.
+    """
+    kept = empty_loads(arm.assembly.constants, placed.body.size)
+    kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value
+    for k, load in enumerate(owners):
+        piece, x = arm.assembly.piece_of(placed.body[k]), reach[placed.body[k]]
+        same = SAME_PLACE * piece.shapes.length
+        if load.spread is None:
+            inside = _inboard(float(placed.lever[k]) - piece.offset, x, same)
+            share = placed if inside else kept
+            kept.weight[k], kept.lever[k] = share.weight[k], share.lever[k]
+            kept.rows[k], kept.shortening[k] = share.rows[k], share.shortening[k]
+            continue
+        start, end = _covered(load, piece)
+        if min(end, x) > start:
+            weight, lever, row, matrix = _integrals(piece, start, min(end, x))
+            kept.weight[k], kept.lever[k] = weight, lever
+            kept.rows[k, : row.size] = row
+            if kept.shortening.shape[1]:
+                kept.shortening[k, : row.size, : row.size] = matrix
+    return kept._replace(contacts=_contacts_inboard(arm, placed.contacts, reach))
+
+
+def _inboard(lever: float, reach: float, same: float) -> bool:
+    """Return whether a point is inboard of a section by more than ``same``, or at the root."""
+    return lever <= (same if reach <= same else reach - same)
+
+
+def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -> Contacts:
+    law = contacts.law.copy()
+    for row, body in zip(law, contacts.body, strict=True):
+        piece = arm.assembly.piece_of(body)
+        same = SAME_PLACE * piece.shapes.length
+        row[WEIGHT] *= _inboard(row[LEVER] - piece.offset, reach[body], same)
+    return contacts._replace(law=law)
+
+
+def _point(
+    arm: Coordinates, load: Load
+) -> tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]:
+    link = load.link - 1
+    station = arm.spec.links[link].length if load.station is None else float(load.station)
+    piece = arm.assembly.piece_at(link, station)
+    if load.station is None:
+        piece = arm.assembly.pieces_of(link)[-1]
+    shapes, x = piece.shapes, float(min(station - piece.start, piece.shapes.length))
+    row, slope, matrix = _shapes_at(shapes, x)
+    if load.station is None:
+        row, slope = shapes.P, shapes.dP
+    return piece.body, 1.0, piece.offset + x, row, slope, matrix, load
+
+
+@lru_cache(maxsize=128)
+def _shapes_at(shapes: LinkConstants, x: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return deflections (m,), rotations (m,) and shortening (m, m) of the shapes at x (m).
+
+    A search for an equilibrium places the same points hundreds of times.
+    """
+    at = np.array([x])
+    # A moment acts on the rotation.
+    return shapes.deflection(at)[0], shapes.rotation(at)[0], shortening_matrices(shapes, at)[0]
+
+
+def _spread(
+    arm: Coordinates, load: Load
+) -> list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]]:
+    """Integrate over the loaded part of each piece, element by element."""
+    assert load.spread is not None
+    parts = []
+    for piece in arm.assembly.pieces_of(load.link - 1):
+        start, end = _covered(load, piece)
+        if end > start:
+            weight, lever, row, matrix = _integrals(piece, start, end)
+            parts.append((piece.body, weight, lever, row, np.zeros_like(row), matrix, load))
+    return parts
+
+
+def _covered(load: Load, piece: Piece) -> tuple[float, float]:
+    """Return start and end (m) of a distributed load on a piece; no overlap if end <= start."""
+    assert load.spread is not None
+    start, end = load.spread
+    return max(start - piece.start, 0.0), min(end - piece.start, piece.shapes.length)
+
+
+def _integrals(
+    piece: Piece, start: float, end: float
+) -> tuple[float, float, FloatArray, FloatArray]:
+    """Integrate 1, x, Phi (m,) and g (m, m) over an interval, element by element.
+
+    The interval is counted from the root of the piece, x from the origin of the body.
+    """
+    shapes = piece.shapes
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    ends = np.linspace(0.0, shapes.length, shapes.elements + 1)
+    cuts = np.concatenate([[start], ends[(ends > start) & (ends < end)], [end]])
+    half = np.diff(cuts)[:, None] / 2
+    x = (cuts[:-1, None] + half + half * points).ravel()
+    w = (half * weights).ravel()
+    matrix = np.einsum("k,kij->ij", w, shortening_matrices(shapes, x))
+    return float(w.sum()), float(w @ (piece.offset + x)), w @ shapes.deflection(x), matrix

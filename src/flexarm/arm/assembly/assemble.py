@@ -1,0 +1,380 @@
+"""Assembly of the kernels' arrays from the specification of an arm.
+
+Only this module uses both: the model layer contains no arrays, and the kernels contain no links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.assembly.hub_radius import move_root
+from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
+from flexarm.arm.beams.parts import inverse_inertia
+from flexarm.arm.beams.table_points import interpolation_error
+from flexarm.base.errors import InputError
+from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
+from flexarm.kernels.layout import ArmConstants, empty_constants
+from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+class Piece(NamedTuple):
+    """A body that is a link, or a segment of a link.
+
+    Attributes:
+        link: index of the link. body: index of the body. start: distance of the piece's root from
+            the link's root (m). shapes: constants of the piece. first: index of its first modal
+            coordinate in q. rows: rows of the link's nodal values that belong to this piece.
+        offset: distance of the piece's root from the origin of the body (m), the hub radius or 0.
+    """
+
+    link: int
+    body: int
+    start: float
+    shapes: LinkConstants
+    first: int
+    rows: slice
+    offset: float = 0.0
+
+    @property
+    def modal(self) -> slice:
+        """Indices of the modal coordinates in q."""
+        return slice(self.first, self.first + self.shapes.w2.size)
+
+
+class Seat(NamedTuple):
+    """A joint that is not fixed, at the root of a link.
+
+    Attributes:
+        link: index of the link. body: index of the body that the motor rotates: the link's first
+            one or, with an elastic joint, a body of zero length before it. angle: index of the
+            joint angle in q. twist: index of the elastic joint's twist in q, or None.
+        backlash: whether the spring of the elastic joint has one.
+    """
+
+    link: int
+    body: int
+    angle: int
+    twist: int | None
+    backlash: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Kernel constants of an arm, and the positions of its coordinates in the arrays.
+
+    Attributes:
+        constants: constants of n bodies with m modes each, padded; friction is a function of the
+            rate.
+        pieces: the bodies that form the links, from the base outwards.
+        seats: the joints that are not fixed, from the base outwards.
+        link_body: (links,) first body of each link.
+        coordinates: (dof,) index of each entry of q in the flattened (n, 1 + m) array.
+    """
+
+    constants: ArmConstants
+    pieces: tuple[Piece, ...]
+    seats: tuple[Seat, ...]
+    link_body: IntArray
+    coordinates: IntArray
+
+    @property
+    def has_bristles(self) -> bool:
+        """Whether the friction of any joint has bristles."""
+        return bool(self.constants.bristles[:, 0].any())
+
+    @property
+    def has_sticking(self) -> bool:
+        """Whether the friction of any joint holds it at rest in runs."""
+        c = self.constants
+        coulomb, rise, excess = c.friction[:, 0], c.friction[:, 1], c.friction[:, 5]
+        return bool(np.any(c.holds * (2.0 * (coulomb + rise) + excess) > 0.0))
+
+    @cached_property
+    def run_constants(self) -> ArmConstants:
+        """Constants for states of runs, which contain the deflections of bristles.
+
+        Coordinates q and qd do not contain them; for functions of these, bristles are in their
+        steady state, in which friction is a function of the rate.
+        """
+        if not self.has_bristles:
+            return self.constants
+        arm = self.constants.arm.copy()
+        arm[HAS_BRISTLES] = 1.0
+        return self.constants._replace(arm=arm)
+
+    @cached_property
+    def joint_body(self) -> IntArray:
+        """Bodies that the motors rotate, (joints,)."""
+        return np.array([seat.body for seat in self.seats], dtype=np.intp)
+
+    @cached_property
+    def joint_index(self) -> IntArray:
+        """Indices of the joint angles in q, (joints,)."""
+        return np.array([seat.angle for seat in self.seats], dtype=np.intp)
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies n, including a payload offset from the tip."""
+        return int(self.constants.mass.size)
+
+    @property
+    def modes(self) -> int:
+        """Number of modes m to which each body is padded, with one for bristles."""
+        return int(self.constants.S.shape[1])
+
+    @property
+    def links(self) -> tuple[LinkConstants, ...]:
+        """Constants of each piece, which is a whole link if the link has one segment."""
+        return tuple(piece.shapes for piece in self.pieces)
+
+    def pieces_of(self, link: int) -> tuple[Piece, ...]:
+        """Return the pieces of one link, from its root outwards."""
+        return tuple(piece for piece in self.pieces if piece.link == link)
+
+    def piece_of(self, body: int) -> Piece:
+        """Return the piece of a body; the motor's end of an elastic joint has none."""
+        return next(piece for piece in self.pieces if piece.body == body)
+
+    def piece_at(self, link: int, station: float) -> Piece:
+        """Return the piece of a link at a station (m from the link's root)."""
+        own = self.pieces_of(link)
+        return next((p for p in reversed(own) if p.start <= station), own[0])
+
+
+def assemble(spec: ArmSpec) -> Assembly:
+    """Compute the constants of an arm.
+
+    Raises:
+        InputError: if a link's mass matrix is not positive definite (theory page "beams").
+    """
+    pieces: list[Piece] = []
+    seats: list[Seat] = []
+    link_body: list[int] = []
+    places: list[tuple[int, int]] = []  # body and column of each coordinate
+    body = 0
+    for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
+        if not joint.fixed:
+            twist = len(places) + 1 if joint.elastic else None
+            seats.append(Seat(index, body, len(places), twist, joint.backlash > 0.0))
+            places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
+            body += joint.elastic
+        link_body.append(body)
+        start, rows, offset = 0.0, 0, link.hub_radius
+        for shapes in _kept_segments(link, index):
+            count = shapes.elements
+            nodes = slice(rows, rows + count)
+            pieces.append(Piece(index, body, start, shapes, len(places), nodes, offset))
+            places += [(body, 1 + j) for j in range(shapes.w2.size)]
+            start, rows, offset = start + shapes.length, rows + count, 0.0
+            body += 1
+    constants = constants_of_links(spec, pieces)
+    place_joints_and_payload(constants, spec, pieces, seats)
+    stride = 1 + constants.S.shape[1]
+    return Assembly(
+        constants=constants,
+        pieces=tuple(pieces),
+        seats=tuple(seats),
+        link_body=np.array(link_body, dtype=np.intp),
+        coordinates=np.array([i * stride + column for i, column in places], dtype=np.intp),
+    )
+
+
+def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
+    """Return the constants of a link's segments, from the cache if possible.
+
+    Raises:
+        InputError: as in ``assemble``, with the index of this link.
+    """
+    try:
+        try:
+            return _segments(link)
+        except TypeError:  # a link that contains a list has no hash
+            return _segments.__wrapped__(link)
+    except InputError as error:
+        raise error.at(f"arm.links[{index}]") from None
+
+
+@lru_cache(maxsize=64)
+def table_error(link: Link) -> float:
+    """Return ``interpolation_error`` of a link; zero if it is rigid or has no table."""
+    if link.table is None or not link.flexible:
+        return 0.0
+    columns = {name: np.array(values) for name, values in link.beam() if values is not None}
+    return interpolation_error(BeamTable(**columns))
+
+
+@lru_cache(maxsize=64)
+def _segments(link: Link) -> tuple[LinkConstants, ...]:
+    """Compute the read-only constants of the segments of a link, from its root outwards."""
+    beam, count = link.beam(), link.segments
+    columns = {name: np.array(values) for name, values in beam if values is not None}
+    x = columns.pop("x")
+    if not link.flexible:
+        mass, rotary = columns["mass_per_length"], columns["rotary_inertia_per_length"]
+        table = BeamTable(x, np.ones(x.shape), mass, rotary)
+        return (rigid_constants(table, link.elements),)
+    segments = []
+    for k in range(count):
+        a, b = link.length * k / count, link.length * (k + 1) / count
+        stations = np.concatenate([[a], x[(x > a) & (x < b)], [b]])
+        parts = {name: np.interp(stations, x, column) for name, column in columns.items()}
+        table = BeamTable(stations - a, **parts)
+        segments.append(link_constants(table, link.elements // count, link.modes))
+    return tuple(segments)
+
+
+def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
+    """Allocate the constants of an arm and fill in the links, without their damping."""
+    payload_body = spec.payload.mass > 0 and any(spec.payload.offset)
+    n = pieces[-1].body + 1 + payload_body
+    bristles = any(joint.friction and joint.friction.bristle_stiffness for joint in spec.joints)
+    m = max(piece.shapes.w2.size for piece in pieces) + bristles
+    second_order = spec.theory == "second_order"
+    g = m if second_order else 0
+    c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
+    constants = empty_constants(n, m, c, g)
+    constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
+    constants.mobility[:] = 1.0
+    for piece in pieces:
+        _place_link(constants, piece.body, piece.shapes, second_order)
+    if bristles:  # the integral of their deflection is no displacement and has no inertia
+        constants.centrifugal[:, -1, -1] = -1.0
+    return constants
+
+
+def place_joints_and_payload(
+    constants: ArmConstants, spec: ArmSpec, pieces: Sequence[Piece], seats: Sequence[Seat]
+) -> None:
+    """Complete ``constants_of_links``: joints, payload, gravity, and the damping of links.
+
+    The numbers of ``spec`` may be symbols in arrays of objects, because no branch depends on them.
+    """
+    constants.gravity[:] = spec.gravity
+    constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0
+    constants.limits[:] = -1.0, 1.0, 0.0, 0.0
+    constants.rotor[:] = 0.0, 1.0
+    for before, piece in zip((None, *pieces[:-1]), pieces, strict=True):
+        i, k = piece.body, piece.shapes.w2.size
+        constants.damping[i, :k] = _modal_damping(spec.links[piece.link], constants.w2[i, :k])
+        if piece.start == 0.0:
+            inboard = None if before is None else before.body
+            radius = spec.links[piece.link].hub_radius
+            move_root(constants, i, radius)
+            constants.length[i] += radius
+            _place_hub(constants, i, inboard, spec.joints[piece.link])
+    for seat in seats:
+        _place_motor(constants, seat, spec.joints[seat.link])
+    if constants.mass.size > pieces[-1].body + 1:
+        _place_payload_body(constants, spec)
+    else:
+        constants.tip_mass[-1] += spec.payload.mass
+        constants.tip_inertia[-1] += spec.payload.inertia
+
+
+def _has_laws(joint: Joint) -> bool:
+    return bool(joint.friction or joint.limits or joint.rotor_inertia)
+
+
+def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:
+    """Set the hub of the joint at the root of body i, and its motor on the inboard body."""
+    constants.inertia[i] += joint.hub_inertia
+    constants.hub[i] = joint.hub_inertia
+    constants.residual_inertia[i, 2] += joint.hub_inertia
+    if joint.fixed:
+        constants.joint_angle[i] = joint.rest_angle
+    if inboard is not None:
+        constants.tip_mass[inboard] += joint.mass
+        constants.tip_inertia[inboard] += joint.housing_inertia
+
+
+def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
+    """Set the passive properties of a joint, at its motor and at its spring."""
+    i = seat.body
+    constants.free[i] = 1.0
+    spring = i
+    if seat.twist is not None:
+        spring = i + 1
+        constants.free[spring] = 1.0
+        # The motor's end of the spring: a body of zero length and mass transmits all forces.
+        constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
+    constants.joint_damping[i] = joint.braking
+    constants.joint_damping[spring] += joint.damping
+    if seat.backlash:
+        # Beyond the backlash the spring acts as a pair of stops of the twist.
+        half = 0.5 * joint.backlash
+        constants.limits[spring] = -half, half, joint.stiffness, 0.0
+    else:
+        constants.joint_stiffness[spring] = joint.stiffness
+    constants.joint_rest[spring] = joint.rest_angle
+    constants.rotor[i] = joint.rotor_inertia, joint.gear_ratio
+    if joint.friction is not None:
+        rubs = joint.friction
+        rates = rubs.stribeck_rate, rubs.model_rate
+        rise = 0.0 if rubs.static is None else rubs.static - rubs.coulomb
+        excess = [
+            0.0 if backward is None else backward - forward
+            for forward, backward in (
+                (rubs.coulomb, rubs.coulomb_negative),
+                (rubs.viscous, rubs.viscous_negative),
+            )
+        ]
+        constants.friction[i] = rubs.coulomb, rise, *rates, rubs.viscous, *excess
+        constants.holds[i] = float(rubs.holds)
+        if rubs.bristle_stiffness is not None:
+            constants.bristles[i] = 1.0, rubs.bristle_stiffness**0.5, rubs.bristle_damping
+    if joint.limits is not None:
+        stops = joint.limits
+        constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping
+
+
+def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_order: bool) -> None:
+    k = link.w2.size
+    constants.mass[i] = link.mass
+    constants.inverse_mass[i] = 1.0 / link.mass if link.mass else 0.0
+    constants.first_moment_x[i] = link.first_moment
+    constants.inertia[i] = link.inertia
+    constants.inverse_inertia[i] = inverse_inertia(link.mass, link.first_moment, link.inertia)
+    constants.length[i] = link.length
+    for name in ("S", "a", "P", "dP", "w2"):
+        getattr(constants, name)[i, :k] = getattr(link, name)
+    constants.residual_inertia[i] = link.residual_inertia
+    constants.residual_tip[i] = link.residual_tip.ravel()
+    constants.N[i] = link.P @ link.P, link.P @ link.dP, link.dP @ link.dP
+    if constants.centrifugal.shape[1]:
+        constants.centrifugal[i, :k, :k] = -link.rotary
+    if second_order:
+        constants.D0[i, :k, :k] = link.D0
+        constants.D1[i, :k, :k] = link.D1
+        constants.G[i, :k, :k] = link.G
+
+
+def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
+    """Add a payload offset from the tip: a rigid body of zero length on a fixed joint."""
+    payload = spec.payload
+    x, y = payload.offset
+    constants.mass[-1] = payload.mass
+    constants.first_moment_x[-1] = payload.mass * x
+    constants.first_moment_y[-1] = payload.mass * y
+    constants.inertia[-1] = payload.inertia + payload.mass * (x * x + y * y)
+    constants.residual_inertia[-1] = payload.mass, payload.mass * x, constants.inertia[-1]
+    constants.residual_tip[-1] = 1.0, 0.0, 0.0, 1.0
+    constants.free[-1] = 0.0
+
+
+def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
+    """Return the diagonal of the damping matrix over a link's modes (1/s): Rayleigh or ratios."""
+    if link.damping is None:
+        return np.zeros(w2.shape)
+    if isinstance(link.damping, RayleighDamping):
+        return link.damping.mass_coefficient + link.damping.stiffness_coefficient * w2
+    ratio = np.array(link.damping.ratios(w2.size))
+    return np.asarray(2.0 * ratio * w2**0.5)

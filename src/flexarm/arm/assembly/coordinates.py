@@ -1,0 +1,187 @@
+"""Coordinates q of an arm, and their conversion to and from the kernels' arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm.assembly.assemble import Assembly, FloatArray
+from flexarm.base.arguments import as_list, check_last_axes
+from flexarm.base.errors import InputError, Problem, check_array, is_count, public_call, shown
+from flexarm.model import ArmSpec
+
+
+def check_joint(arm: Coordinates, name: str, joint: object) -> int:
+    """Return the index in ``joint_index`` of a joint that is given by its number, from 1.
+
+    Raises:
+        InputError: if there is no joint with this number, or it is fixed.
+    """
+    numbers = arm.joint_numbers.tolist()
+    if is_count(joint) and joint in numbers:
+        return int(numbers.index(joint))
+    known = ", ".join(map(str, numbers)) or "there are none"
+    rule = f"be the number of a joint that is not fixed ({known})"
+    raise InputError(Problem(name, rule, shown(joint)))
+
+
+def modal_size(arm: Coordinates) -> float:
+    """Return the modal coordinate (m kg^0.5) that counts as much as an angle of one radian.
+
+    It is the reach times the square root of the mass of the arm, so that norms of coordinates do
+    not depend on its size. An arm without mass has no modes.
+    """
+    c = arm.assembly.constants
+    size = float(c.length.sum()) * float(c.mass.sum() + c.tip_mass.sum()) ** 0.5
+    return size or 1.0
+
+
+def coordinate_sizes(arm: Coordinates) -> FloatArray:
+    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes."""
+    sizes = np.ones(arm.dof)
+    for piece in arm.assembly.pieces:
+        sizes[piece.modal] = modal_size(arm)
+    return sizes
+
+
+class Coordinates:
+    """Generalised coordinates q (dof,) of an arm.
+
+    For each link: its joint angle (rad), relative to the tip tangent of the previous link (the
+    first: to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has no coordinate; an
+    elastic one has two: the motor's angle behind the gear, and the additional rotation of the link
+    by the spring.
+    """
+
+    def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
+        self.spec = spec
+        self.assembly = assembly
+
+    @property
+    def dof(self) -> int:
+        """Number of coordinates: joints and modes."""
+        return int(self.assembly.coordinates.size)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints that are not fixed."""
+        return len(self.assembly.seats)
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return len(self.spec.links)
+
+    @property
+    def joint_numbers(self) -> NDArray[np.intp]:
+        """Numbers of the joints that are not fixed, (joints,): the links with these roots."""
+        return np.array([seat.link + 1 for seat in self.assembly.seats], dtype=np.intp)
+
+    @property
+    def joint_index(self) -> NDArray[np.intp]:
+        """Indices of the joint angles in q, (joints,)."""
+        return self.assembly.joint_index
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Distances from the joints to the tips of the straight links, (links,) m."""
+        return np.array([link.reach for link in self.spec.links])
+
+    @property
+    def link_lengths(self) -> FloatArray:
+        """Lengths of the links from root to tip, without their hubs, (links,) m."""
+        return np.array([link.length for link in self.spec.links])
+
+    @public_call
+    def rest(self, joint_angles: ArrayLike) -> FloatArray:
+        """Return q (dof,) of straight links at relative joint angles (joints,), rad."""
+        angles = check_array("joint_angles", joint_angles, (self.joints,))
+        q = np.zeros(self.dof)
+        q[self.joint_index] = angles
+        return q
+
+    @public_call
+    def joint_angles(self, q: ArrayLike) -> FloatArray:
+        """Return the joint angles (joints,) of q (dof,), or joint rates from rates."""
+        return check_array("q", q, (self.dof,))[self.joint_index]
+
+    @public_call
+    def from_nodal(self, joint_angles: ArrayLike, nodal: Sequence[ArrayLike]) -> FloatArray:
+        """Return q (dof,) of links deformed to given nodal values.
+
+        Args:
+            joint_angles: (joints,) relative, rad.
+            nodal: for each link (elements, 2): deflection (m) and section rotation (rad; without
+                shear, the slope) at its free nodes, from its root tangent, or from the root tangent
+                of the node's segment; any value for a rigid link. With reduced modes, the result is
+                the least-squares fit weighted by mass.
+        """
+        q = self.rest(joint_angles)
+        items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
+        if items is None or len(items) != self.links:
+            rule = f"be a list of one array for each of the {self.links} links"
+            raise InputError(Problem("nodal", rule, shown(nodal)))
+        values = {
+            i: check_array(f"nodal[{i}]", items[i], (link.elements, 2))
+            for i, link in enumerate(self.spec.links)
+            if link.flexible
+        }
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                q[piece.modal] = piece.shapes.projector @ values[piece.link][piece.rows].ravel()
+        return q
+
+    @public_call
+    def nodal(self, q: ArrayLike) -> list[FloatArray]:
+        """Return the deflection (m) and section rotation (rad) at the free nodes of the links.
+
+        (elements, 2) for each link; without shear the rotation is the slope.
+        """
+        values = check_array("q", q, (self.dof,))
+        shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
+        for piece in self.assembly.pieces:
+            if piece.shapes.w2.size:
+                bent = piece.shapes.basis @ values[piece.modal]
+                shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
+        return shapes
+
+    @public_call
+    def padded(self, vector: ArrayLike) -> FloatArray:
+        """Convert a vector (dof,) or vectors (..., dof) to the kernels' array (..., n, 1 + m).
+
+        Raises:
+            InputError: if the last axis does not have dof numbers.
+        """
+        a = self.assembly
+        vector = check_last_axes("vector", vector, a.coordinates.shape)
+        array = np.zeros((*vector.shape[:-1], a.bodies * (1 + a.modes)), dtype=vector.dtype)
+        array[..., a.coordinates] = vector
+        return array.reshape(*vector.shape[:-1], a.bodies, 1 + a.modes)
+
+    @public_call
+    def unpadded(self, array: ArrayLike) -> FloatArray:
+        """Convert the kernels' array (..., n, 1 + m) to coordinates (..., dof).
+
+        Raises:
+            InputError: if the last axes do not have the shape (n, 1 + m).
+        """
+        a = self.assembly
+        array = check_last_axes("array", array, (a.bodies, 1 + a.modes))
+        flat = array.reshape(*array.shape[:-2], a.bodies * (1 + a.modes))
+        taken: FloatArray = flat[..., a.coordinates]
+        return taken
+
+    @public_call
+    def padded_torque(self, torque: ArrayLike) -> FloatArray:
+        """Convert joint torques (..., joints) to torques of the bodies (..., n).
+
+        Raises:
+            InputError: if the last axis does not have one number for each joint.
+        """
+        a = self.assembly
+        torque = check_last_axes("torque", torque, a.joint_body.shape)
+        array = np.zeros((*torque.shape[:-1], a.bodies), dtype=torque.dtype)
+        array[..., a.joint_body] = torque
+        return array

@@ -1,0 +1,340 @@
+"""Constants of one link for the dynamics of the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from flexarm.arm.beams.assembly import (
+    beam_matrices,
+    interior_shapes,
+    nodal_rotations,
+    nodal_shapes,
+    product_integral,
+)
+from flexarm.arm.beams.flexibility import strain_to_nodal
+from flexarm.arm.beams.hermite import FloatArray
+from flexarm.arm.beams.interior import interior_values
+from flexarm.arm.beams.modes import beam_basis
+from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.quadrature import BeamQuadrature, beam_quadrature
+from flexarm.arm.beams.shear import point_shapes, shear_parameters
+from flexarm.base.errors import InputError, Problem, check_array, shown
+
+#: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
+_LARGEST = 1e50
+
+
+@dataclass(frozen=True, eq=False)
+class LinkConstants:
+    """Floating-frame integrals of one link over its m mass-normalised shapes Phi.
+
+    Frame: origin at the root, x normal to the section there, deflection `v(x) = Phi(x)^T eta`,
+    rotation of the section `phi(x) = Psi(x)^T eta`; without shear Psi = Phi', and x is along the
+    tangent. mu is the mass per length, rho I the rotary inertia per length. Over these shapes the
+    mass matrix of the link is the identity and its stiffness diag(w2). Arrays are read-only.
+
+    Attributes:
+        length: L (m).
+        mass: integral of mu (kg).
+        first_moment: integral of mu x (kg m).
+        inertia: integral of mu x^2 + rho I (kg m^2), about the root.
+        S: (m,) integral of mu Phi.
+        a: (m,) integral of mu x Phi + rho I Psi.
+        P: (m,) Phi at the tip.
+        dP: (m,) Psi at the tip.
+        w2: (m,) stiffness (rad^2/s^2), increasing.
+        rotary: (m, m) integral of rho I Psi Psi^T, contained in the identity above.
+        D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
+        D1: (m, m) integral of mu x g(x).
+        residual_inertia: (3,) inertia of the residuals of a rigid translation and rotation about
+            the root, after subtracting their best approximation by the shapes: translation,
+            coupling, rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
+        residual_tip: (2, 2) tip deflection and rotation (rows) of the residuals of a unit
+            translation and rotation (columns).
+        G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
+        basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
+            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is omitted.
+        projector: (m, 2 * elements) `basis^T M`, the mass-orthogonal projection of nodal values.
+        shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
+        interior: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0.
+        table: section properties along the link, from which the constants are computed.
+
+    A rigid link has m = 0 and the same arrays, which are then empty.
+    """
+
+    length: float
+    mass: float
+    first_moment: float
+    inertia: float
+    S: FloatArray
+    a: FloatArray
+    P: FloatArray
+    dP: FloatArray
+    w2: FloatArray
+    rotary: FloatArray
+    D0: FloatArray
+    D1: FloatArray
+    G: FloatArray
+    residual_inertia: FloatArray
+    residual_tip: FloatArray
+    basis: FloatArray
+    projector: FloatArray
+    shear_parameter: FloatArray
+    interior: FloatArray
+    table: BeamTable
+
+    def __post_init__(self) -> None:
+        m = self.w2.size
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+                expected: dict[str, tuple[int, ...]] = {
+                    "basis": (len(self.basis), m),
+                    "projector": (m, len(self.basis)),
+                    "residual_inertia": (3,),
+                    "residual_tip": (2, 2),
+                    "shear_parameter": (self.elements,),
+                    "interior": (len(self.interior), m),
+                }
+                square = field.name in ("rotary", "D0", "D1", "G")
+                shape = expected.get(field.name, (m, m) if square else (m,))
+                check_array(field.name, value, shape)
+
+    @property
+    def elements(self) -> int:
+        """Number of finite elements."""
+        return len(self.basis) // 2
+
+    def deflection(self, x: object) -> FloatArray:
+        """Evaluate Phi at stations x (k,), 0 to length (m): (k, m), m per unit of eta."""
+        return self._shapes(x, 0)
+
+    def slope(self, x: object) -> FloatArray:
+        """Evaluate Phi' at stations x (k,), 0 to length (m): (k, m), rad per unit of eta.
+
+        With shear it is discontinuous at element ends; the value is that of the outboard element.
+        """
+        return self._shapes(x, 1)
+
+    def rotation(self, x: object) -> FloatArray:
+        """Evaluate the section rotation Psi; as `slope`, to which it is equal without shear."""
+        stations = self._stations(x)
+        nodal = nodal_rotations(stations, self.length, self.elements, self.shear_parameter)
+        return nodal @ self.basis + self._interior(stations, "rotation", 0)
+
+    def curvature(self, x: object) -> FloatArray:
+        """Evaluate Psi' at stations x (k,), 0 to length (m): (k, m), 1/m per unit of eta.
+
+        It is discontinuous at element ends; the value is that of the outboard element.
+        """
+        return self._shapes(x, 2)
+
+    def _shapes(self, x: object, derivative: int) -> FloatArray:
+        stations = self._stations(x)
+        nodal = nodal_shapes(stations, self.length, self.elements, derivative, self.shear_parameter)
+        field = ("deflection", derivative) if derivative < 2 else ("rotation", 1)
+        return nodal @ self.basis + self._interior(stations, *field)
+
+    def _interior(self, stations: FloatArray, field: str, derivative: int) -> FloatArray:
+        """Return the contribution of the interior values: (k, m), zero without shear."""
+        if not len(self.interior):
+            return np.zeros((stations.size, self.w2.size))
+        shapes = interior_shapes(stations, self.length, self.elements, field, derivative)
+        return shapes @ self.interior
+
+    def _stations(self, x: object) -> FloatArray:
+        """Check stations, and clip those that are outside the link because of rounding."""
+        stations = check_array("x", x, (-1,))
+        slack = 1e-9 * self.length  # stations computed as sums may differ from the tip by rounding
+        outside = (stations < -slack) | (stations > self.length + slack)
+        if np.any(outside):
+            rule = f"lie between 0 and the length {self.length:g}"
+            raise InputError(Problem("x", rule, shown(float(stations[outside][0]))))
+        return np.clip(stations, 0.0, self.length)
+
+
+def link_constants(table: BeamTable, elements: int, modes: int | None = None) -> LinkConstants:
+    """Compute the constants of a flexible link; exact for tables linear between stations.
+
+    Args:
+        table: section properties along the link.
+        elements: number of finite elements of equal length.
+        modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
+            the full finite element model.
+
+    Raises:
+        InputError: if the mass matrix is not positive definite, or numbers overflow.
+    """
+    with _in_range(table):
+        return _flexible_constants(table, elements, modes)
+
+
+def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> LinkConstants:
+    quadrature = beam_quadrature(table.x, elements)
+    local = point_shapes(table, quadrature)
+    matrices = beam_matrices(table, quadrature, local)
+    inside = interior_values(table, quadrature, local, matrices.stiffness)
+    h = quadrature.element_length
+    factor = strain_to_nodal(table, quadrature)
+    if len(inside.values):
+        matrices = matrices.over(inside.extended)
+        factor = inside.stiffened(factor, np.tile([1.0, h], elements))
+    shapes = beam_basis(matrices, factor, h, modes)
+    basis, interior = shapes.basis, inside.values @ shapes.basis
+    all_values = np.vstack([basis, interior]) if len(interior) else basis
+
+    # The slope at s shortens everything outboard of it. Exchanging the order of integration
+    # therefore gives single integrals over s, weighted by the outboard mass or first moment.
+    s = quadrature.points
+    S = basis.T @ matrices.deflection_moment
+    a = basis.T @ matrices.rotation_moment
+    left = _left_of_rigid_motion(quadrature, all_values @ S, all_values @ a)
+    return LinkConstants(
+        *_rigid_body(table, quadrature),
+        S=S,
+        a=a,
+        P=basis[-2].copy(),
+        dP=basis[-1].copy(),
+        w2=shapes.w2,
+        rotary=_over(matrices.rotary_mass, basis),
+        D0=_over(
+            product_integral(quadrature, table.outboard_moment(s, 0), local.slope), all_values
+        ),
+        D1=_over(
+            product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
+        ),
+        G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
+        residual_inertia=_residual_inertia(matrices.free_mass, left),
+        residual_tip=left[2 * elements : 2 * elements + 2].copy(),
+        basis=basis,
+        projector=shapes.projector,
+        shear_parameter=shear_parameters(table, quadrature),
+        interior=interior,
+        table=table,
+    )
+
+
+def rigid_constants(table: BeamTable, elements: int = 1) -> LinkConstants:
+    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
+
+    Args:
+        table: section properties along the link; those of stiffness have no effect.
+        elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
+
+    Raises:
+        InputError: if numbers overflow.
+    """
+    none, square = np.zeros(0), np.zeros((0, 0))
+    with _in_range(table):
+        length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
+    return LinkConstants(
+        length,
+        mass,
+        first_moment,
+        inertia,
+        S=none,
+        a=none,
+        P=none,
+        dP=none,
+        w2=none,
+        rotary=square,
+        D0=square,
+        D1=square,
+        G=square,
+        residual_inertia=np.array([mass, first_moment, inertia]),
+        residual_tip=np.array([[1.0, length], [0.0, 1.0]]),
+        basis=np.zeros((2 * elements, 0)),
+        projector=np.zeros((0, 2 * elements)),
+        shear_parameter=np.zeros(elements),
+        interior=none.reshape(0, 0),
+        table=table,
+    )
+
+
+@contextmanager
+def _in_range(table: BeamTable) -> Iterator[None]:
+    """Raise InputError if numbers overflow or underflow, or matrices are indefinite."""
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            yield
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        if isinstance(error, np.linalg.LinAlgError) and not _is_extreme(table):
+            rule = f"is not positive definite: {error}".rstrip(".")
+            hint = "Rigidity or mass may vary by too many orders of magnitude along the link."
+            raise InputError(Problem("the stiffness", rule, hint=hint)) from None
+        length, mass = table.x[-1], table.mass_per_length.max()
+        rule = (
+            f"of length {length:.3g} m with at most {mass:.3g} kg/m is beyond the range of "
+            "floating-point numbers"
+        )
+        hint = "Check the units; all values are in SI."
+        raise InputError(Problem("the link", rule, hint=hint)) from None
+
+
+def _is_extreme(table: BeamTable) -> bool:
+    """Return whether powers and products of the dimensions may exceed the range of floats."""
+    shear = [] if table.shear_rigidity is None else [table.shear_rigidity]
+    dimensions = np.concatenate(
+        [
+            table.x[-1:],
+            table.flexural_rigidity,
+            table.mass_per_length,
+            table.rotary_inertia_per_length,
+            *shear,
+        ]
+    )
+    sizes = dimensions[dimensions > 0.0]
+    return bool(sizes.min() < 1.0 / _LARGEST or sizes.max() > _LARGEST)
+
+
+def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, float, float, float]:
+    """Return length, mass, first moment, inertia about the root: first fields of LinkConstants."""
+    s, weights = quadrature.points, quadrature.weights
+    mass = weights * np.interp(s, table.x, table.mass_per_length)
+    rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
+    inertia = float(mass @ s**2 + rotary.sum())
+    return table.length, float(mass.sum()), float(mass @ s), inertia
+
+
+def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return shapes^T matrix shapes, symmetric to the last digit."""
+    product: FloatArray = shapes.T @ matrix @ shapes
+    return (product + product.T) / 2
+
+
+def _left_of_rigid_motion(
+    quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
+) -> FloatArray:
+    """Return the residuals of unit rigid motions, after subtracting the shapes' approximation.
+
+    Args:
+        translation, rotation: (n + k,) nodal and interior values of the shapes' best approximation.
+
+    Returns:
+        (n + 2 + k, 2) values, with the root's pair first. With the full finite element model the
+        residual decays within a few elements of the root. It is so small compared to the rigid
+        motion that differences of integrals (int mu x^2 - a.a) would lose it.
+    """
+    nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
+    left = np.zeros((2 + translation.size, 2))
+    rigid = left[: 2 * nodes.size]
+    rigid[0::2, 0] = 1.0
+    rigid[0::2, 1] = nodes
+    rigid[1::2, 1] = 1.0
+    left[2:, 0] -= translation
+    left[2:, 1] -= rotation
+    return left
+
+
+def _residual_inertia(free_mass: FloatArray, left: FloatArray) -> FloatArray:
+    """Return inertia (3,) of the motions ``left``: translation, coupling, rotation.
+
+    ``left`` has shape (n + 2 + k, 2).
+    """
+    inertia = left.T @ free_mass @ left
+    return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])

@@ -1,0 +1,92 @@
+"""Constants of the part of a link between its root and a station.
+
+Theory page "recursion", (R.40): the integrals of `LinkConstants` over the shapes of the whole link,
+from the root to the station instead of the tip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.arm.beams.hermite import FloatArray
+from flexarm.arm.beams.invariants import LinkConstants
+from flexarm.arm.beams.quadrature import beam_quadrature
+
+
+@dataclass(frozen=True, eq=False)
+class PartConstants:
+    """Integrals from the root to each of k stations, over the m shapes of the whole link.
+
+    Attributes:
+        mass, first_moment, inertia: (k,) kg, kg m, kg m^2 about the root.
+        S, a: (k, m) integrals of mu Phi and of mu x Phi + rho I Psi.
+        D0, D1: (k, m, m) integrals of mu g and of mu x g.
+        spread: (k, m, m) integral of mu Phi Phi^T, without rotary inertia.
+    """
+
+    mass: FloatArray
+    first_moment: FloatArray
+    inertia: FloatArray
+    S: FloatArray
+    a: FloatArray
+    D0: FloatArray
+    D1: FloatArray
+    spread: FloatArray
+
+
+def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
+    """Integrate a link from its root to stations; exact, as the constants of the whole link.
+
+    Args:
+        link: constants of the link with m shapes; m = 0 for a rigid link.
+        x: (k,) stations, 0 to the length (m).
+        shortening: whether bending shortens the axis (second-order theory); if not, D0 and D1 are
+            zero.
+    """
+    table, m = link.table, link.w2.size
+    quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
+    s, weights = quadrature.points, quadrature.weights
+    mass = weights * np.interp(s, table.x, table.mass_per_length)
+    rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
+    deflection, slope, rotation = link.deflection(s), link.slope(s), link.rotation(s)
+    inside = (s < x[:, None]).astype(np.float64)
+    D0, D1, spread = np.zeros((3, x.size, m, m))
+    for k, end in enumerate(x):
+        n = int(inside[k].sum())  # the points are in ascending order
+        spread[k] = _squared(deflection[:n], mass[:n])
+        if shortening:
+            # As for the whole link: a slope shortens the interval from it to the station.
+            beyond = [table.outboard_moment(np.array([end]), power)[0] for power in (0, 1)]
+            zeroth, first = (
+                weights[:n] * (table.outboard_moment(s[:n], power) - beyond[power])
+                for power in (0, 1)
+            )
+            D0[k] = _squared(slope[:n], zeroth)
+            D1[k] = _squared(slope[:n], first)
+    return PartConstants(
+        mass=inside @ mass,
+        first_moment=inside @ (mass * s),
+        inertia=inside @ (mass * s**2 + rotary),
+        S=inside @ (mass[:, None] * deflection),
+        a=inside @ ((mass * s)[:, None] * deflection + rotary[:, None] * rotation),
+        D0=D0,
+        D1=D1,
+        spread=spread,
+    )
+
+
+def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
+    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive.
+
+    ``inertia`` (kg m^2) and ``first_moment`` (kg m) are about the root.
+    """
+    central = inertia - first_moment / mass * first_moment if mass else 0.0
+    return 1.0 / central if central > 0.0 else 0.0
+
+
+def _squared(shapes: FloatArray, density: FloatArray) -> FloatArray:
+    """Sum density_p shape_pi shape_pj over points p, symmetric to the last digit: (m, m)."""
+    product: FloatArray = shapes.T @ (density[:, None] * shapes)
+    return (product + product.T) / 2

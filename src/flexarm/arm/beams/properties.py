@@ -1,0 +1,64 @@
+"""Section properties along a link: tables of stiffness and inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.arm.beams.hermite import FloatArray
+
+# Two-point Gauss-Legendre rule on (-1, 1); both weights are one.
+_NODES = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class BeamTable:
+    """Section properties at stations from the root (0) to the tip, linear in between.
+
+    The conditions are those of `model.arm.links.Link`, which checks them.
+
+    Attributes:
+        x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.
+        flexural_rigidity: (p,) EI (N m^2), positive.
+        mass_per_length: (p,) mu (kg/m), not negative; positive somewhere unless it may be massless.
+        rotary_inertia_per_length: (p,) rho I (kg m), not negative; without shear, zero is
+            an Euler-Bernoulli beam, otherwise a Rayleigh beam.
+        shear_rigidity: (p,) k G A (N), positive: Timoshenko beam; None: sections stay normal to
+            the axis.
+    """
+
+    x: FloatArray
+    flexural_rigidity: FloatArray
+    mass_per_length: FloatArray
+    rotary_inertia_per_length: FloatArray
+    shear_rigidity: FloatArray | None = None
+
+    @property
+    def length(self) -> float:
+        """Length of the link (m)."""
+        return float(self.x[-1])
+
+    def outboard_moment(self, s: FloatArray, power: int) -> FloatArray:
+        """Integrate mu x^power from each station `s` to the tip; exact.
+
+        Args:
+            s: (k,) stations (m).
+            power: 0 gives the mass (kg), 1 the first moment about the root (kg m).
+
+        Returns:
+            (k,) integrals.
+        """
+        between = self._moment(self.x[:-1], self.x[1:], power)
+        beyond = np.append(np.cumsum(between[::-1])[::-1], 0.0)[1:]
+        interval = np.clip(np.searchsorted(self.x, s, side="right") - 1, 0, self.x.size - 2)
+        outboard: FloatArray = self._moment(s, self.x[interval + 1], power) + beyond[interval]
+        return outboard
+
+    def _moment(self, start: FloatArray, end: FloatArray, power: int) -> FloatArray:
+        """Integrate mu x^power over intervals without stations; exact up to mu x^2."""
+        half = (end - start) / 2
+        points = (start + end) / 2 + _NODES[:, None] * half
+        mass = np.interp(points, self.x, self.mass_per_length)
+        moment: FloatArray = half * np.sum(mass * points**power, axis=0)
+        return moment

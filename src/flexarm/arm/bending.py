@@ -1,0 +1,238 @@
+"""Estimated error of the tip at a bent state, and its warning.
+
+Both theories measure the deflection of a link, or of each segment, from the tangent at its root.
+Bending shortens a piece of length L by delta = eta^T G eta / 2. The linear theory neglects this.
+The second-order theory includes it and neglects terms of third order, of the size
+1.7 delta sqrt(delta/L): the constant is calibrated on the elastica, between a force at the tip and
+a moment there. Both estimates saturate, because the error of a piece cannot exceed a few times its
+deflection. Theory page "link", section 11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.base.errors import LargeDeflectionWarning, warn_caller
+
+#: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
+#: in one piece in the linear theory, 20 % in the second-order theory.
+LARGEST_ERROR = 0.006
+#: Error of the second-order theory over delta sqrt(delta/L).
+_THIRD_ORDER = 1.7
+#: Margin for rounding errors: a bound has to be below this fraction of the largest error.
+_CLEARLY = 0.99
+#: Maximum shortening relative to length, which keeps the estimate finite.
+_LARGEST = 1e6
+#: Number of states processed together, which bounds the scratch memory of long runs.
+_CHUNK = 4096
+
+_PAGE = "see docs/how-to/large-deflection.md."
+#: Warnings collected by the innermost ``one_warning``; None outside it.
+_KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default=None)
+
+
+class BendingErrors:
+    """Estimate of the errors of an arm's states.
+
+    Args:
+        arm: the arm.
+        theory: the theory whose error is estimated; that of the arm by default.
+    """
+
+    def __init__(self, arm: Arm, theory: str | None = None) -> None:
+        self._linear = (arm.spec.theory if theory is None else theory) == "linear"
+        pieces = arm.assembly.pieces
+        self._body = np.array([piece.body for piece in pieces])
+        self._link = np.array([piece.link for piece in pieces])
+        self._length = np.array([piece.shapes.length for piece in pieces])
+        self._G = np.zeros((len(pieces), arm.assembly.modes, arm.assembly.modes))
+        for k, piece in enumerate(pieces):
+            m = piece.shapes.w2.size
+            self._G[k, :m, :m] = piece.shapes.G
+        lengths = arm.link_lengths
+        # A rotated link also displaces everything beyond its tip.
+        beyond = np.append(np.cumsum(arm.lengths[::-1])[::-1], 0.0)[1:]
+        self._lever = beyond / lengths
+        self._lengths = lengths
+        rows = np.zeros((arm.assembly.bodies, arm.assembly.modes))
+        rows[self._body] = np.abs(self._G).sum(axis=2) / 2.0
+        self._rows = rows
+        self._clearly_small = _CLEARLY * LARGEST_ERROR * float(lengths.min())
+
+    def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return errors of the links' tips (samples, links) and of the arm's tip (samples,), m."""
+        eta = states[:, 0, self._body, 1:]
+        delta = np.einsum("tpi,pij,tpj->tp", eta, self._G, eta) / 2.0
+        relative = np.maximum(delta, 0.0) / self._length
+        # Runs that fail contain states of any size, whose products may not be finite.
+        relative = np.where(relative < _LARGEST, relative, _LARGEST)
+        third = _THIRD_ORDER * relative**1.5
+        third *= relative / np.maximum(third + relative, np.finfo(float).tiny)
+        error = relative / (1.0 + relative / 3.0) if self._linear else third
+        shift, turn = np.zeros((2, len(states), self._lengths.size))
+        np.add.at(shift.T, self._link, (error * self._length).T)
+        np.add.at(turn.T, self._link, (third * self._length).T)
+        # The slope of a link's tip has errors of third order, smaller under moments than forces.
+        return shift, shift.sum(axis=1) + 0.5 * turn @ self._lever
+
+    def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
+        """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
+        if np.all(self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0))):
+            return None
+        largest, found = 0.0, None
+        tip = 0.0
+        for k in range(0, len(states), _CHUNK):
+            own, of_tip = self.of_links(states[k : k + _CHUNK])
+            relative = own / self._lengths
+            tip = max(tip, float(of_tip.max(initial=0.0)))
+            if relative.size and relative.max() > max(largest, LARGEST_ERROR):
+                at, link = np.unravel_index(int(np.argmax(relative)), relative.shape)
+                largest, found = float(relative[at, link]), (int(link), k + int(at))
+        return None if found is None else (tip, *found)
+
+    def surely_small(self, eta: FloatArray) -> NDArray[np.bool_]:
+        """Return whether a bound, much faster than the estimate, excludes large errors.
+
+        Args:
+            eta: modal coordinates of all bodies (..., n, m), or the largest value of each.
+
+        The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
+        is at most the sum of eta^2 times the row sums of abs(G).
+        """
+        # Runs that fail contain states of any size: unlike other products, einsum does not warn.
+        bound = np.einsum("...ij,...ij,ij->...", eta, eta, self._rows)
+        return np.asarray(bound < self._clearly_small)
+
+    def all_small(self, eta: FloatArray) -> NDArray[np.bool_]:
+        """Return ``surely_small`` (k,) for many states (k, n, m)."""
+        bounds = np.einsum("kij,kij,ij->k", eta, eta, self._rows)
+        small: NDArray[np.bool_] = bounds < self._clearly_small
+        return small
+
+
+#: Cached estimates for each arm's own theory.
+_of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
+
+
+def _own_errors(arm: Arm) -> BendingErrors:
+    errors = _of_arms.get(arm)
+    if errors is None:
+        errors = _of_arms[arm] = BendingErrors(arm)
+    return errors
+
+
+class _LargestDeflection(NamedTuple):
+    """Piece with the largest deflection relative to its length in a state; deflection in m."""
+
+    piece: Piece
+    deflection: float
+
+
+def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDeflection:
+    bent = [
+        _LargestDeflection(
+            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
+        )
+        for piece in arm.assembly.pieces_of(link)
+    ]
+    return max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
+
+
+def theory_error(arm: Arm, states: FloatArray) -> str:
+    """Describe the largest error of an arm's theory; return an empty text if it is small.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    found = _description(arm, _own_errors(arm), states)
+    if not found:
+        return ""
+    fact, link, error = found
+    theory = "linear" if arm.spec.theory == "linear" else "second-order"
+    segments = arm.spec.links[link].segments
+    use = "theory='second_order' " if theory == "linear" else ""
+    if segments > 1:
+        advice = f"Use {use}{'or ' if use else ''}more segments on that link"
+    else:
+        advice = f"Use {use}{'and ' if use else ''}segments=2 to 4 on that link"
+    return f"{fact}: the {theory} theory misplaces the tip by about {error}. {advice}; {_PAGE}"
+
+
+def too_far_deviated(arm: Arm, states: FloatArray) -> str:
+    """Describe the error of linear deviations, which is always that of the linear theory.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    found = _description(arm, BendingErrors(arm, "linear"), states)
+    if not found:
+        return ""
+    return (
+        f"{found[0]}: linear deviations misplace the tip by about {found[2]}. fa.simulate follows "
+        f"the whole motion, with theory='second_order' where links bend that far; {_PAGE}"
+    )
+
+
+def _description(
+    arm: Arm, errors: BendingErrors, states: FloatArray
+) -> tuple[str, int, str] | None:
+    found = errors.too_large(states)
+    if found is None:
+        return None
+    tip, link, at = found
+    piece, deflection = _largest_deflection(arm, link, states[at])
+    name = f"link {link + 1}"
+    if arm.spec.links[link].segments > 1:
+        name = f"a segment of {name}"
+    length = piece.shapes.length
+    fact = (
+        f"{name} deflects by up to {deflection:.3g} m, {deflection / length:.0%} of its length of "
+        f"{length:.4g} m"
+    )
+    size = f"{1e3 * tip:.0f}" if tip >= 0.01 else f"{1e3 * tip:.2g}"
+    return fact, link, f"{size} mm ({tip / arm.lengths.sum():.1%} of the reach)"
+
+
+def bending_warning(arm: Arm, q: FloatArray) -> str:
+    """Describe the largest error at q (dof,) or (samples, dof); return an empty text if small."""
+    states = arm.padded(np.stack([q, np.zeros_like(q)], axis=-2))
+    return theory_error(arm, states.reshape(-1, *states.shape[-3:]))
+
+
+def warn_of_bending(arm: Arm, q: FloatArray) -> None:
+    """Warn once for a call that returns or uses bent states, unless a caller collects warnings.
+
+    Args:
+        q: (dof,), or (samples, dof).
+    """
+    warn_of_first([bending_warning(arm, q)])
+
+
+def warn_of_first(warnings_kept: list[str]) -> None:
+    """Report the first text that is not empty as a warning, as `warn_of_bending` does."""
+    warning = next(filter(None, warnings_kept), "")
+    kept = _KEPT.get()
+    if kept is not None:
+        kept.append(warning)
+    elif warning:
+        warn_caller(warning, LargeDeflectionWarning)
+
+
+@contextmanager
+def one_warning() -> Iterator[list[str]]:
+    """Collect the warnings of the calls within in a list, so that the caller reports one."""
+    kept: list[str] = []
+    token = _KEPT.set(kept)
+    try:
+        yield kept
+    finally:
+        _KEPT.reset(token)

@@ -1,0 +1,170 @@
+"""Stations along the links, and the parts of the links inboard of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexarm.arm.actions.loads import SAME_PLACE, loads_inboard, parts_of
+from flexarm.arm.assembly.assemble import FloatArray, IntArray
+from flexarm.arm.assembly.coordinates import Coordinates
+from flexarm.arm.assembly.hub_radius import move_masses
+from flexarm.arm.beams.parts import PartConstants, inverse_inertia, part_constants
+from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.kernels.layout import (
+    ArmConstants,
+    Loads,
+    Sizes,
+    Stations,
+    Workspace,
+    run_time_sizes,
+)
+from flexarm.kernels.observation.section_forces import section_forces
+from flexarm.model import Load
+
+#: Maximum number of stations on a link; more give no information, because elements are smooth.
+MOST_STATIONS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """One section on each link, and the constants of the links' parts inboard of it.
+
+    Attributes:
+        stations: the sections, (links,) in total.
+        constants: constants of bodies that end at their section; those of bodies without a section
+            are meaningless.
+        sizes: sizes of these constants.
+        reach: (n,) m from the root of each body's piece to its section; 0 without a section.
+    """
+
+    stations: Stations
+    constants: ArmConstants
+    sizes: Sizes
+    reach: FloatArray
+
+
+def place_stations(arm: Coordinates, count: int) -> Stations:
+    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,).
+
+    A station between two segments is the tip of the inboard one.
+    """
+    m, g = arm.assembly.modes, arm.assembly.constants.D0.shape[1]
+    total = arm.links * count
+    placed = Stations(
+        body=np.zeros(total, dtype=np.intp),
+        x=np.zeros(total),
+        rows=np.zeros((total, m)),
+        turns=np.zeros((total, m)),
+        shortening=np.zeros((total, g, g)),
+    )
+    for i, link in enumerate(arm.spec.links):
+        own, slack = arm.assembly.pieces_of(i), SAME_PLACE * link.length
+        for row, station in enumerate(np.linspace(0.0, link.length, count), i * count):
+            ends = (p for p in own if p.start + p.shapes.length >= station - slack)
+            piece = next(ends, own[-1])
+            placed.body[row] = piece.body
+            placed.x[row] = np.clip(station - piece.start, 0.0, piece.shapes.length)
+    for piece in arm.assembly.pieces:
+        here, k = np.flatnonzero(placed.body == piece.body), piece.shapes.w2.size
+        if k and here.size:
+            placed.rows[here, :k] = piece.shapes.deflection(placed.x[here])
+            placed.turns[here, :k] = piece.shapes.rotation(placed.x[here])
+        if k and g and here.size:
+            placed.shortening[here, :k, :k] = shortening_matrices(piece.shapes, placed.x[here])
+        placed.x[here] += piece.offset
+    return placed
+
+
+def place_gauges(
+    arm: Coordinates, gauges: Sequence[tuple[int, float, float]]
+) -> tuple[FloatArray, IntArray]:
+    """Return strain per modal coordinate at gauges (link, station m, distance m), and bodies."""
+    rows = np.zeros((len(gauges), arm.assembly.modes))
+    bodies = np.zeros(len(gauges), dtype=np.intp)
+    for k, (i, station, distance) in enumerate(gauges):
+        piece = arm.assembly.piece_at(i, station)
+        bodies[k] = piece.body
+        if piece.shapes.w2.size:
+            curvature = piece.shapes.curvature([station - piece.start])[0]
+            with np.errstate(over="ignore"):
+                rows[k, : curvature.size] = -distance * curvature
+            if not np.isfinite(rows[k]).all():
+                rule = "be small enough for finite strains"
+                raise InputError(Problem("gauges.distance", rule, shown(distance)))
+    return rows, bodies
+
+
+def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
+    """Return ``count`` cuts; cut k contains the section at station k of every link."""
+    placed = place_stations(arm, count)
+    whole = arm.assembly.constants
+    n, m = whole.S.shape
+    cuts = []
+    for k in range(count):
+        constants = whole._replace(
+            body=whole.body.copy(),
+            mode=whole.mode.copy(),
+            shortening=whole.shortening.copy(),
+            # The mass matrix of a part is not the identity, so this term is always necessary.
+            centrifugal=np.zeros((n, m, m)),
+        )
+        stations = Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
+        cuts.append(Cut(stations, constants, run_time_sizes(constants), np.zeros(n)))
+    for piece in arm.assembly.pieces:
+        own = np.flatnonzero(placed.body == piece.body)
+        if own.size:
+            second_order = arm.spec.theory == "second_order"
+            inner = placed.x[own] - piece.offset
+            parts = part_constants(piece.shapes, inner, shortening=second_order)
+            hub = arm.spec.joints[piece.link].hub_inertia if piece.start == 0.0 else 0.0
+            for row, station in enumerate(own):
+                cut = cuts[station % count]
+                cut.reach[piece.body] = inner[row]
+                _place_part(cut.constants, piece.body, parts, row)
+                move_masses(cut.constants, piece.body, piece.offset)
+                cut.constants.inertia[piece.body] += hub
+    return tuple(cuts)
+
+
+def forces_at(
+    arm: Coordinates,
+    cuts: Sequence[Cut],
+    state: FloatArray,
+    acceleration: FloatArray,
+    loads: Sequence[Load],
+    placed: Loads,
+    work: Workspace,
+) -> FloatArray:
+    """Return axial force, shear force and bending moment (N, N m) of one state: (links, cuts, 3).
+
+    ``state`` (2, n, 1 + m) and ``acceleration`` (n, 1 + m) have the kernels' layout; ``placed``
+    contains ``loads`` in it; ``work`` contains the results of ``inverse_dynamics`` for all of
+    these.
+    """
+    forces, owners = np.zeros((len(cuts), arm.links, 3)), parts_of(arm, loads)
+    for cut, values in zip(cuts, forces, strict=True):
+        kept = loads_inboard(arm, owners, placed, cut.reach)
+        section_forces(
+            cut.sizes, cut.constants, cut.stations, state, acceleration, kept, work, values
+        )
+    return np.ascontiguousarray(np.moveaxis(forces, 0, 1))
+
+
+def _place_part(constants: ArmConstants, body: int, parts: PartConstants, row: int) -> None:
+    m = parts.S.shape[1]
+    mass, inertia = float(parts.mass[row]), float(parts.inertia[row])
+    constants.mass[body] = mass
+    constants.inverse_mass[body] = 1.0 / mass if mass else 0.0
+    constants.inverse_inertia[body] = inverse_inertia(mass, float(parts.first_moment[row]), inertia)
+    constants.first_moment_x[body] = parts.first_moment[row]
+    constants.inertia[body] = inertia
+    constants.S[body, :m] = parts.S[row]
+    constants.a[body, :m] = parts.a[row]
+    constants.centrifugal[body, :m, :m] = parts.spread[row] - np.eye(m)
+    if constants.D0.shape[1]:
+        constants.D0[body, :m, :m] = parts.D0[row]
+        constants.D1[body, :m, :m] = parts.D1[row]

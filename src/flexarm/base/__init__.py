@@ -1,0 +1,1 @@
+"""What every wing uses: errors, converters of arguments, user functions, processes, files."""

@@ -1,0 +1,126 @@
+"""Processes and threads: how many, and pools of processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexarm.base.arguments import check_count
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
+T = TypeVar("T")
+#: Remaining duration of calls (s) for which processes, which start in a few seconds, are worth it.
+WORTH = 6.0
+
+
+def check_workers(name: str, value: object) -> int:
+    """Return a number of threads or processes; None for one for each usable core.
+
+    Raises:
+        InputError: if the value is not a whole number from 1 to 1024.
+    """
+    return usable_cores() if value is None else check_count(name, value, most=1024)
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # absent on Windows and macOS
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_processes(
+    function: Callable[..., T], arguments: Sequence[tuple[Any, ...]], workers: int
+) -> Iterator[T]:
+    """Yield the results of calls in their order; if they take long, of several processes.
+
+    The first calls are made in this process, and all of them if no processes are available.
+
+    Args:
+        function: with its data, which each process receives once.
+        arguments: of each call.
+        workers: number of processes.
+    """
+    started, count = 0.0, len(arguments)
+    for done, given in enumerate(arguments):
+        yield function(*given)
+        if done == 0:  # this call may have loaded or compiled code
+            started = time.perf_counter()
+            continue
+        left = (time.perf_counter() - started) / done * (count - done - 1)
+        if workers > 1 and left > WORTH:
+            yield from _by_pool(function, arguments[done + 1 :], workers)
+            return
+
+
+def _by_pool(
+    function: Callable[..., T], arguments: Sequence[tuple[Any, ...]], workers: int
+) -> Iterator[T]:
+    from concurrent.futures.process import BrokenProcessPool
+
+    done = 0
+    try:
+        with process_pool(min(workers, len(arguments)), _keep, function) as pool:
+            for result in pool.map(_call, arguments):
+                yield result
+                done += 1
+    except (BrokenProcessPool, OSError, NotImplementedError, ImportError):
+        for given in arguments[done:]:
+            yield function(*given)
+
+
+_kept: list[Callable[..., Any]] = []
+
+
+def _keep(function: Callable[..., Any]) -> None:
+    _kept[:] = [function]
+
+
+def _call(arguments: tuple[Any, ...]) -> Any:
+    return _kept[0](*arguments)
+
+
+def process_pool(
+    processes: int, start: Callable[..., object], *arguments: object
+) -> ProcessPoolExecutor:
+    """Return a pool of processes, each of which first calls ``start(*arguments)``.
+
+    Ctrl-C ends them without a traceback.
+
+    Raises:
+        OSError, NotImplementedError, ImportError: if this system has no processes or semaphores.
+    """
+    # Imported here, because most programs start no processes.
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    # Use spawn, because forked copies of a process with compiled threads may hang.
+    pool = ProcessPoolExecutor(processes, get_context("spawn"), _started, (start, arguments))
+    with _ctrl_c_ignored():  # while they start; the first task starts them all
+        pool.submit(int)
+    return pool
+
+
+def _started(start: Callable[..., object], arguments: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    start(*arguments)
+
+
+@contextmanager
+def _ctrl_c_ignored() -> Iterator[None]:
+    """Make processes started in this context ignore Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set signal handlers
+        return
+    theirs = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, theirs)

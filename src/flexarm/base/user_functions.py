@@ -1,0 +1,72 @@
+"""User functions of time, with errors that contain the time of a failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import AsyncGeneratorType, CoroutineType, GeneratorType
+from typing import Any
+
+from flexarm.base.errors import FlexarmError, InputError, Problem, SimulationError
+
+_UNFINISHED = (CoroutineType, GeneratorType, AsyncGeneratorType)
+#: Bisections of the interval in which a function begins to fail: to the last digit of the time.
+_HALVINGS = 60
+
+
+class FunctionError(SimulationError):
+    """A function of time raised an exception, its ``__cause__``; it succeeds before ``time``."""
+
+
+def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
+    """Return the value of a function at a time (s), or at times (T,).
+
+    Raises:
+        FunctionError: if the function raises an exception; flexarm's own exceptions pass unchanged.
+        InputError: if it is asynchronous or a generator, which returns no value.
+    """
+    try:
+        value = function(t)
+    except FlexarmError:
+        raise
+    except Exception as error:
+        raise _failure(name, _first(t), error) from error
+    if isinstance(value, _UNFINISHED):
+        kind = "a generator" if isinstance(value, GeneratorType) else "an asynchronous function"
+        if isinstance(value, CoroutineType):
+            value.close()  # else Python warns that it was never awaited
+        raise InputError(Problem(name, "be a function that returns a value", kind))
+    return value
+
+
+def first_failure(
+    name: str, function: Callable[[float], Any], before: float, failed: FunctionError
+) -> FunctionError:
+    """Return the failure of a function at the earliest time of failure, found by bisection.
+
+    Args:
+        before: a time (s) at which the function succeeds.
+        failed: its failure at a later time.
+    """
+    at, cause = failed.time, failed.__cause__
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (before + at)
+        if not before < middle < at:
+            break
+        try:
+            function(middle)
+        except Exception as error:
+            at, cause = middle, error
+        else:
+            before = middle
+    found = _failure(name, before, cause)
+    found.__cause__ = cause
+    return found
+
+
+def _failure(name: str, t: float, error: BaseException | None) -> FunctionError:
+    words = " ".join(str(error).split())
+    return FunctionError(t, f"{name} failed with {type(error).__name__}: {words}")
+
+
+def _first(t: Any) -> float:
+    return float(t) if getattr(t, "ndim", 0) == 0 else float(t[0])

@@ -1,6 +1,0 @@
-"""Finite elements of one link: constants of the arm's dynamics from section properties."""
-
-from flexarm.beams.invariants import LinkConstants, link_constants, rigid_constants
-from flexarm.beams.properties import BeamTable
-
-__all__ = ["BeamTable", "LinkConstants", "link_constants", "rigid_constants"]

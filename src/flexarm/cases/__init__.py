@@ -1,0 +1,1 @@
+"""Cases in files: scenarios, studies of many samples, and files of results."""

@@ -1,0 +1,353 @@
+"""Runs of scenario files, through the same functions as the Python interface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.arm import Arm, described_arm
+from flexarm.base.arguments import check_path
+from flexarm.base.errors import InputError, SimulationError, public_call
+from flexarm.cases.scenario.controllers import DriveContext, controller_of
+from flexarm.cases.scenario.file_errors import Where, problems_at
+from flexarm.cases.scenario.initial_state import Start, start_of, with_holding
+from flexarm.cases.scenario.motions import TaskReference, motion_of
+from flexarm.cases.scenario.references import Followed, reference_of, torque_of
+from flexarm.model import (
+    Change,
+    EventSpec,
+    Hardware,
+    Load,
+    Scenario,
+    TorqueDrive,
+    file_text,
+    locate_scenario,
+)
+from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive, in_volts
+from flexarm.model.wording import path_of
+from flexarm.motion import Motion
+from flexarm.simulation.calls.plausible_run import implausible_run
+from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.loop.requirements import misfits
+from flexarm.simulation.loop.stability import (
+    LoopPole,
+    describe_instability,
+    describe_slow_instability,
+    loop_poles,
+)
+from flexarm.simulation.run.changes.schedule import arm_changes
+from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.events import event_log, events_of
+from flexarm.simulation.run.integrator_choice import check_integrator
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Keys of the file for arguments of the calls that create a reference.
+_TOP = {"motion": ".motion", "reference.motion": ".motion"}
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Validated scenario, converted to objects and ready to run.
+
+    Attributes:
+        arm: the arm.
+        motion: its requested motion, or None.
+        followed: the reference of the controller; the requested motion without one.
+        options: arguments of ``simulate``.
+        text: the scenario as a file, which results contain.
+        events: requested events; those in ``options`` are created for ``arm``.
+        in_volts: whether the torque in ``options`` is that of voltages of the motors of ``arm``.
+    """
+
+    arm: Arm
+    motion: TaskReference | None
+    followed: Followed
+    options: dict[str, Any]
+    text: str
+    events: Sequence[EventSpec] = ()
+    in_volts: bool = False
+
+    def implausible(self) -> list[str]:
+        """Return a sentence for each implausible number of the run."""
+        options = self.options
+        angles = self.arm.joint_angles(options["initial"])
+        others = (options.get(name) for name in ("controller", "reference", "hardware"))
+        return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
+
+    def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
+        """Describe an unstable one of the `loop_poles`; empty text if none is."""
+        return describe_instability(poles, self.sample_time or 0.0)
+
+    def slowly_unstable_loop(self, poles: Sequence[LoopPole]) -> str:
+        """Describe one that grows less than tenfold in the run; empty text if none does."""
+        return describe_slow_instability(poles, self.sample_time or 0.0, self.options["duration"])
+
+    @property
+    def sample_time(self) -> float | None:
+        """Sample time of the controller, s; None without a controller."""
+        controller = self.options.get("controller")
+        return None if controller is None else float(controller.sample_time)
+
+    def loop_poles(
+        self,
+        plant: Arm | None = None,
+        hardware: Hardware | None = None,
+        changes: Sequence[Change] = (),
+    ) -> list[LoopPole]:
+        """Return the dominant poles of the sampled loop, see `flexarm.simulation.loop.stability`.
+
+        Args:
+            plant, hardware: those to simulate; None for those of the scenario.
+            changes: those in addition to the scenario's.
+        """
+        options = self.options
+        if "controller" not in options:
+            return []
+        simulated, duration = plant or self.arm, options["duration"]
+        log = event_log(self.arm, options.get("events", ()))
+        both = [*options.get("changes", ()), *changes]
+        coming = arm_changes(simulated, both, duration, log)
+        return loop_poles(
+            self.arm,
+            simulated,
+            options["controller"],
+            options["reference"],
+            hardware or options.get("hardware"),
+            options.get("contacts", ()),
+            simulated.rest(self.arm.joint_angles(options["initial"])),
+            duration,
+            changed=coming.ahead(duration) if coming else (),
+        )
+
+    def arguments(
+        self,
+        *,
+        plant: Arm | None = None,
+        loads: Sequence[Load] = (),
+        changes: Sequence[Change] = (),
+        **instead: Any,
+    ) -> dict[str, Any]:
+        """Return the arguments of ``simulate``; the arguments are those of ``run``."""
+        options = dict(self.options)
+        if plant is not None:
+            options["plant"] = plant
+            if self.in_volts:  # the motors of the simulated arm convert the same voltages
+                one = np.ones(plant.joints)
+                factors = plant.motor_torque(one) / self.arm.motor_torque(one)
+                options["torque"] = options["torque"].scaled(factors)
+        options |= instead
+        for name, more in (("loads", loads), ("changes", changes)):
+            if more:
+                options[name] = [*options.get(name, ()), *more]
+        return options
+
+    def run(
+        self,
+        *,
+        arm: Arm | None = None,
+        plant: Arm | None = None,
+        loads: Sequence[Load] = (),
+        changes: Sequence[Change] = (),
+        progress: bool | None = None,
+        **instead: Any,
+    ) -> xr.Dataset:
+        """Simulate the scenario, optionally with other arguments.
+
+        Args:
+            arm: arm with the same number of joints to use instead, such as the rigid model.
+            plant: arm to simulate, while the controller keeps the scenario's arm as its model.
+            loads, changes: those in addition to the scenario's.
+            progress: True or False shows or hides the progress bar.
+            instead: arguments of ``simulate`` in place of those of the scenario.
+        """
+        options = self.arguments(plant=plant, loads=loads, changes=changes, **instead)
+        if arm is not None:
+            options["initial"] = arm.rest(self.arm.joint_angles(options["initial"]))
+            if "initial_rate" in options:
+                rates = self.arm.joint_angles(options["initial_rate"])
+                options["initial_rate"] = arm.rest(rates)
+            options["events"] = events_of(self.events, arm)
+        try:
+            result = simulate(arm or self.arm, progress=progress, **options)
+        except SimulationError as error:
+            if error.result is not None:
+                error.result.attrs |= self._attributes()
+            raise
+        result.attrs |= self._attributes()
+        return result
+
+    def _attributes(self) -> dict[str, str]:
+        """Return the attributes of results: the file, and the reference of a controller."""
+        if "controller" not in self.options:
+            return {"scenario": self.text}
+        return {"scenario": self.text, "reference_kind": self.followed.kind}
+
+
+def prepare(
+    scenario: Scenario,
+    place: Where = lambda _: "scenario",
+    motion: TaskReference | None = None,
+    followed: Followed | None = None,
+    arm: Arm | None = None,
+) -> Prepared:
+    """Create the arm, the motion and the drive of a scenario.
+
+    Args:
+        scenario: the scenario to run.
+        place: function from key path to location in its file, for messages.
+        motion: the scenario's motion, if it already exists.
+        followed: the reference of its drive, if it already exists.
+        arm: its arm, if that already exists.
+
+    Raises:
+        InputError: if the motion leaves the arm's reach, or a part of the scenario does not fit
+            the arm or the run.
+        EquilibriumError: if no equilibrium is found for the start.
+
+    Warns:
+        ImplausibleValueWarning: if numbers of a new arm look like those of another unit.
+    """
+    if arm is None:
+        with problems_at(place, ""):
+            arm = described_arm(scenario.arm)
+    if motion is None:
+        with problems_at(place, "motion"):
+            motion = motion_of(arm, scenario)
+    run = scenario.run
+    options: dict[str, Any] = {name: value for name, value in run if value is not None}
+    for name in ("hardware", "loads", "base_acceleration", "contacts", "changes"):
+        if given := getattr(scenario, name):
+            options[name] = given
+    if scenario.events:
+        options["events"] = events_of(scenario.events, arm)
+    if followed is None:
+        with problems_at(place, "drive", _TOP):
+            followed = _followed(arm, scenario, motion)
+    with problems_at(place, "initial"):
+        start = start_of(arm, scenario, motion, followed)
+    options["initial"] = start.q
+    if scenario.initial.joint_rate is not None:
+        options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
+    if start.prescribed:
+        options["prescribed"] = start.prescribed
+    with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
+        _set_drive(arm, scenario, motion, followed, start, options)
+    check_fit(arm, scenario, place, options)
+    with problems_at(place, "run"):
+        check_integrator(run.integrator, run.step, bool(scenario.contacts))
+    if scenario.contacts:
+        _check_touch(arm, place, options, motion)
+    text, volts = file_text(scenario), in_volts(scenario.drive)
+    return Prepared(arm, motion, followed, options, text, scenario.events, volts)
+
+
+def _check_touch(
+    arm: Arm, place: Where, options: dict[str, Any], motion: TaskReference | None
+) -> None:
+    """Raise the errors that contacts cause at the beginning of the run.
+
+    Raises:
+        InputError: if the start is deep in a surface, or the motion presses away from one.
+    """
+    contacts = options["contacts"]
+    placed = place_contacts(arm, contacts)
+    q = np.asarray(options["initial"])
+    state = arm.padded(np.stack([q, np.zeros_like(q)]))
+    with problems_at(place, "initial", {"initial": "joint_angle"}):
+        refuse_deep_start(arm, state, placed)
+    with problems_at(place, "motion", {"reference.normal": "normal"}):
+        refuse_pressing_outward(arm, contacts, placed, motion, options["duration"])
+
+
+def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
+    """Raise if the requirements of a drive are not met.
+
+    Args:
+        options: arguments of ``simulate``.
+
+    Raises:
+        InputError: if a measurement is missing or the controller is for another number of joints,
+            with the file location of the key to change.
+    """
+    if "controller" not in options:
+        return
+    found = misfits(
+        options["controller"],
+        arm,
+        options["reference"],
+        options.get("hardware"),
+        len(scenario.contacts),
+        called=scenario.drive.kind,
+    )
+    names = {"hardware": "hardware.instruments", "controller": "drive"}
+    problems = []
+    for problem in found:
+        name = names.get(problem.name, problem.name)
+        problems.append(replace(problem, where=place(path_of(name)), name=name))
+    if problems:
+        raise InputError(*problems)
+
+
+@public_call
+def run_scenario(
+    scenario: Scenario | str | PathLike[str], *, progress: bool | None = None
+) -> xr.Dataset:
+    """Simulate a scenario, given as an object or as the path of its file.
+
+    Raises:
+        ModelError: if the file is not valid; it lists every problem with its line.
+        InputError, SimulationError: under the conditions of ``simulate``.
+    """
+    if isinstance(scenario, Scenario):
+        return prepare(scenario).run(progress=progress)
+    located = locate_scenario(check_path("scenario", scenario))
+    return prepare(*located).run(progress=progress)
+
+
+def _followed(arm: Arm, scenario: Scenario, motion: TaskReference | None) -> Followed:
+    """Return the reference of a drive that is a controller, or the torque of another one."""
+    drive = scenario.drive
+    if isinstance(drive, ControllerDrive):
+        return reference_of(arm, drive, motion)
+    if drive.kind in FEEDFORWARD_DRIVES:
+        assert isinstance(motion, Motion)  # checked when the file is read
+        return torque_of(arm, drive, motion)
+    return Followed(motion)
+
+
+def _set_drive(
+    arm: Arm,
+    scenario: Scenario,
+    motion: TaskReference | None,
+    followed: Followed,
+    start: Start,
+    options: dict[str, Any],
+) -> None:
+    drive = scenario.drive
+    plain = motion if isinstance(motion, Motion) else None
+    if isinstance(drive, TorqueDrive):
+        values: Any = drive.values
+        if in_volts(drive):
+            values = arm.motor_torque(values)
+        history = sampled_torque(
+            values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
+        )
+        options["torque"] = history if start.holding is None else history.shifted(start.holding)
+        options["torque_interpolation"] = drive.interpolation
+    elif drive.kind in FEEDFORWARD_DRIVES:
+        options["torque"] = with_holding(followed.torque, start)
+    elif isinstance(drive, ControllerDrive):
+        around = DriveContext(arm, plain, followed, start, options.get("hardware"))
+        options["controller"] = controller_of(drive, around)
+        options["reference"] = followed.motion
+    elif start.holding is not None:
+        options["torque"] = PiecewiseCubic.constant(start.holding)

@@ -1,0 +1,97 @@
+"""Summary of arms and scenarios in a few lines, for commands and reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexarm.arm.arm import Arm
+from flexarm.model import AccelerationTable, Scenario
+from flexarm.model.scenarios.motions import (
+    CircleMotionSpec,
+    JointMotionSpec,
+    LineMotionSpec,
+    PlainMotionSpec,
+    PressedMotionSpec,
+)
+
+_MOST_LINKS_SHOWN = 12
+_SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
+
+
+def about_arm(arm: Arm) -> list[tuple[str, str]]:
+    """Return names and values that describe an arm: its size, its links and its payload."""
+    spec = arm.spec
+    gx, gy = spec.gravity
+    gravity = f"gravity ({gx:g}, {gy:g}) m/s^2" if gx or gy else "no gravity"
+    theory = spec.theory.replace("_", "-")
+    size = f"{_count(arm.links, 'link')}, {_count(arm.dof, 'coordinate')}"
+    rows = [("arm", f"{size}, {theory} theory, {gravity}")]
+    for number, link in enumerate(spec.links, start=1):
+        if number > _MOST_LINKS_SHOWN:
+            rows.append(("", f"... and {arm.links - _MOST_LINKS_SHOWN} more links"))
+            break
+        bends = f"{_count(link.elements, 'element')}, {_count(link.coordinates, 'mode')}"
+        if link.segments > 1:
+            bends = f"{_count(link.segments, 'segment')}, {bends}"
+        bends = bends if link.flexible else "rigid"
+        mass = sum(piece.shapes.mass for piece in arm.assembly.pieces_of(number - 1))
+        rows.append((f"link {number}", f"{link.reach:g} m, {mass:.4g} kg, {bends}"))
+    if spec.payload.mass or spec.payload.inertia:
+        rows.append(("payload", f"{spec.payload.mass:g} kg, {spec.payload.inertia:g} kg m^2"))
+    return rows
+
+
+def about_run(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return names and values that describe a scenario, without its arm."""
+    rows = []
+    motion = scenario.motion
+    presses = isinstance(motion, PressedMotionSpec)
+    if isinstance(motion, PressedMotionSpec):
+        motion = motion.path
+    if motion is not None:
+        rows.append(("motion", f"{_way(motion)}{', pressing' if presses else ''}"))
+    run = scenario.run
+    rows.append(("drive", scenario.drive.kind.replace("_", " ")))
+    for joint in scenario.prescribed:
+        rows.append((f"joint {joint.joint}", f"prescribed: {joint.kind}"))
+    for load in scenario.loads:
+        rows.append(("load", f"on link {load.link}{' over time' if load.factor else ''}"))
+    for event in scenario.events:
+        ends = ", ends the run" if event.terminal else ""
+        rows.append(("event", f"{event.kind.replace('_', ' ')}{ends}"))
+    for contact in scenario.contacts:
+        link = contact.link or len(scenario.arm.links)
+        rows.append(("contact", f"of link {link} with a {_SURFACES[contact.surface.kind]}"))
+    if scenario.base_acceleration is not None:
+        over_time = isinstance(scenario.base_acceleration, AccelerationTable)
+        rows.append(("base", f"accelerates{' over time' if over_time else ''}"))
+    if scenario.initial.equilibrium:
+        balanced = ", the drive balanced" if scenario.initial.balance else ""
+        rows.append(("start", f"in equilibrium{balanced}"))
+    rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
+    return rows
+
+
+def _way(motion: PlainMotionSpec) -> str:
+    changed = [name for name in ("shaping", "smoothing") if getattr(motion, name) is not None]
+    also = "".join(f", with {name}" for name in changed)
+    match motion:
+        case JointMotionSpec():
+            return f"joints, in {motion.duration:g} s{also}"
+        case LineMotionSpec():
+            path = f"line from {_point(motion.start)} to {_point(motion.end)} m"
+        case CircleMotionSpec():
+            path = f"circle about {_point(motion.center)} m by {motion.angle:g} rad"
+        case _:
+            ends = f"{_point(motion.points[0])} to {_point(motion.points[-1])} m"
+            kind = motion.kind.replace("_", " ")
+            path = f"{kind} from {ends}, {len(motion.points)} points"
+    return f"{path} in {motion.duration:g} s, within reach{also}"
+
+
+def _point(point: Sequence[float]) -> str:
+    return f"({point[0]:g}, {point[1]:g})"
+
+
+def _count(number: int, name: str) -> str:
+    return f"{number} {name}" if number == 1 else f"{number} {name}s"

@@ -1,0 +1,217 @@
+"""Execution of the samples of a study: all drives on all plants along all motions for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache, partial
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, InputError
+from flexarm.cases.scenario.file_errors import Where
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.cases.studies.batches import Case, evaluated_together
+from flexarm.cases.studies.samples import Samples, in_study
+from flexarm.integrate.base import FloatArray
+from flexarm.model import ArmSpec, StudySpec
+from flexarm.model.file_format.files import record_of_bytes
+from flexarm.model.paths import with_numbers
+from flexarm.model.scenarios.study import plant_spec
+from flexarm.simulation.calls.compare import Evaluation, evaluated
+from flexarm.simulation.calls.metrics import METRICS
+
+#: Recorded metrics. The computing time of controllers differs from run to run.
+RECORDED = tuple(metric for metric in METRICS if metric.name != "controller_time")
+#: Samples that are simulated together, in the lanes of ``simulate_batch`` where it has them.
+_TOGETHER = 128
+#: Beginning of the recorded failure of a run whose numbers no arm or file can have, such as a
+#: negative mass. It is no failure of a controller.
+INFEASIBLE = "infeasible: "
+#: Code that is compiled in the middle of a run may differ in the last digits.
+_EXACT = {"specialized": False}
+
+
+class Outcomes(NamedTuple):
+    """Results of consecutive samples.
+
+    Attributes:
+        parameters: (samples, parameters), the values of the varied numbers.
+        metrics: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run
+            that failed.
+        failure, warning: (samples, controllers, plants, references) texts, or empty; the failure
+            of an infeasible run begins with ``INFEASIBLE``.
+    """
+
+    parameters: FloatArray
+    metrics: FloatArray
+    failure: NDArray[np.object_]
+    warning: NDArray[np.object_]
+
+    def at(self, part: slice | NDArray[np.bool_]) -> Outcomes:
+        """Return a part of the samples."""
+        return Outcomes(
+            self.parameters[part], self.metrics[part], self.failure[part], self.warning[part]
+        )
+
+
+class Executor:
+    """Runs of a study.
+
+    Args:
+        place: function from key path to location in its file, for messages.
+
+    Raises:
+        InputError: if a part of the study does not fit another, or a path leads to no number.
+    """
+
+    def __init__(self, prepared: PreparedStudy, place: Where = lambda _: "study") -> None:
+        self._prepared = prepared
+        self.samples = Samples(prepared.study, place)
+        self.shape = tuple(map(len, prepared.names.values()))
+
+    def outcomes(self, start: int, stop: int) -> Outcomes:
+        """Execute the samples from ``start`` to before ``stop``."""
+        count = stop - start
+        found = Outcomes(
+            self.samples.values(start, stop),
+            np.full((count, *self.shape, len(RECORDED)), np.nan),
+            *np.full((2, count, *self.shape), "", dtype=object),
+        )
+        names = self._prepared.names
+        runs = list(product(names["controller"], names["plant"], names["reference"]))
+        for first in range(0, count, _TOGETHER):
+            rows = range(first, min(first + _TOGETHER, count))
+            samples = {k: self._sample(found.parameters[k]) for k in rows}
+            for index, chosen in zip(np.ndindex(self.shape), runs, strict=True):
+                for k, one in self._evaluations(samples, start, chosen):
+                    place = (k, *index)
+                    for j, metric in enumerate(RECORDED):
+                        found.metrics[(*place, j)] = one.metrics.get(metric.name, np.nan)
+                    found.failure[place] = one.failure
+                    found.warning[place] = one.warning or one.unstable
+        return found
+
+    def performances(
+        self, values: FloatArray, first: int, chosen: tuple[str, str, str], limits: dict[str, float]
+    ) -> FloatArray:
+        """Return the largest metric of a run for each sample, divided by its limit.
+
+        Args:
+            values: (samples, parameters) of the varied numbers.
+            first: number of the first sample, for its noise.
+            chosen: drive, plant and motion.
+
+        Returns:
+            (samples,), infinite for a run that failed or has no value, -inf for an infeasible one.
+        """
+        found = np.full(len(values), -np.inf)
+        for start in range(0, len(values), _TOGETHER):
+            rows = range(start, min(start + _TOGETHER, len(values)))
+            samples = {k: self._sample(values[k]) for k in rows}
+            for k, one in self._evaluations(samples, first, chosen):
+                if one.failure.startswith(INFEASIBLE):
+                    continue
+                ratios = [one.metrics.get(name, np.nan) / most for name, most in limits.items()]
+                failed = bool(one.failure) or bool(np.isnan(ratios).any())
+                found[k] = np.inf if failed else max([0.0, *ratios])
+        return found
+
+    def _sample(self, values: FloatArray) -> _Sample:
+        named = dict(zip(self.samples.paths, values.tolist(), strict=True))
+        return _Sample(self._prepared, named)
+
+    def _evaluations(
+        self, samples: Mapping[int, _Sample], start: int, chosen: tuple[str, str, str]
+    ) -> Iterator[tuple[int, Evaluation]]:
+        """Execute one run of each sample; ``chosen``: its drive, plant and motion.
+
+        Args:
+            samples: by their numbers, counted from ``start``.
+        """
+        cases = []
+        for k, sample in samples.items():
+            try:
+                simulated, seed = sample.simulated(chosen[1]), self.samples.noise_seed(start + k)
+            except InputError as error:
+                yield k, Evaluation(failure=INFEASIBLE + str(error))
+                continue
+            try:
+                cases.append(Case(k, sample.prepared, simulated, seed))
+            except FlexarmError as error:  # for example, there is no reference for these values
+                yield k, Evaluation(failure=str(error))
+        together = evaluated_together(cases, *chosen)
+        for case in cases:
+            k = case.number
+            yield k, together.get(k) or self._alone(case, chosen)
+
+    def _alone(self, case: Case, chosen: tuple[str, str, str]) -> Evaluation:
+        """Execute one run by ``simulate``."""
+        prepared, instead = case.prepared, dict[str, Any](_EXACT)
+        hardware = prepared.hardware_of(chosen[1])
+        if case.seed is not None and hardware is not None and prepared.controlled(chosen[0]):
+            instead["hardware"] = hardware.replace(seed=case.seed)
+        run = partial(prepared.one, *chosen, case.simulated, **instead)
+        return evaluated(run, prepared.arm, prepared.study.run.settling)
+
+
+class _Sample:
+    """One sample of a study: its file and its simulated arms, created when they are needed.
+
+    Args:
+        study: the study without variation.
+        values: of the varied numbers, by path.
+    """
+
+    def __init__(self, study: PreparedStudy, values: Mapping[str, float]) -> None:
+        self._study = study
+        self._own = {path: value for path, value in values.items() if in_study(path)}
+        self._of_arm = {path: value for path, value in values.items() if path not in self._own}
+        self._arms: dict[str, Arm] = {}
+
+    @cached_property
+    def study(self) -> StudySpec:
+        """The file with the numbers of the sample.
+
+        Raises:
+            InputError: if the numbers are not possible.
+        """
+        return with_numbers(self._study.study, self._own)
+
+    @cached_property
+    def prepared(self) -> PreparedStudy:
+        """The study, ready to run.
+
+        Raises:
+            FlexarmError: if a drive or a motion does not fit the numbers of the sample, or a
+                reference or an equilibrium for them was not found.
+        """
+        return PreparedStudy(self.study) if self._own else self._study
+
+    def simulated(self, plant: str) -> Arm | None:
+        """Return the simulated arm if it differs from that of the plant in the file.
+
+        Raises:
+            InputError: if the numbers are not possible.
+        """
+        study = self.study
+        if not self._of_arm:
+            return None
+        if plant not in self._arms:
+            self._arms[plant] = Arm(plant_spec(self._spec, study.plants[plant]))
+        return self._arms[plant]
+
+    @cached_property
+    def _spec(self) -> ArmSpec:
+        return with_numbers(self.study.arm, self._of_arm)
+
+
+@lru_cache(maxsize=2)
+def executor_of(text: str) -> Executor:
+    """Return the executor of the text of a study, kept because a process executes many chunks."""
+    study = record_of_bytes(text.encode(), "the study")
+    assert isinstance(study, StudySpec)
+    return Executor(PreparedStudy(study))

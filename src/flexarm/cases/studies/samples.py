@@ -1,0 +1,179 @@
+"""Samples of a study by their number, the same for any division into chunks."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.cases.scenario.file_errors import Where
+from flexarm.cases.studies.germs import Germ, germ_of
+from flexarm.integrate.base import FloatArray
+from flexarm.model import StudySpec
+from flexarm.model.paths import number_at
+from flexarm.model.scenarios.sampling import (
+    Distribution,
+    ListedValues,
+    LogUniformDistribution,
+    NormalDistribution,
+    SamplePlan,
+)
+
+#: Fractions nearest to 0 and 1, whose quantiles are finite for every distribution.
+_LEAST, _MOST = 2.0**-54, 1.0 - 2.0**-53
+#: Points of a Sobol sequence with SciPy's default resolution.
+_SOBOL_BITS = 30
+
+
+class Samples:
+    """Values of the varied numbers of a study.
+
+    Args:
+        study: its description; without `vary` and `samples`, it has one sample.
+        place: function from key path to location in its file, for messages.
+
+    Attributes:
+        paths: of the varied numbers. count: number of samples.
+
+    Raises:
+        InputError: if a path leads to no number, or relative values to 0; all such paths are
+            listed.
+    """
+
+    def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
+        self._plan = study.samples or SamplePlan(count=1)
+        self._varied = tuple(study.vary.items())
+        self.paths = tuple(study.vary)
+        self._nominal = _nominal_values(study, place)
+        self._levels = [_levels(item) for _, item in self._varied]
+        grid = self._plan.method == "grid"
+        self.count = math.prod(map(len, self._levels)) if grid else self._plan.count or 1
+
+    def values(self, start: int, stop: int) -> FloatArray:
+        """Return the values (stop - start, paths) of samples."""
+        values = self._grid(start, stop) if self._plan.method == "grid" else None
+        if values is None:
+            return self.at(self._points(start, stop))
+        return self._scaled(values)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return the values (n, paths) at points of the unit cube, of probabilities."""
+        values = np.empty_like(points)
+        for j, (_, item) in enumerate(self._varied):
+            values[:, j] = _quantile(item, points[:, j])
+        return self._scaled(values)
+
+    def _scaled(self, values: FloatArray) -> FloatArray:
+        """Return values of which relative ones are multiplied by the numbers in the file."""
+        for j, (_, item) in enumerate(self._varied):
+            if item.relative:
+                values[:, j] *= self._nominal[j]
+        return values
+
+    def germ(self, path: str, values: FloatArray) -> Germ:
+        """Return the germ of a varied number at values (samples,) of it."""
+        j = self.paths.index(path)
+        item = self._varied[j][1]
+        return germ_of(item, values / self._nominal[j] if item.relative else values)
+
+    def noise_seed(self, k: int) -> int | None:
+        """Return the seed of the noise of sample k; None for that of the hardware."""
+        if self._plan.noise == "same":
+            return None
+        sequence = np.random.SeedSequence((self._plan.seed, k))
+        return int(sequence.generate_state(1, np.uint64)[0]) >> 1  # Hardware takes 63 bits
+
+    def _grid(self, start: int, stop: int) -> FloatArray:
+        shape = [len(values) for values in self._levels]
+        index = np.unravel_index(np.arange(start, stop), shape)
+        return np.stack([values[k] for values, k in zip(self._levels, index, strict=True)], axis=1)
+
+    def _points(self, start: int, stop: int) -> FloatArray:
+        """Return points (stop - start, paths) of the unit cube."""
+        from scipy.stats import qmc
+
+        size, seed = len(self.paths), self._plan.seed
+        if not size:
+            return np.zeros((stop - start, 0))
+        if self._plan.method == "random":
+            bits = np.random.PCG64(seed).advance(start * size)  # one draw for each number
+            return np.random.Generator(bits).random((stop - start, size))
+        if self._plan.method == "latin_hypercube":
+            return self._hypercube[start:stop]
+        resolution = _SOBOL_BITS if self.count <= 2**_SOBOL_BITS else 2 * _SOBOL_BITS
+        sequence = qmc.Sobol(size, seed=seed, bits=resolution)
+        if start:
+            sequence.fast_forward(start)
+        with warnings.catch_warnings():  # of numbers of samples that are no power of two
+            warnings.simplefilter("ignore", UserWarning)
+            points: FloatArray = sequence.random(stop - start)
+        return points
+
+    @cached_property
+    def _hypercube(self) -> FloatArray:
+        from scipy.stats import qmc
+
+        points: FloatArray = qmc.LatinHypercube(len(self.paths), seed=self._plan.seed).random(
+            self.count
+        )
+        return points
+
+
+def in_study(path: str) -> bool:
+    """Return whether a path starts at a key of the study; otherwise it starts in the arm."""
+    return path.partition(".")[0].partition("[")[0] in StudySpec.model_fields
+
+
+def _nominal_values(study: StudySpec, place: Where) -> list[float]:
+    """Return the numbers of a study at the paths of the varied ones.
+
+    Raises:
+        InputError: if a path leads to none, or relative values to 0.
+    """
+    values, problems = [], []
+    for path, item in study.vary.items():
+        whole = (study, path, "study") if in_study(path) else (study.arm, path)
+        try:
+            values.append(number_at("vary", *whole))
+            if item.relative and values[-1] == 0.0:
+                rule = "not be relative to a number that is 0"
+                hint = "All samples would be equal. Give the values without `relative: true`."
+                raise InputError(Problem("vary", rule, shown(path), hint))
+        except InputError as error:
+            where = place(("vary", path))
+            problems += [replace(problem, where=where) for problem in error.problems]
+    if problems:
+        raise InputError(*problems)
+    return values
+
+
+def _levels(item: Distribution) -> FloatArray:
+    """Return the values of a distribution in a grid."""
+    if isinstance(item, ListedValues):
+        return np.array(item.values)
+    if isinstance(item, NormalDistribution):
+        return np.zeros(0)
+    scale = np.geomspace if isinstance(item, LogUniformDistribution) else np.linspace
+    values: FloatArray = scale(item.low, item.high, item.levels)
+    return values
+
+
+def _quantile(item: Distribution, fraction: FloatArray) -> FloatArray:
+    """Return the values of a distribution below which fractions of its probability lie."""
+    from scipy.special import ndtri
+
+    values: FloatArray
+    if isinstance(item, ListedValues):
+        chosen = np.minimum((fraction * len(item.values)).astype(int), len(item.values) - 1)
+        values = np.array(item.values)[chosen]
+    elif isinstance(item, NormalDistribution):
+        values = item.mean + item.deviation * ndtri(np.clip(fraction, _LEAST, _MOST))
+    elif isinstance(item, LogUniformDistribution):
+        values = item.low * (item.high / item.low) ** fraction
+    else:
+        values = item.low + (item.high - item.low) * fraction
+    return values

@@ -1,0 +1,288 @@
+"""Statistics of a study: quantiles, rates of failures, and what the varied numbers explain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.base.arguments import (
+    check_choice,
+    check_count,
+    check_dataset,
+    check_mapping,
+    check_number,
+)
+from flexarm.base.errors import (
+    AccuracyWarning,
+    FlexarmError,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.cases.studies.expansion import indices_of
+from flexarm.cases.studies.germs import Germ, counted_germ
+from flexarm.cases.studies.samples import Samples
+from flexarm.cases.studies.table import DIMS
+from flexarm.model import StudySpec
+from flexarm.model.file_format.files import record_of_bytes
+from flexarm.simulation.calls.metrics import METRICS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_LIKELY = "be greater than 0 and less than 1"
+#: Samples below which indices are not computed: cross-validation would have too few of them.
+_LEAST_SAMPLES = 20
+#: Unexplained part of the variance, and part of the runs without a value, that give a warning.
+_MOST_UNEXPLAINED, _MOST_WITHOUT = 0.1, 0.05
+
+
+@public_call
+def study_statistics(
+    table: xr.Dataset,
+    quantiles: ArrayLike = (0.05, 0.5, 0.95),
+    *,
+    limits: Mapping[str, float] | None = None,
+    nominal: xr.Dataset | None = None,
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """Return quantiles of the metrics of a study and the rate of its failures.
+
+    Args:
+        table: as returned by `Study.run` or `read_study`.
+        quantiles: probabilities between 0 and 1.
+        limits: largest acceptable values of metrics by name. A run that exceeds one, whose metric
+            is NaN, or which failed, counts as a failure; by default only runs that failed.
+        nominal: metrics without variation, as returned by `Study.nominal`.
+        confidence: probability that the interval of the failure rate contains the true one.
+
+    Returns:
+        Dataset over controller, plant and reference with each metric over ``quantile``, from the
+        runs that did not fail; ``samples``, their number; ``failure_rate`` and its limits
+        ``failure_rate_low`` and ``failure_rate_high``, the exact interval of Clopper and Pearson;
+        ``infeasible``, the number of runs whose numbers are not possible, such as a negative mass.
+        They are neither failures nor in the number of runs of the rate.
+        With ``nominal`` also ``NAME_ratio`` for each metric: its quantiles divided by its nominal
+        value, NaN if that is zero or its run failed.
+
+    Raises:
+        InputError: if the table is not one of a study, a probability or a limit is not possible,
+            a metric with a limit is NaN for all runs that did not fail, or ``nominal`` has other
+            controllers, plants or references.
+
+    Quantiles of the metrics leave out runs that failed, so look at the rate of failures first. The
+    interval assumes independent samples: it is exact for ``random`` and on the safe side for Latin
+    hypercubes and Sobol sequences; a grid has no probability.
+    """
+    import xarray as xr
+
+    table = _checked(table)
+    probabilities = check_array("quantiles", quantiles, (-1,))
+    if not probabilities.size or not np.all((probabilities >= 0.0) & (probabilities <= 1.0)):
+        raise InputError(Problem("quantiles", "be numbers from 0 to 1", shown(quantiles)))
+    level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
+    failed = table["failure"].transpose(*DIMS).values != ""
+    possible = _possible(table)
+    for name, limit in _limits(table, limits).items():
+        failed |= possible & ~(table[name].transpose(*DIMS).values <= limit)
+    found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
+    found = found.assign_coords(quantile=probabilities)
+    for metric in METRICS:
+        if metric.name not in table:
+            continue
+        of_metric = _quantiles(table[metric.name].transpose(*DIMS).values, probabilities)
+        labels = {"units": metric.unit, "long_name": metric.meaning}
+        found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
+    if nominal is not None:
+        found = found.assign(_ratios(found, nominal))
+    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), level)
+    complete = possible & (table["failure"].transpose(*DIMS).values == "")
+    found["samples"] = (DIMS[1:], complete.sum(axis=0), {"long_name": "runs that did not fail"})
+    label = {"long_name": "runs whose numbers are not possible"}
+    found["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
+    label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
+    found["failure_rate"] = (DIMS[1:], rates[..., 0], label)
+    for j, end in enumerate(("low", "high"), start=1):
+        label = {"long_name": f"{end} limit of the confidence interval"}
+        found[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    return found
+
+
+def _rates(
+    failed: NDArray[np.int64], runs: NDArray[np.int64], confidence: float
+) -> NDArray[np.float64]:
+    """Return rates of failures and the limits of their intervals (..., 3); NaN without runs."""
+    from scipy.stats import binomtest
+
+    found = np.full((*runs.shape, 3), np.nan)
+    for index in zip(*np.nonzero(runs), strict=True):
+        test = binomtest(int(failed[index]), int(runs[index]))
+        found[index] = test.statistic, *test.proportion_ci(confidence)
+    return found
+
+
+@public_call
+def sensitivity_indices(
+    table: xr.Dataset, metric: str = "tip_error_rms", *, resamples: int = 100, seed: int = 0
+) -> xr.Dataset:
+    """Return how much of the variation of a metric each varied number explains.
+
+    Args:
+        table: as returned by `Study.run` or `read_study`, with at least 20 runs that did not fail.
+        metric: its name.
+        resamples: random coefficients for the confidence intervals.
+        seed: of these.
+
+    Returns:
+        Dataset over controller, plant, reference and parameter: ``first_order``, the fraction of
+        the variance that the number explains alone, and ``total``, with all others (indices of
+        Sobol'); ``first_order_confidence`` and ``total_confidence``, half the widths of their 95 %
+        intervals. Without the dimension ``parameter``: ``unexplained``, the fraction of the
+        variance that the expansion does not predict. NaN where too few runs remain or the metric
+        is constant.
+
+    Raises:
+        InputError: if the table is not one of a study, no numbers vary, or there is no such metric.
+
+    Warns:
+        AccuracyWarning: if more than 10 % of the variance remain unexplained, or more than 5 % of
+            the possible runs have no value: the indices are those of the others.
+
+    The metric is expanded in polynomials that are orthonormal for the distributions of the study;
+    for a table without the study, for the values in it. The choice of the terms is cross-validated,
+    and the intervals contain the unexplained part (Sudret, Reliability Engineering and System
+    Safety 93, 2008). Noise of instruments, different in each sample, is not explained either.
+    """
+    import xarray as xr
+
+    table = _checked(table)
+    check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
+    paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
+    if not paths:
+        raise InputError(Problem("table", "has no varied numbers"))
+    count, seed = check_count("resamples", resamples), check_count("seed", seed, least=0)
+    values, possible = table[metric].transpose(*DIMS).values, _possible(table)
+    indices = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
+    names = "first_order", "total", "first_order_confidence", "total_confidence"
+    for name in names:
+        shape = (*values.shape[1:], len(paths))
+        indices[name] = ((*DIMS[1:], "parameter"), np.full(shape, np.nan))
+    indices["unexplained"] = (DIMS[1:], np.full(values.shape[1:], np.nan))
+    for index in np.ndindex(values.shape[1:]):
+        metrics = values[(slice(None), *index)]
+        finite = np.isfinite(metrics)
+        least = max(_LEAST_SAMPLES, 2 * len(paths))
+        if finite.sum() < least or np.ptp(metrics[finite]) == 0.0:
+            continue
+        sobol = indices_of(_germs(table, paths, finite), metrics[finite], count, seed)
+        for name, array in zip(names, sobol[:4], strict=True):
+            indices[name].values[index] = array
+        indices["unexplained"].values[index] = sobol.unexplained
+        runs = int(possible[(slice(None), *index)].sum())
+        _warn_of_poor(metric, sobol.unexplained, int(finite.sum()), runs)
+    return indices
+
+
+def _germs(table: xr.Dataset, paths: Sequence[str], chosen: NDArray[np.bool_]) -> list[Germ]:
+    """Return the germs of the varied numbers in some samples.
+
+    Their distributions are those of the study in the table; without it, those of the samples.
+    """
+    numbers = {path: table[path].values[chosen] for path in paths}
+    try:
+        study = record_of_bytes(str(table.attrs.get("study", "")).encode(), "the study")
+        samples = Samples(study) if isinstance(study, StudySpec) else None
+    except FlexarmError:
+        samples = None
+    if samples is None or set(paths) != set(samples.paths):
+        return [counted_germ(values, values) for values in numbers.values()]
+    return [samples.germ(path, values) for path, values in numbers.items()]
+
+
+def _warn_of_poor(metric: str, unexplained: float, finite: int, runs: int) -> None:
+    """Warn of indices that rest on a poor expansion or on a part of the runs."""
+    if unexplained > _MOST_UNEXPLAINED:
+        text = f"polynomials of the varied numbers leave {100.0 * unexplained:.0f} % of the "
+        advice = "Use more samples; jumps and noise of the metric remain unexplained."
+        warn_caller(f"{text}variance of {metric} unexplained. {advice}", AccuracyWarning)
+    if finite < (1.0 - _MOST_WITHOUT) * runs:
+        text = f"{runs - finite} of {runs} runs have no {metric}: the indices ignore them."
+        warn_caller(text, AccuracyWarning)
+
+
+def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
+    """Return the quantiles of metrics divided by their nominal values.
+
+    Raises:
+        InputError: if the runs have no nominal values.
+    """
+    known = check_dataset("nominal", nominal, DIMS[1:], "a table of Study.nominal")
+    if DIMS[0] in known.dims:
+        raise InputError(Problem("nominal", "be a table of Study.nominal", "one with samples"))
+    for dim in DIMS[1:]:
+        own, other = found[dim].values.tolist(), known[dim].values.tolist()
+        if sorted(own) != sorted(other):
+            rule = f"have the same names of {dim} as the table"
+            raise InputError(Problem("nominal", rule, shown(other)))
+    ratios = {}
+    for metric in METRICS:
+        if metric.name in found and metric.name in known:
+            values = known[metric.name].where(known[metric.name] > 0.0)
+            ratio = (found[metric.name] / values).transpose("quantile", *DIMS[1:])
+            meaning = f"{metric.name}, divided by its nominal value"
+            ratios[f"{metric.name}_ratio"] = ratio.assign_attrs(units="1", long_name=meaning)
+    return ratios
+
+
+def _is_parameter(name: Any, item: xr.DataArray) -> bool:
+    return item.dims == ("sample",) and name != "sample"
+
+
+def _quantiles(
+    values: NDArray[np.float64], probabilities: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return quantiles along the first axis without the values that are NaN."""
+    found = np.full((probabilities.size, *values.shape[1:]), np.nan)
+    for index in np.ndindex(values.shape[1:]):
+        one = values[(slice(None), *index)]
+        right = one[np.isfinite(one)]
+        if right.size:
+            found[(slice(None), *index)] = np.quantile(right, probabilities)
+    return found
+
+
+def _possible(table: xr.Dataset) -> NDArray[np.bool_]:
+    """Return which runs (samples, controllers, plants, references) have possible numbers."""
+    if "infeasible" not in table:
+        return np.ones([table.sizes[dim] for dim in DIMS], dtype=np.bool_)
+    return np.asarray(table["infeasible"].transpose(*DIMS).values == "")
+
+
+def _checked(table: object) -> xr.Dataset:
+    return check_dataset("table", table, (*DIMS, "failure"), "a table of a study")
+
+
+def _limits(table: xr.Dataset, limits: object) -> dict[str, float]:
+    if limits is None:
+        return {}
+    given = dict(check_mapping("limits", limits, "metrics and numbers"))
+    known: Sequence[str] = [metric.name for metric in METRICS if metric.name in table]
+    found = {
+        check_choice("limits", name, known): float(check_array(f"limits[{name!r}]", value, ()))
+        for name, value in given.items()
+    }
+    complete = (table["failure"].transpose(*DIMS) == "") & _possible(table)
+    problems = [
+        Problem("limits", f"cannot contain {name}, which is NaN for all runs")
+        for name in found
+        if complete.any() and not table[name].where(complete).notnull().any()
+    ]
+    if problems:
+        raise InputError(*problems)
+    return found

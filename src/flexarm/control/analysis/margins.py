@@ -1,0 +1,385 @@
+"""Gain, phase, delay and disk margins of a sampled loop, at each motor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.control.analysis.linear_controller import FrozenReference, memory_of
+from flexarm.control.analysis.plant_model import (
+    instruments_of,
+    loop_of,
+    model_at,
+    signals_of,
+    sliding,
+)
+from flexarm.control.analysis.sampled_loop import ComplexArray, SampledLoop
+from flexarm.control.contract.base import (
+    Controller,
+    Reference,
+    check_controller,
+    check_reference,
+    requirements_of,
+)
+from flexarm.control.hardware.measurement import FloatArray
+from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.model import Contact, Hardware, Instrument
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Number of frequencies up to the Nyquist frequency, and number around each pole.
+_FREQUENCIES, _AROUND = 300, 15
+#: Lowest frequency, relative to the Nyquist frequency.
+_LOWEST = 1e-6
+_HALVINGS = 40
+#: Largest growth in a sample time that rounding causes, as of integrators without effect.
+ROUNDED_GROWTH = 1e-7
+#: Number of poles in tables, one for each complex pair.
+_POLES = 12
+#: Gain factors below this are zero except for rounding: the loop is stable when it is open.
+_SMALLEST = 1e-6
+
+#: Name, unit, meaning, and function that returns the worst of several values.
+_MARGINS: tuple[tuple[str, str, str, Callable[..., Any]], ...] = (
+    ("gain_margin", "1", "largest factor on the loop gain", np.min),
+    ("gain_reduction_margin", "1", "smallest factor on the loop gain", np.max),
+    ("phase_margin", "rad", "phase margin", np.min),
+    ("delay_margin", "s", "delay margin", np.min),
+    ("disk_margin", "1", "symmetric disk margin", np.min),
+)
+
+
+def loop_at(
+    controller: Controller,
+    plant: Arm | None,
+    posture: ArrayLike,
+    hardware: Hardware | None = None,
+    contacts: Sequence[Contact] = (),
+    reference: Reference | None = None,
+    t: float = 0.0,
+) -> SampledLoop:
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
+
+    Args:
+        controller: controller that declares its ``memory``.
+        plant: the arm; None for the model of the controller.
+        posture: (joints,) rad.
+        hardware: instruments and motors; None for exact ones.
+        contacts: surfaces.
+        reference: reference whose values at time t (s) are kept constant; None for rest.
+
+    Raises:
+        InputError: if the arm does not have a signal.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+    """
+    own = getattr(controller, "arm", None)
+    own = own if isinstance(own, Arm) else None
+    arm = plant if plant is not None else own
+    assert isinstance(arm, Arm)
+    still = FrozenReference(reference, t) if reference is not None else None
+    instruments = instruments_of(arm, hardware, len(contacts))
+    if hardware is None or hardware.instruments is None:
+        names = [item.output for item in instruments]
+        more = [
+            name for name in requirements_of(controller, arm, still).measured if name not in names
+        ]
+        instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
+    signals = signals_of(instruments)
+    rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
+    model = model_at(arm, posture, signals, contacts)
+    believed = None
+    if mine_of is not arm:
+        believed = model_at(mine_of, posture, signals, contacts)
+    stay = getattr(controller, "at_rest", None)
+    mine = stay() if callable(stay) else controller
+    return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
+
+
+@public_call
+def loop_margins(
+    controller: Controller,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None = None,
+    postures: ArrayLike | None = None,
+    *,
+    hardware: Hardware | None = None,
+    contacts: Sequence[Contact] = (),
+    reference: Reference | None = None,
+) -> xr.Dataset:
+    """Return gain, phase, delay and disk margins of a sampled loop, at one motor at a time.
+
+    The loop is linearised about the arm at rest and opened at the torque of one joint while the
+    others stay closed. Sampling, zero-order hold, delays and filters are exact. Joints have viscous
+    friction only, because dry friction linearised at rest is a damper that moving joints do not
+    have. Faults of instruments belong to the loop if they are gains or frozen readings from the
+    start of a run to its end; others do not.
+
+    Args:
+        controller: a controller that declares its ``memory``; all built-in ones do except
+            `EstimatorController`, `NonlinearMPC`, `RBFAdaptive` and `RepetitiveControl`.
+        plants: arms to combine with the controller, as a list or by name; None for the model of
+            the controller.
+        postures: (joints,) or (k, joints) rad; None for the postures of the design, or zeros if the
+            controller has none. With a ``reference``, its times (k,) s instead; None for its start.
+        hardware: instruments and motors; None for exact ones.
+        contacts: surfaces; those in contact with the arm at rest belong to the loop, without
+            friction.
+        reference: motion that presses (`pressed_motion`), for the force controllers.
+
+    Returns:
+        Dataset over ``plant``, ``posture`` and ``joint``: ``gain_margin`` and
+        ``gain_reduction_margin`` (the largest and the smallest factor on the torque at which the
+        loop is stable), ``phase_margin`` (rad), ``delay_margin`` (s) and ``disk_margin`` alpha
+        = 2 / max|S - T| for simultaneous changes of gain and phase: it guarantees at least factors
+        (2 + alpha) / (2 - alpha) and its inverse, and 2 arctan(alpha / 2) rad. ``worst_...`` over
+        ``joint`` is the worst case over plants and postures; ``growth`` (plant, posture), 1/s, is
+        the largest real part of the poles. For an unstable loop gain margins are 1, the others 0.
+        ``damping_ratio`` and ``pole_frequency`` (plant, posture, pole), Hz, are those of the twelve
+        poles that decay slowest, one for each complex pair; NaN if there are fewer.
+
+    Raises:
+        InputError: if the controller does not declare its memory, an instrument has its own
+            ``sample_time``, or an argument has the wrong shape.
+        EquilibriumError: if an arm has no equilibrium at a posture.
+
+    Warns:
+        LargeDeflectionWarning: if a link of an arm bends too far at rest, once for all arms.
+
+    Seiler, Packard and Gahinet 2020 for the disk margin.
+    """
+    import xarray as xr
+
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+    contacts = check_list_of("contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(reference)
+    arms = plants_of(controller, plants)
+    places = places_of(controller, next(iter(arms.values())), postures, reference)
+    names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
+    found = {name: np.zeros(shape) for name, *_ in _MARGINS}
+    growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
+    bent: list[str] = []
+    bare = without_friction(contacts)
+    for i, arm in enumerate(arms.values()):
+        for k, (t, posture) in enumerate(places):
+            with one_warning() as kept:
+                loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
+            bent += kept
+            check_single_rate(loop)
+            poles = loop.poles()
+            growth[i, k], damping[:, i, k] = growth_of(loop), _damping(poles)
+            margins = _margins_of(loop, bool(growth[i, k] <= 0.0))
+            for (name, *_), value in zip(_MARGINS, margins, strict=True):
+                found[name][i, k] = value
+    warn_of_first(bent)
+    first = next(iter(arms.values()))
+    table = xr.Dataset(coords={"plant": names, "joint": list(first.joint_numbers)})
+    angles = np.array([posture for _, posture in places])
+    table["posture_angle"] = (("posture", "joint"), angles, {"units": "rad"})
+    for name, unit, meaning, worst in _MARGINS:
+        labels = {"units": unit, "long_name": meaning}
+        table[name] = (("plant", "posture", "joint"), found[name], labels)
+        labels = {"units": unit, "long_name": f"{meaning}, worst case"}
+        table[f"worst_{name}"] = ("joint", worst(found[name], axis=(0, 1)), labels)
+    labels = {"units": "1/s", "long_name": "largest real part of the poles"}
+    table["growth"] = (("plant", "posture"), growth, labels)
+    by_pole = ("plant", "posture", "pole")
+    labels = {"units": "Hz", "long_name": "natural frequency of the pole"}
+    table["pole_frequency"] = (by_pole, damping[0], labels)
+    labels = {"units": "1", "long_name": "damping ratio of the pole"}
+    table["damping_ratio"] = (by_pole, damping[1], labels)
+    return table
+
+
+def growth_of(loop: SampledLoop) -> float:
+    """Return the growth (1/s) of the dominant pole; zero if rounding may have caused it."""
+    growth = float(loop.poles()[0].real)
+    return growth if not 0.0 < growth * loop.sample_time < ROUNDED_GROWTH else 0.0
+
+
+def _damping(poles: ComplexArray) -> FloatArray:
+    """Return natural frequencies (Hz) and damping ratios (2, _POLES) of the slowest poles."""
+    each = poles[poles.imag >= 0.0][:_POLES]
+    size = np.abs(each)
+    found = np.full((2, _POLES), np.nan)
+    found[0, : each.size] = size / (2.0 * np.pi)
+    found[1, : each.size] = -each.real / np.maximum(size, 1e-300)
+    return found
+
+
+def without_friction(contacts: Sequence[Contact]) -> list[Contact]:
+    """Return contacts without friction, whose linearisation at rest is a strong damper."""
+    return [contact.replace(friction=0.0) for contact in contacts]
+
+
+def check_single_rate(loop: SampledLoop) -> None:
+    """Raise if an instrument of a loop has its own sample time.
+
+    Raises:
+        InputError: in this case, because the loop is periodic.
+    """
+    if len(loop.plant.A) > 1:
+        rule = "has instruments with their own sample_time, which is not supported"
+        raise InputError(Problem("hardware", rule))
+
+
+def plants_of(
+    controller: Controller,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None,
+    name: str = "plants",
+) -> dict[str, Arm]:
+    """Return the arms by name, after checking them and the controller.
+
+    Raises:
+        InputError: if the controller does not declare its memory, or an arm does not fit it.
+    """
+    check_controller("controller", controller)
+    if memory_of(controller) is None:
+        rule = "does not declare its memory, the attributes that it keeps between samples"
+        raise InputError(Problem("controller", rule))
+    own = getattr(controller, "arm", None)
+    if plants is None and not isinstance(own, Arm):
+        rule = "be given, because the controller has no arm"
+        raise InputError(Problem(name, rule, "None"))
+    named = named_arms(own if plants is None else plants)
+    joints = [arm.joints for arm in named.values()]
+    if len(set(joints)) > 1:
+        raise InputError(Problem("plants", "be arms with the same number of joints", shown(plants)))
+    if isinstance(own, Arm) and own.joints != joints[0]:
+        rule = f"have the number of joints of the controller's arm ({own.joints})"
+        raise InputError(Problem("plants", rule, shown(joints[0])))
+    for name, arm in named.items():
+        required = requirements_of(controller, arm, None)
+        if required.joints not in (None, arm.joints):
+            rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.joints}"
+            raise InputError(Problem("controller", rule))
+        if "strain" in required.measured and required.gauges not in (None, len(arm.gauges)):
+            rule = f"have {required.gauges} gauge(s), which {type(controller).__name__} reads"
+            raise InputError(Problem(f"plant {name!r}", rule, str(len(arm.gauges))))
+    return named
+
+
+def named_arms(plants: object) -> dict[str, Arm]:
+    """Return arms by name; arms without a name are numbered from 1.
+
+    Raises:
+        InputError: if ``plants`` is not an arm, or a nonempty list or mapping of arms.
+    """
+    if isinstance(plants, Mapping):
+        named = {str(name): arm for name, arm in plants.items()}
+    else:
+        listed = [plants] if isinstance(plants, Arm) else as_list(plants) or []
+        named = {str(k): arm for k, arm in enumerate(listed, start=1)}
+    if not named or not all(isinstance(arm, Arm) for arm in named.values()):
+        rule = "be an Arm, or a list or mapping of arms"
+        raise InputError(Problem("plants", rule, shown(plants)))
+    return named
+
+
+def places_of(
+    controller: Controller,
+    arm: Arm,
+    postures: ArrayLike | None,
+    reference: Reference | None,
+    name: str = "postures",
+) -> list[tuple[float, FloatArray]]:
+    """Return the times (s) of the reference and the postures (joints,) of the linearisations."""
+    if reference is not None:
+        given = getattr(reference, "start_time", 0.0) if postures is None else postures
+        times = np.atleast_1d(check_each(name, given))
+        if not times.size:
+            raise InputError(Problem(name, "are empty"))
+        return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
+    if postures is None:
+        designs = getattr(controller, "designs", ())
+        listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
+        return [(0.0, posture) for posture in listed]
+    angles = check_numbers(name, postures, "be numbers of shape (any, joints)")
+    if not angles.size:
+        raise InputError(Problem(name, "are empty"))
+    angles = angles[None] if angles.ndim == 1 else angles
+    checked = check_array(name, angles, (-1, arm.joints))
+    return [(0.0, posture) for posture in checked]
+
+
+def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
+    """Return the margins, (joints,) each, in the order of ``_MARGINS``."""
+    joints = loop.plant.B.shape[1]
+    if not stable:
+        return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
+    angles = frequency_grid(loop)
+    S = np.diagonal(_at(loop, angles), axis1=1, axis2=2)
+    every = [_of_joint(loop, k, angles, S[:, k]) for k in range(joints)]
+    return [np.array(column) for column in zip(*every, strict=True)]
+
+
+def _at(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
+    return loop.sensitivity(np.exp(1j * angles))
+
+
+def _of_joint(
+    loop: SampledLoop, joint: int, angles: FloatArray, S: ComplexArray
+) -> tuple[float, float, float, float, float]:
+    """Return the margins of the loop opened at one joint."""
+
+    def returned(at: FloatArray) -> ComplexArray:
+        now: ComplexArray = 1.0 / _at(loop, at)[:, joint, joint] - 1.0
+        return now
+
+    L = 1.0 / S - 1.0
+    turned = _crossings(angles, L.imag, lambda at: returned(at).imag)
+    real = np.append(returned(turned).real if turned.size else np.zeros(0), L[[0, -1]].real)
+    real[-2] = real[-2] if abs(L[0].imag) < 1e-3 * abs(L[0].real) else 0.0
+    factors = -1.0 / real[real < 0.0]
+    more, less = factors[factors > 1.0], factors[(factors < 1.0) & (factors > _SMALLEST)]
+    at = _crossings(angles, np.abs(L) - 1.0, lambda at: np.abs(returned(at)) - 1.0)
+    phase = np.angle(-returned(at)) if at.size else np.zeros(0)
+    lag = np.where(phase > 0.0, phase, phase + 2.0 * np.pi)
+    return (
+        float(more.min(initial=np.inf)),
+        float(less.max(initial=0.0)),
+        float(np.abs(phase).min(initial=np.pi)),
+        float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time,
+        2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0)),
+    )
+
+
+def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:
+    """Return the largest |S - T|, refined on a finer grid around the largest sample."""
+    k = int(np.argmax(size))
+    between = np.linspace(angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)], 101)
+    closer = np.abs(2.0 * _at(loop, between)[:, joint, joint] - 1.0)
+    return float(max(size[k], closer.max()))
+
+
+def _crossings(
+    at: FloatArray, values: FloatArray, function: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """Return the sign changes of a function between the points ``at``, by bisection."""
+    rising = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    low, high, sign = at[rising], at[rising + 1], np.sign(values[rising])
+    for _ in range(_HALVINGS if rising.size else 0):
+        middle = 0.5 * (low + high)
+        before = function(middle) * sign > 0.0
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return 0.5 * (low + high)
+
+
+def frequency_grid(loop: SampledLoop) -> FloatArray:
+    """Return frequencies (f,) in rad per sample, with a dense grid around every pole."""
+    everywhere = np.pi * np.geomspace(_LOWEST, 1.0, _FREQUENCIES)
+    z = np.concatenate([loop.multipliers(), np.linalg.eigvals(loop.plant.A[0])])
+    pole = np.log(z[(np.abs(z) > 1e-3) & (z.imag >= 0.0)])
+    width = np.maximum(np.abs(pole.real), 1e-7)
+    spread = np.tan(np.linspace(-1.5, 1.5, _AROUND))
+    near = (np.abs(pole.imag)[:, None] + width[:, None] * spread).ravel()
+    near = near[(near > everywhere[0]) & (near < np.pi)]
+    return np.unique(np.concatenate([everywhere, near]))

@@ -1,0 +1,1 @@
+"""Contract of controllers: their base class, their requirements, checks of their gains."""

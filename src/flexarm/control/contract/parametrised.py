@@ -1,0 +1,173 @@
+"""Constructors of classes whose parameters are declared in ``flexarm.model.drives``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from inspect import Parameter, Signature, cleandoc, signature
+from typing import Any, get_args
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_kind, check_positive
+from flexarm.base.errors import InputError, Problem, problems_of, public_call, unknown_arguments
+from flexarm.control.contract.base import Controller, check_controller
+from flexarm.control.contract.gains import joint_problems
+from flexarm.model.checks import faults_of
+from flexarm.model.drives.parameters import Declared, Parameters, parameters_of, record_of
+from flexarm.model.help_text import TypeText, args_text, type_text
+from flexarm.model.quantities import ListPerJoint
+
+#: The parameter that is the last keyword argument.
+_LAST = "sample_time"
+#: Sections of a docstring that follow the arguments.
+_AFTER_ARGS = ("\nAttributes:\n", "\nRaises:\n", "\nReferences:\n")
+
+
+class Parametrised(Parameters):
+    """Base of classes whose constructor takes their parameters.
+
+    The constructor sets each parameter as an attribute and calls ``__post_init__``. Parameters of
+    the model layer are validated by the types that also validate files; those with a value for
+    each joint become arrays: (joints,) if an ``arm`` is given. Parameters that a subclass of this
+    class declares exist in Python only; if their type is not a class of this package,
+    ``__post_init__`` checks them.
+    """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        kind: Any = cls
+        own = cls.__init__ is not Parametrised.__init__
+        kind.__signature__ = _without_self(kind) if own else _signature(kind)
+        if vars(cls).get("__doc__") and cls.__module__.startswith("flexarm."):
+            cls.__doc__ = _documented(kind)
+
+    @public_call
+    def __init__(self, *values: Any, **named: Any) -> None:
+        kind: Any = type(self)
+        known = _signature(kind).parameters
+        if not named.keys() <= known.keys():
+            raise unknown_arguments(named, known)
+        try:
+            bound = _signature(kind).bind(*values, **named)
+        except TypeError as error:
+            raise TypeError(f"{kind.__name__}: {error}") from None
+        given = dict(bound.arguments)
+        bound.apply_defaults()
+        found = dict(bound.arguments)
+        arm = found.get("arm")
+        joints = arm.joints if isinstance(arm, Arm) else None
+        problems = _object_problems(kind, found)
+        checked, wrong = _validated(kind, given, joints)
+        problems += wrong
+        if "sample_time" in found and all(problem.name != "sample_time" for problem in problems):
+            problems += problems_of(check_positive, "sample_time", found["sample_time"])
+        if problems:
+            raise InputError(*problems)
+        for name, item in _shared(kind).items():
+            found[name] = _kept(item, checked.get(name, found[name]), joints)
+        vars(self).update(found)
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        """Complete the construction; every parameter is an attribute."""
+
+    def _per_joint(self) -> list[Any]:
+        """Return the values of the parameters that may have one number for each joint."""
+        kind: Any = type(self)
+        declared = _parameters(kind).items()
+        return [getattr(self, name) for name, item in declared if item.per_joint]
+
+
+def _kept(item: Declared, value: Any, joints: int | None) -> Any:
+    """Return a valid value as an attribute: an array, if it is a number for each joint."""
+    marker = item.per_joint
+    if marker is None or value is None or isinstance(marker, ListPerJoint):
+        return value
+    return np.asarray(value) if joints is None else np.full(joints, value)
+
+
+def _object_problems(kind: Any, found: Mapping[str, Any]) -> list[Problem]:
+    """Return the problems of parameters whose type is a class of this package."""
+    problems: list[Problem] = []
+    for name, item in _parameters(kind).items():
+        parts = get_args(item.annotation) if item.optional else (item.annotation,)
+        own = isinstance(parts[0], type) and parts[0].__module__.startswith("flexarm.")
+        if not own or (item.optional and found[name] is None):
+            continue
+        if parts[0] is Controller:
+            problems += problems_of(check_controller, name, found[name])
+        else:
+            problems += problems_of(check_kind, name, found[name], parts[0])
+    return problems
+
+
+def _validated(
+    kind: Any, given: Mapping[str, Any], joints: int | None
+) -> tuple[Mapping[str, Any], list[Problem]]:
+    """Return the validated values of those given for shared parameters, and all problems."""
+    shared = _shared(kind)
+    reported = {name: value for name, value in given.items() if name in shared}
+    checked: Mapping[str, Any] = {}
+    problems: list[Problem] = []
+    try:
+        checked = vars(_record(kind).model_validate(reported))
+    except ValidationError as error:
+        problems += [fault.problem() for fault in faults_of(error)]
+    if joints is not None:
+        lists = {name: value for name, value in reported.items() if shared[name].per_joint}
+        problems += joint_problems(joints, lists)
+    return checked, problems
+
+
+@cache
+def _parameters(kind: Any) -> dict[str, Declared]:
+    return parameters_of(kind)
+
+
+@cache
+def _shared(kind: Any) -> dict[str, Declared]:
+    """Return the parameters that files have, too."""
+    found = _parameters(kind).items()
+    return {name: item for name, item in found if not issubclass(item.owner, Parametrised)}
+
+
+@cache
+def _record(kind: Any) -> Any:
+    return record_of(kind.__name__, "", _shared(kind))
+
+
+@cache
+def _signature(kind: Any) -> Signature:
+    """Return the signature of a class: its parameters with plain types, as `Record` shows them."""
+    found = []
+    for name, item in _parameters(kind).items():
+        shared = not issubclass(item.owner, Parametrised)
+        words = TypeText(type_text(item.annotation) if shared else item.source)
+        how = Parameter.KEYWORD_ONLY if item.keyword_only else Parameter.POSITIONAL_OR_KEYWORD
+        found.append(Parameter(name, how, default=item.default, annotation=words))
+    last = Parameter.KEYWORD_ONLY
+    return Signature(sorted(found, key=lambda p: (p.kind, p.kind == last and p.name == _LAST)))
+
+
+def _without_self(kind: Any) -> Signature:
+    whole = signature(kind.__init__)
+    return whole.replace(parameters=list(whole.parameters.values())[1:])
+
+
+def _documented(kind: Any) -> str:
+    """Return the docstring of a class with the arguments of its constructor."""
+    text = cleandoc(kind.__doc__ or "")
+    entries = {name: item.description for name, item in _parameters(kind).items()}
+    if not entries:
+        return text
+    at = min((text.find(section) for section in _AFTER_ARGS if section in text), default=len(text))
+    return "\n".join([text[:at].rstrip(), "", *args_text(entries), text[at:]]).rstrip()
+
+
+class OfArm(Parametrised):
+    """Base of classes whose first parameter is the arm that they have as their model."""
+
+    arm: Arm = Field(description="Model of the arm.")

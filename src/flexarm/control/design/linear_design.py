@@ -1,0 +1,372 @@
+"""Linear-quadratic regulator and Kalman filter of a sampled arm: theory page "control-linear"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_each
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.hardware.measurement import FloatArray
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.signals import INPUTS
+from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.model.wording import nearest
+
+#: Energy of the unknown elastic forces relative to that of `bending`, and acceptable relative
+#: size of the bending, both for an uncertainty of one: (C.39). With these values and an uncertainty
+#: of 0.3, LQG with its default weights is stable on the three arms of
+#: docs/how-to/measure_robustness.py with links 30 % softer and stiffer, and with twice the payload.
+_NOISE, _BEND = 0.25, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Gains at one posture.
+
+    The state x is the deviation of (q, qd), n = 2 dof; z are k integrals.
+
+    Attributes:
+        posture: (joints,) rad.
+        sag: (dof - joints,) elastic coordinates at rest in the posture.
+        A, B: of the sampled arm, (n, n) and (n, joints); C: of the measurement, (p, n).
+        B_elastic: (n, dof - joints), of forces on the elastic coordinates.
+        integrated: (k, n): z (k,) increases by ``integrated`` x at each sample.
+        gain: (joints, n + k): torque = -gain (x, z).
+        cost: (n + k, n + k): the minimum cost from a state is (x, z)' cost (x, z).
+        weight, torque_weight: weights Q and R of the cost, (n + k, n + k) and (joints, joints).
+        estimator: (n, p), gain of the innovation in the correction of the prediction.
+        prediction_covariance: (n, n) of the prediction error.
+        innovation_covariance: (p, p) of the measurement minus its prediction.
+    """
+
+    posture: FloatArray
+    sag: FloatArray
+    A: FloatArray
+    B: FloatArray
+    B_elastic: FloatArray
+    C: FloatArray
+    integrated: FloatArray
+    gain: FloatArray
+    cost: FloatArray
+    weight: FloatArray
+    torque_weight: FloatArray
+    estimator: FloatArray
+    prediction_covariance: FloatArray
+    innovation_covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class DesignRequirements:
+    """Design requirements of a linear controller: acceptable deviations, and noise.
+
+    Attributes:
+        acceptable: acceptable deviations by output.
+        acceptable_torque: (joints,) N m.
+        measured: standard deviations of the noise by measured output.
+        disturbance: standard deviations of unmeasured inputs, constant over a sample.
+        integrated: the output to integrate and its acceptable integral, or empty.
+        recovery: fictitious torque noise of the filter, relative to the acceptable torque.
+        rigidity_uncertainty: relative error of the links' stiffness.
+    """
+
+    acceptable: Mapping[str, ArrayLike]
+    acceptable_torque: FloatArray
+    measured: Mapping[str, ArrayLike]
+    disturbance: Mapping[str, ArrayLike]
+    integrated: Mapping[str, ArrayLike]
+    recovery: float = 0.0
+    rigidity_uncertainty: float = 0.0
+
+
+def sampled(
+    model: LinearModel, sample_time: float, more: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return A and B of a model sampled exactly with zero-order-hold inputs; (C.22).
+
+    ``more`` (dof, k): generalised forces of further inputs, whose columns are appended to B.
+    """
+    B = model.B
+    if more is not None:
+        pushes = np.linalg.solve(model.mass, more)
+        B = np.hstack([B, np.vstack([np.zeros_like(pushes), pushes])])
+    return held(model.A, B, sample_time)
+
+
+def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return A and B over a sample time (s), with zero-order-hold inputs; (C.22)."""
+    from scipy.linalg import expm
+
+    n, m = B.shape
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[:n, n:] = A, B
+    moved = expm(whole * sample_time)
+    return moved[:n, :n], moved[:n, n:]
+
+
+def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
+    """Return the rows of C for the outputs of the named channels, in this order."""
+    rows = [
+        k
+        for name in names
+        for k, label in enumerate(model.outputs)
+        if label == name or label.startswith(f"{name}[")
+    ]
+    taken: FloatArray = model.C[rows]
+    return taken
+
+
+def scales(argument: str, given: ArrayLike, count: int) -> FloatArray:
+    """Return positive numbers (count,) from one number or a list of ``count``.
+
+    Raises:
+        InputError: if a number is not positive and finite, or the list has another length.
+    """
+    found = check_each(argument, given, count, positive=True)
+    return np.broadcast_to(found, (count,)).astype(np.float64)
+
+
+def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) -> FloatArray:
+    """Return the numbers of a mapping, one for each component of its outputs or inputs."""
+    labels = (*model.outputs, *model.inputs)
+    found = [np.zeros(0)]
+    for name, value in given.items():
+        count = sum(label == name or label.startswith(f"{name}[") for label in labels)
+        found.append(scales(f"{argument}[{name!r}]", value, count))
+    return np.concatenate(found)
+
+
+def design(
+    arm: Arm, posture: FloatArray, requirements: DesignRequirements, sample_time: float
+) -> Design:
+    """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
+
+    Raises:
+        InputError: if a name is unknown, a number is not positive, or no gains are stabilising.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+    """
+    from scipy.linalg import block_diag
+
+    names = tuple(
+        dict.fromkeys([*requirements.acceptable, *requirements.measured, *requirements.integrated])
+    )
+    inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
+    rest = equilibrium(arm, posture)
+    model = linearize(arm, rest, inputs=inputs, outputs=names)
+    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    A, B_all = sampled(model, sample_time, np.eye(arm.dof)[:, elastic])
+    n, m = len(A), arm.joints
+    B, C = B_all[:, :m], rows_of(model, tuple(requirements.measured))
+    Z = sample_time * rows_of(model, tuple(requirements.integrated))
+    if len(Z) > m:
+        rule = f"have at most one component for each joint of the arm ({m})"
+        raise InputError(Problem("integral", rule, str(len(Z))))
+    scale = sizes_of("acceptable", model, requirements.acceptable)
+    outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
+    windup = sizes_of("integral", model, requirements.integrated)
+    weight = block_diag(outputs.T @ outputs, np.diag(windup**-2.0))
+    unsure = requirements.rigidity_uncertainty
+    stiffness, bend_energy = bending(arm, model, requirements.acceptable_torque)
+    weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
+    torque_weight = np.diag(requirements.acceptable_torque**-2.0)
+    A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
+    B_z = np.vstack([B, np.zeros((len(Z), m))])
+    gain, cost = regulator(A_z, B_z, weight, torque_weight)
+    strength = sizes_of("disturbance", model, requirements.disturbance)
+    pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
+    # Covariance of torques and elastic forces that represent the model error: (C.39).
+    forced = B_all[:, B_all.shape[1] - elastic.size :]
+    torques = (requirements.recovery * requirements.acceptable_torque) ** 2
+    unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
+    noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
+    estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise)
+    return Design(
+        posture,
+        rest.q[elastic],
+        A,
+        B,
+        B_all[:, B_all.shape[1] - elastic.size :],
+        C,
+        Z,
+        gain,
+        cost,
+        weight,
+        torque_weight,
+        estimator,
+        spread,
+        seen,
+    )
+
+
+def bending(
+    arm: Arm, model: LinearModel, acceptable_torque: FloatArray
+) -> tuple[FloatArray, float]:
+    """Return the stiffness (k, k) of the elastic coordinates, and a typical elastic energy, J.
+
+    The energy is that of the bending when each joint accelerates the arm with its acceptable torque
+    (joints,) N m, summed over the joints.
+    """
+    joints = arm.joint_index
+    elastic = np.setdiff1d(np.arange(arm.dof), joints)
+    mass, stiffness = model.mass, model.stiffness[np.ix_(elastic, elastic)]
+    stiffness = 0.5 * (stiffness + stiffness.T)
+    turned = np.linalg.solve(mass[np.ix_(joints, joints)], np.diag(acceptable_torque))
+    force = mass[np.ix_(elastic, joints)] @ turned
+    return stiffness, 0.5 * float(np.sum(force * np.linalg.solve(stiffness, force)))
+
+
+def bend_weight(unsure: float, stiffness: FloatArray, energy: float) -> FloatArray:
+    """Return the weight (k, k) of the elastic coordinates for an uncertain rigidity; (C.39)."""
+    if unsure == 0.0:
+        return np.zeros_like(stiffness)
+    weight: FloatArray = (unsure / _BEND) ** 2 / energy * stiffness
+    return weight
+
+
+def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
+    """Return the columns of B for the named inputs, in this order."""
+    chosen = [
+        k
+        for name in names
+        for k, label in enumerate(model.inputs)
+        if label == name or label.startswith(f"{name}[")
+    ]
+    taken: FloatArray = B[:, chosen]
+    return taken
+
+
+def regulator(
+    A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gain and the cost of the linear-quadratic regulator; (C.23).
+
+    Raises:
+        InputError: if the cost does not detect an undamped mode, or the model is not stabilisable.
+    """
+    from scipy.linalg import solve
+
+    P = _riccati("acceptable", A, B, weight, torque_weight)
+    gain = solve(torque_weight + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+    _check_stable("acceptable", A - B @ gain)
+    return gain, P
+
+
+def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
+    """Return preview gains (joints, 1 + steps / stride, dof - joints) of elastic forces; (C.27).
+
+    Forces are evaluated at every ``stride``-th sample and interpolated linearly between them.
+    """
+    from scipy.linalg import solve
+
+    push = np.vstack([item.B, np.zeros((len(item.integrated), item.B.shape[1]))])
+    inner = item.torque_weight + push.T @ item.cost @ push
+    return _previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
+
+
+def preview_cost(item: Design, steps: int, stride: int) -> FloatArray:
+    """Return s_k of (C.27), by elastic forces as for ``preview_gain``: (n + k, ...) for joints."""
+    return _previewed(item, _loop(item).T, steps, stride)
+
+
+def _loop(item: Design) -> FloatArray:
+    """Return the matrix (n + k, n + k) of the regulator's loop, with integrals."""
+    n, k = len(item.A), len(item.integrated)
+    push = np.vstack([item.B, np.zeros((k, item.B.shape[1]))])
+    whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
+    loop: FloatArray = whole - push @ item.gain
+    return loop
+
+
+def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> FloatArray:
+    """Return ``left`` times the cost of elastic forces, for each node of the preview."""
+    loop, forced = _loop(item), item.cost[:, : len(item.A)] @ item.B_elastic
+    gains = np.zeros((len(left), 1 + steps // stride, forced.shape[1]))
+    for i in range(steps):
+        gain = left @ forced
+        node, part = divmod(i, stride)
+        gains[:, node] += (1.0 - part / stride) * gain
+        if part:
+            gains[:, node + 1] += part / stride * gain
+        forced = loop.T @ forced
+    return gains
+
+
+def kalman(
+    A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
+
+    Raises:
+        InputError: if an undamped mode is not detectable from the measurement.
+    """
+    from scipy.linalg import solve
+
+    P = _riccati("measured", A.T, C.T, disturbance, noise)
+    seen = C @ P @ C.T + noise
+    gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
+    _check_stable("measured", A @ (np.eye(len(A)) - gain @ C))
+    return gain, P, seen
+
+
+def _riccati(
+    argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
+) -> FloatArray:
+    from scipy.linalg import solve_discrete_are
+
+    try:
+        P: FloatArray = solve_discrete_are(A, B, Q, R)
+    except (np.linalg.LinAlgError, ValueError):
+        raise InputError(_unsolvable(argument)) from None
+    return (P + P.T) / 2.0
+
+
+def _check_stable(argument: str, loop: FloatArray) -> None:
+    if not np.max(np.abs(np.linalg.eigvals(loop))) < 1.0:
+        raise InputError(_unsolvable(argument))
+
+
+def _unsolvable(argument: str) -> Problem:
+    rules = {
+        "acceptable": (
+            "gives no weight to an undamped mode, so the cost does not detect it",
+            (
+                "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
+                "name no integral that the joints cannot control there."
+            ),
+        ),
+        "measured": (
+            "does not detect an undamped mode",
+            "Measure joint_angle.",
+        ),
+    }
+    rule, hint = rules[argument]
+    return Problem(argument, rule, hint=hint)
+
+
+def check_names(
+    argument: str, given: object, allowed: Sequence[str], arm: Arm
+) -> Mapping[str, ArrayLike]:
+    """Return a mapping after checking that its names are allowed and exist on the arm.
+
+    Raises:
+        InputError: if it is not a mapping, a name is not allowed, or strain is named for an arm
+            without gauges.
+    """
+    rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
+    if not isinstance(given, Mapping):
+        raise InputError(Problem(argument, rule, shown(given)))
+    wrong = [name for name in given if not isinstance(name, str) or name not in allowed]
+    if wrong:
+        raise InputError(*(Problem(argument, rule, shown(n), nearest(n, allowed)) for n in wrong))
+    if "strain" in given and not arm.gauges:
+        raise InputError(Problem(argument, "has strain, but the arm has no gauges"))
+    return given
+
+
+#: Inputs that may act as unmeasured disturbances.
+DISTURBANCES = INPUTS

@@ -1,0 +1,253 @@
+"""Nominal motion of linear controllers: coordinates, rates and torques over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.contract.base import Reference
+from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.posture_grid import Interpolated
+from flexarm.control.hardware.measurement import FloatArray
+
+#: Number of sample times computed in one call.
+_AHEAD = 64
+
+
+class Nominal(NamedTuple):
+    """Nominal motion at one instant.
+
+    Attributes:
+        angle: (joints,) rad. q, qd: (dof,). torque: (joints,) N m.
+        missing: (dof - joints,) elastic forces r that no actuator balances, (C.20).
+        shown: (p,) nominal measurement.
+    """
+
+    angle: FloatArray
+    q: FloatArray
+    qd: FloatArray
+    torque: FloatArray
+    missing: FloatArray
+    shown: FloatArray
+
+
+#: Function that returns the measurement (T, p) at joint angles (T, joints), q and qd (T, dof).
+Shown = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+
+
+class PreviewedReference:
+    """Nominal motion along a reference with sagging links, computed in advance; (C.20).
+
+    A reference with ``vectorized`` true accepts arrays of times, and is evaluated at many sample
+    times at once.
+
+    Args:
+        model: model of the arm.
+        sag: elastic coordinates (dof - joints,) at rest, interpolated over posture.
+        sample_time: s. steps: number of samples computed, including the current one.
+        show: function that computes ``shown`` of `Nominal`.
+
+    Attributes:
+        missing: (steps, dof - joints) of `Nominal`, from the current sample on.
+    """
+
+    def __init__(
+        self,
+        model: FlexibleModel,
+        sag: Interpolated,
+        sample_time: float,
+        steps: int,
+        show: Shown,
+    ) -> None:
+        self._show = show
+        self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps
+        arm = model.arm
+        self._joints, self._elastic = arm.joint_index, model.elastic
+        # Samples fill these buffers from the start. At the end they are copied back to the start.
+        places = 3 * steps + _AHEAD
+        self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
+        self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
+        self._missing = np.zeros((places, model.elastic.size))
+        shown = show(self._angle[:1], self._q[:1], self._qd[:1])
+        self._shown = np.zeros((places, shown.shape[1]))
+        self._buffers = (
+            self._angle, self._q, self._qd, self._torque, self._missing, self._shown
+        )  # fmt: skip
+        self.reset()
+
+    def reset(self) -> None:
+        """Clear the stored posture and the samples computed in advance."""
+        self._held: FloatArray | None = None
+        self._reference: Reference | None = None
+        self._first_tick = 0
+        self._now: float | None = None
+        self._start = self._end = 0  # index of the current sample, and end of the computed ones
+        self.missing = self._missing[: self._steps]
+
+    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
+        """Return the nominal motion at t (s); without a reference, rest at the first angles.
+
+        Call it in the order of the samples; at the same time again, it returns the same.
+        """
+        if self._end == 0:
+            self._first_tick = round(t / self._sample_time)
+        elif t != self._now:
+            self._start += 1
+            if reference is not self._reference:  # keep the samples already previewed
+                self._end = min(self._end, self._start + self._steps - 1)
+        self._reference, self._now = reference, t
+        if self._start + self._steps > self._end:
+            self._go_on(angle_now, reference)
+        k = self._start
+        self.missing = self._missing[k : k + self._steps]
+        return Nominal(*[buffer[k] for buffer in self._buffers])
+
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the current sample on, N m."""
+        return self._torque[self._start : self._start + min(count, self._steps)]
+
+    def states(self, count: int) -> FloatArray:
+        """Return q and qd (count, 2 dof) from the current sample on."""
+        here = slice(self._start, self._start + min(count, self._steps))
+        return np.hstack([self._q[here], self._qd[here]])
+
+    def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
+        """Compute more samples, at least up to the end of the preview."""
+        many = reference is None or bool(getattr(reference, "vectorized", False))
+        count = self._start + self._steps - self._end
+        count = max(count, _AHEAD) if many else count
+        if self._end + count > len(self._angle):
+            known = self._end - self._start
+            for buffer in self._buffers:
+                buffer[:known] = buffer[self._start : self._end].copy()
+            self._first_tick += self._start
+            self._start, self._end = 0, known
+        samples = self._first_tick + np.arange(self._end, self._end + count)
+        times = np.asarray(samples * self._sample_time, dtype=np.float64)
+        self._fill(*self._motion(times, angle_now, reference, many))
+
+    def _motion(
+        self, times: FloatArray, angle_now: FloatArray, reference: Reference | None, many: bool
+    ) -> list[FloatArray]:
+        """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
+        if reference is None:
+            if self._held is None:
+                self._held = np.array(angle_now, dtype=np.float64)
+            angle = np.tile(self._held, (len(times), 1))
+            return [angle, np.zeros_like(angle), np.zeros_like(angle)]
+        # Motions end at rest, and need not be defined beyond their end.
+        end = float(getattr(reference, "end_time", np.inf))
+        rests = times > end
+        times = np.minimum(times, end)
+        names = "joint_angle", "joint_rate", "joint_acceleration"
+        parts: list[Any] = [getattr(reference, name) for name in names]
+        if many:
+            found = [np.array(part(times), dtype=np.float64) for part in parts]
+        else:
+            found = [
+                np.array([part(t) for t in times.tolist()], dtype=np.float64) for part in parts
+            ]
+        for part in found[1:]:
+            part[rests] = 0.0
+        return found
+
+    def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
+        new = slice(self._end, self._end + len(angle))
+        found = self.along(angle, rate, acceleration)
+        for buffer, values in zip(self._buffers, found, strict=True):
+            buffer[new] = values
+        self._end = new.stop
+
+    def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
+        """Return the nominal motion at T times, for a motion of the joints (T, joints).
+
+        Each entry of the result has the additional first dimension T.
+        """
+        bend = self._sag.first_at(angle)
+        torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
+        # The arrays have the type of the angles, which are symbols in exported controllers.
+        q = np.zeros_like(angle, shape=(len(angle), self._q.shape[1]))
+        qd = np.zeros_like(q)
+        q[:, self._joints], q[:, self._elastic] = angle, bend
+        qd[:, self._joints] = rate
+        return Nominal(angle, q, qd, torque, -elastic_force, self._show(angle, q, qd))
+
+
+class RecordedRun:
+    """Nominal motion from a simulated run, including the motion of the links.
+
+    Between the samples of the run, q is interpolated by the cubic through its values and rates, and
+    qd and the torque linearly.
+    """
+
+    def __init__(
+        self, model: FlexibleModel, run: Any, sample_time: float, steps: int, show: Shown
+    ) -> None:
+        self._sample_time, self._show = sample_time, show
+        arm = model.arm
+        self._joints = arm.joint_index
+        self.missing = np.zeros((steps, model.elastic.size))  # zero along a simulated run
+        try:
+            self._time = np.asarray(run.time.values, dtype=np.float64)
+            self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
+            self._torque = np.asarray(run.torque.values)
+        except AttributeError:
+            raise InputError(Problem("nominal", "be a result of simulate", shown(run))) from None
+        shapes = self._q.shape, self._torque.shape
+        if shapes != ((self._time.size, arm.dof), (self._time.size, arm.joints)):
+            rule = f"be a run of an arm with {arm.dof} coordinates and {arm.joints} joints"
+            raise InputError(Problem("nominal", rule, f"one with {self._q.shape[1]} coordinates"))
+
+    def reset(self) -> None:
+        """Return to the start of the run."""
+        self._now = 0.0
+
+    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
+        """Return the nominal motion at t (s)."""
+        self._now = t
+        q, qd = self._state(t)
+        torque = self._torque_from(t)
+        angle = q[self._joints]
+        shown = self._show(angle[None], q[None], qd[None])[0]
+        return Nominal(angle, q, qd, torque, self.missing[0], shown)
+
+    def torques(self, count: int) -> FloatArray:
+        """Return the torques (count, joints) from the current sample on, N m."""
+        times = self._now + self._sample_time * np.arange(count)
+        return np.array([self._torque_from(t) for t in times])
+
+    def states(self, count: int) -> FloatArray:
+        """Return q and qd (count, 2 dof) from the current sample on."""
+        times = self._now + self._sample_time * np.arange(count)
+        return np.array([np.concatenate(self._state(t)) for t in times.tolist()])
+
+    def _torque_from(self, t: float) -> FloatArray:
+        """Return the torque at mid-sample: a zero-order-hold torque has the effect of its mean."""
+        return self._line(self._torque, t + 0.5 * self._sample_time)
+
+    def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
+        h = self._time[k + 1] - self._time[k]
+        s = min(max((t - self._time[k]) / h, 0.0), 1.0)
+        a, b, da, db = self._q[k], self._q[k + 1], h * self._qd[k], h * self._qd[k + 1]
+        rise = b - a
+        q = a + s * (da + s * (3.0 * rise - 2.0 * da - db + s * (da + db - 2.0 * rise)))
+        return q, (1.0 - s) * self._qd[k] + s * self._qd[k + 1]
+
+    def _line(self, values: FloatArray, t: float) -> FloatArray:
+        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
+        s = (t - self._time[k]) / (self._time[k + 1] - self._time[k])
+        s = min(max(s, 0.0), 1.0)
+        found: FloatArray = (1.0 - s) * values[k] + s * values[k + 1]
+        return found
+
+
+def strain_matrix(arm: Arm) -> FloatArray:
+    """Return the derivative (gauges, dof) of the strains by q, in which they are linear."""
+    units = np.zeros((arm.dof, 2, arm.dof))
+    units[:, 0] = np.eye(arm.dof)
+    return arm.strains(arm.padded(units)).T

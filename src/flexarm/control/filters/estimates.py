@@ -1,0 +1,253 @@
+"""Estimates of a filter along a record, and the order of the estimated numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.base.arguments import check_mapping, check_nonnegative, check_number, check_numbers
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.control.filters.innovation_test import band
+from flexarm.control.hardware.measurement import FloatArray
+
+
+class Layout(NamedTuple):
+    """Places of the estimated numbers x = [q, qd, parameters, disturbance, biases, payload].
+
+    dof; paths of the parameters; disturbed, the number of disturbance torques; biased, the names of
+    instruments with unknown biases and the numbers of their readings.
+    """
+
+    dof: int
+    paths: tuple[str, ...]
+    disturbed: int
+    biased: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of estimated numbers."""
+        return int(self.biases.stop) + 1
+
+    @property
+    def states(self) -> slice:
+        """Places of [q, qd]."""
+        return slice(0, 2 * self.dof)
+
+    @property
+    def parameters(self) -> slice:
+        """Places of the parameters."""
+        return slice(2 * self.dof, 2 * self.dof + len(self.paths))
+
+    @property
+    def disturbance(self) -> slice:
+        """Places of the disturbance torques of the joints."""
+        return slice(self.parameters.stop, self.parameters.stop + self.disturbed)
+
+    @property
+    def biases(self) -> slice:
+        """Places of the biases of readings."""
+        first = self.disturbance.stop
+        return slice(first, first + sum(count for _, count in self.biased))
+
+    @property
+    def by_instrument(self) -> dict[str, slice]:
+        """Places of the biases of each instrument."""
+        found, first = {}, self.biases.start
+        for name, count in self.biased:
+            found[name], first = slice(first, first + count), first + count
+        return found
+
+    @property
+    def slow(self) -> dict[str, int]:
+        """Places of all numbers except [q, qd], by name."""
+        found = {"payload.mass": self.size - 1}
+        found |= {path: self.parameters.start + k for k, path in enumerate(self.paths)}
+        for k in range(self.disturbed):
+            found[f"disturbance[{k}]"] = self.disturbance.start + k
+        for name, places in self.by_instrument.items():
+            for k in range(places.start, places.stop):
+                found[f"bias of {name}[{k - places.start}]"] = k
+        return found
+
+    def acting(self, x: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return the torques (joints,) on the joints, N m: a torque and the disturbance of x."""
+        return torque + x[self.disturbance] if self.disturbed else torque
+
+    def changes(self, x: FloatArray, mass: float, nominal: FloatArray) -> FloatArray:
+        """Return the changes (1 + p,) of payload mass (kg) and parameters from their nominals."""
+        found: FloatArray = np.append(mass, x[self.parameters]) - nominal
+        return found
+
+    def derivative(
+        self,
+        state: FloatArray,
+        parameters: FloatArray,
+        torque: FloatArray,
+        by_mass: float = 1.0,
+        biases: ArrayLike = 0.0,
+    ) -> FloatArray:
+        """Return the derivative (rows, size) of a function by x.
+
+        Args:
+            state, torque: (rows, 2 dof), (rows, joints), the derivatives by [q, qd] and torques.
+            parameters: (rows, 1 + p), by the payload mass and the parameters.
+            by_mass: derivative of the payload mass by the last number of x.
+            biases: (rows, biases), by the biases.
+        """
+        found = np.zeros((len(state), self.size))
+        found[:, self.states] = state
+        found[:, self.parameters] = parameters[:, 1:]
+        found[:, self.disturbance] = torque[:, : self.disturbed]
+        found[:, self.biases] = biases
+        found[:, -1] = by_mass * parameters[:, 0]
+        return found
+
+    def deviations(self, covariance: FloatArray) -> dict[str, FloatArray]:
+        """Return the standard deviations by name for covariances (..., size, size)."""
+        found = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+        named = {
+            "q": found[..., : self.dof],
+            "qd": found[..., self.dof : 2 * self.dof],
+            "payload.mass": found[..., -1],
+        }
+        if self.disturbed:
+            named["disturbance"] = found[..., self.disturbance]
+        for path, values in zip(
+            self.paths, np.moveaxis(found[..., self.parameters], -1, 0), strict=True
+        ):
+            named[path] = values
+        for name, places in self.by_instrument.items():
+            named[f"bias of {name}"] = found[..., places]
+        return named
+
+
+class Estimates(NamedTuple):
+    """Estimates from a record, after the readings of each sample.
+
+    q and qd (samples, dof), payload_mass (samples,) kg, covariance (samples, s, s) of
+    [q, qd, parameters, disturbance, biases, payload_mass]; innovation (samples,), the normalised
+    innovation squared of each sample divided by the number of readings, one on average, NaN without
+    readings; consistent, False if the innovation test failed; readings (samples,), their number in
+    each sample; parameters, (samples,) by path; disturbance (samples, joints) N m, zero if it is
+    not estimated; biases (samples, k) by instrument, in the unit of its readings.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    payload_mass: FloatArray
+    covariance: FloatArray
+    innovation: FloatArray
+    consistent: bool
+    readings: NDArray[np.intp]
+    parameters: dict[str, FloatArray]
+    disturbance: FloatArray
+    biases: dict[str, FloatArray]
+
+    @property
+    def deviations(self) -> dict[str, FloatArray]:
+        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path.
+
+        Those of biases have names such as "bias of joint_rate".
+        """
+        return self._layout.deviations(self.covariance)
+
+    @public_call
+    def squared_errors(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        payload_mass: float,
+        parameters: Mapping[str, float] | None = None,
+        disturbance: ArrayLike | None = None,
+        biases: Mapping[str, ArrayLike] | None = None,
+    ) -> FloatArray:
+        """Return the normalised estimation error squared (samples,), one on average.
+
+        Args:
+            q, qd: (samples, dof), the true states. payload_mass: the true one, kg.
+            parameters: the true numbers by path, required for those that were estimated.
+            disturbance: the true torques (joints,) or (samples, joints) N m; zero by default.
+            biases: the true biases by instrument, required for those that were estimated; one
+                number for all readings, or (k,) or (samples, k).
+
+        Raises:
+            InputError: if a shape is wrong, a number is missing or not finite.
+
+        Divided by the number of states that are uncertain. Y. Bar-Shalom, X. R. Li and T.
+        Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.4.
+        """
+        true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
+        mass = check_nonnegative("payload_mass", payload_mass)
+        given = check_mapping(
+            "parameters", {} if parameters is None else parameters, "paths and numbers"
+        )
+        if set(given) != set(self.parameters):
+            rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
+            raise InputError(Problem("parameters", rule, shown(list(given))))
+        missed = [true[0] - self.q, true[1] - self.qd]
+        for path, values in self.parameters.items():
+            number = check_number(f"parameters[{path!r}]", given[path])
+            missed.append((number - values)[:, None])
+        joints = self.disturbance.shape[1]
+        torques = check_numbers(
+            "disturbance", np.zeros(joints) if disturbance is None else disturbance
+        )
+        shape = self.disturbance.shape if torques.ndim == 2 else (joints,)
+        acting = check_array("disturbance", torques, shape) - self.disturbance
+        missed.append(acting[:, : self._layout.disturbed])
+        wrong = check_mapping("biases", {} if biases is None else biases, "names and numbers")
+        if set(wrong) != set(self.biases):
+            rule = f"have the instruments {', '.join(self.biases) or '(none)'}"
+            raise InputError(Problem("biases", rule, shown(list(wrong))))
+        for name, values in self.biases.items():
+            given_bias = check_numbers(f"biases[{name!r}]", wrong[name])
+            if given_bias.shape not in ((), values.shape[1:], values.shape):
+                rule = f"have shape () or {values.shape[1:]}"
+                raise InputError(Problem(f"biases[{name!r}]", rule, f"shape {given_bias.shape}"))
+            missed.append(given_bias - values)
+        whole = np.column_stack([*missed, mass - self.payload_mass])
+        free = self._uncertain
+        P, error = self.covariance[:, free][:, :, free], whole[:, free, None]
+        squared: FloatArray = np.sum(error * np.linalg.solve(P, error), axis=(1, 2))
+        return squared / np.count_nonzero(free)
+
+    @public_call
+    def error_band(self, probability: float = 0.95) -> tuple[float, float]:
+        """Return the interval of ``squared_errors`` of one sample of a consistent filter.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
+        return band(int(np.count_nonzero(self._uncertain)), probability)
+
+    @public_call
+    def innovation_band(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
+        """Return the interval of ``innovation`` of a consistent filter, (samples,) each.
+
+        NaN for samples without readings.
+
+        Raises:
+            InputError: if the probability is not between 0 and 1.
+        """
+        sizes, places = np.unique(self.readings, return_inverse=True)
+        found = np.array([band(int(n), probability) if n else (np.nan, np.nan) for n in sizes])
+        low, high = found[places].T
+        return low, high
+
+    @property
+    def _layout(self) -> Layout:
+        dof, paths = self.q.shape[1], tuple(self.parameters)
+        biased = tuple((name, values.shape[1]) for name, values in self.biases.items())
+        known = Layout(dof, paths, 0, biased).size
+        return Layout(dof, paths, self.covariance.shape[1] - known, biased)
+
+    @property
+    def _uncertain(self) -> NDArray[np.bool_]:
+        """Whether each state has a variance; that of a known payload is zero."""
+        found: NDArray[np.bool_] = np.any(
+            np.diagonal(self.covariance, axis1=1, axis2=2) > 0, axis=0
+        )
+        return found

@@ -1,0 +1,343 @@
+"""Base of the estimators of states, payload, parameters and disturbance torques of an arm."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.base.arguments import (
+    check_kind,
+    check_list_of,
+    check_mapping,
+    check_nonnegative,
+    check_numbers,
+)
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.filters.estimates import Estimates, Layout
+from flexarm.control.filters.first_estimate import first_variance, sag
+from flexarm.control.filters.predicted_readings import (
+    LARGEST,
+    PredictedReadings,
+    check_instruments,
+    reading_rows,
+)
+from flexarm.control.filters.samples import SampledEstimator
+from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.linear.statics.gaps import warn_of_bristles
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.model import Instrument
+from flexarm.model.drives.around import FilterParameters
+
+#: The parameter that every estimator has, with arguments of its own.
+MASS = "payload.mass"
+
+
+class StateEstimator(FilterParameters, OfArm, SampledEstimator):
+    """Base of estimators: their start, their samples, and the test of their innovations.
+
+    The estimated numbers are those of `Layout`. Parameters, disturbance torques and biases of
+    readings are random walks; the disturbance torques act on the joints beside the torque. An
+    estimator defines ``_start``, ``_moments``, and what `SampledEstimator` requires.
+    """
+
+    instruments: Sequence[Instrument] = Field(
+        description='Instruments of "joint_angle" (required), "joint_rate", "strain" or a '
+        "`Sensor`; their noise and resolution determine their weights."
+    )
+    sample_time: float = Field(default=1e-3, description="Time between samples (s).")
+
+    def __post_init__(self) -> None:
+        arm = self.arm
+        listed = check_list_of("instruments", self.instruments, Instrument)
+        self.instruments = tuple(listed)
+        check_instruments(arm, self.instruments)
+        warn_of_bristles(arm, "the filter")
+        self._step: SampledStep | None = None
+        self._made_for = 0.0
+        self._prior, self._drift = dict(self.parameters or {}), dict(self.parameter_drift or {})
+        self._errors = dict(self.bias_deviation or {})
+        self._wandering = dict(self.bias_drift or {})
+        self._check_names()
+        sizes = {i.label: len(reading_rows(arm, i)) for i in self.instruments}
+        names = dict.fromkeys([*self._errors, *self._wandering])
+        biased = tuple((name, sizes[name]) for name in names)
+        self._readings = PredictedReadings(arm, self.instruments, biased)
+        disturbed = np.any(self.disturbance_deviation) or np.any(self.disturbance_drift)
+        paths = tuple(self._prior)
+        self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0, biased)
+        self.reset()
+
+    def _check_names(self) -> None:
+        problems = []
+        if MASS in self._prior:
+            hint = "It has arguments of its own: payload_deviation and payload_drift."
+            problems.append(Problem("parameters", f"must not contain {MASS!r}", hint=hint))
+        for path in self._drift:
+            if path not in self._prior:
+                rule = "have paths of parameters only"
+                problems.append(Problem("parameter_drift", rule, shown(path)))
+        labels = [item.label for item in self.instruments]
+        for argument, given in (("bias_deviation", self._errors), ("bias_drift", self._wandering)):
+            for name in given:
+                if name not in labels:
+                    rule = f"have names of instruments of the filter ({', '.join(labels)})"
+                    problems.append(Problem(argument, rule, shown(name)))
+        if problems:
+            raise InputError(*problems)
+
+    def reset(self) -> None:
+        """Clear the estimate; the next ``correct`` starts from its readings."""
+        if self._step is None or self._made_for != self.sample_time:
+            self._step = SampledStep(self.arm, self.sample_time, (MASS, *self._layout.paths))
+            self._made_for = self.sample_time
+        self._nominal = self._step.free.values
+        layout = self._layout
+        self._torque = np.zeros(self.arm.joints)
+        self._walk = np.zeros(layout.size)  # variances of the walks over a sample
+        drifts = np.array([self._drift.get(path, 0.0) for path in layout.paths])
+        self._walk[layout.parameters] = self.sample_time * drifts**2
+        if layout.disturbed:
+            self._walk[layout.disturbance] = self.sample_time * self.disturbance_drift**2
+        for name, places in layout.by_instrument.items():
+            self._walk[places] = self.sample_time * self._wandering.get(name, 0.0) ** 2
+        self._begun = False
+        self._restart()
+        mean = np.concatenate([np.zeros(layout.size - 1), self._nominal[:1]])
+        mean[layout.parameters] = self._nominal[1:]
+        self._start(mean, np.zeros((layout.size, layout.size)))
+
+    @property
+    def q(self) -> FloatArray:
+        """Estimated coordinates (dof,)."""
+        return self._moments()[0][: self.arm.dof]
+
+    @property
+    def qd(self) -> FloatArray:
+        """Estimated rates (dof,)."""
+        return self._moments()[0][self.arm.dof : 2 * self.arm.dof]
+
+    @property
+    def payload_mass(self) -> float:
+        """Estimated mass of the payload, kg."""
+        return float(self._moments()[0][-1])
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """Estimated numbers of ``parameters``, by path."""
+        values = self._moments()[0][self._layout.parameters]
+        return dict(zip(self._layout.paths, values.tolist(), strict=True))
+
+    @property
+    def disturbance(self) -> FloatArray:
+        """Estimated disturbance torques (joints,) N m, which act beside the torque."""
+        return self._disturbance(self._moments()[0])
+
+    @property
+    def biases(self) -> dict[str, FloatArray]:
+        """Estimated biases by instrument, in the unit of its readings."""
+        mean = self._moments()[0]
+        return {name: mean[places].copy() for name, places in self._layout.by_instrument.items()}
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (s, s) of the errors of the estimated numbers.
+
+        Their order is [q, qd, parameters, disturbance, biases, payload_mass].
+        """
+        return self._moments()[1]
+
+    @property
+    def deviations(self) -> dict[str, FloatArray]:
+        """Standard deviations by name: "q", "qd", "payload.mass", "disturbance" and each path.
+
+        Those of biases have names such as "bias of joint_rate".
+        """
+        return self._layout.deviations(self.covariance)
+
+    @property
+    def innovation(self) -> float:
+        """Mean of the normalised innovations squared over the last 100 samples.
+
+        It is about one if the filter is consistent, and NaN before there are as many samples.
+        """
+        return self._test.ratio
+
+    @property
+    def consistent(self) -> bool:
+        """False once ``innovation`` exceeded its distribution (probability 1e-9).
+
+        An ``InconsistentEstimateWarning`` reports it once after each ``reset``.
+        """
+        return self._test.passed
+
+    def report(self) -> dict[str, float]:
+        """Return the largest mean innovation, 1 if the test was passed, else 0, and estimates.
+
+        The estimates are those of uncertain numbers, with their standard deviations.
+        """
+        found: dict[str, float] = {
+            "estimator_innovation": self._test.worst,
+            "estimator_consistent": int(self.consistent),
+        }
+        mean, covariance = self._moments()
+        for name, place in self._layout.slow.items():
+            if covariance[place, place] > 0.0 or name != MASS:
+                found[f"estimated {name}"] = float(mean[place])
+                found[f"deviation of {name}"] = float(np.sqrt(covariance[place, place]))
+        return found
+
+    @public_call
+    def begin(
+        self, q: ArrayLike, qd: ArrayLike, payload_mass: float, covariance: ArrayLike
+    ) -> None:
+        """Start at an estimate (dof,), (dof,), kg and its covariance, not at the first reading.
+
+        Parameters start at the numbers of the arm, disturbance torques and biases at zero; the
+        covariance (s, s) is that of all estimated numbers.
+
+        Raises:
+            InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
+                negative.
+        """
+        size = self._layout.size
+        parts = [check_array(n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+        mass = check_nonnegative("payload_mass", payload_mass)
+        given = check_array("covariance", covariance, (size, size))
+        for name, numbers in (("payload_mass", mass), ("covariance", given)):
+            if np.max(np.abs(numbers)) > LARGEST:
+                rule = f"be at most {LARGEST:g}"
+                raise InputError(Problem(name, rule, shown(float(np.max(np.abs(numbers))))))
+        self._start(self._mean(np.concatenate(parts), mass), given)
+        self._begun = True
+
+    @public_call
+    def correct(self, measurement: Measurement) -> None:
+        """Correct the estimate by the readings at the current sample time.
+
+        Raises:
+            InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
+                not finite or above 1e9, or the estimate has diverged.
+        """
+        check_kind("measurement", measurement, Measurement)
+        readings = self._readings.stacked(measurement)
+        if not self._begun:
+            self._number = 0  # the instruments have their first frames now
+            self._begin(measurement)
+        if not all(np.isfinite(part).all() for part in self._moments()):
+            hint = "Correct the arm, the readings or the torques, and call reset."
+            raise InputError(Problem("the estimate", "is not finite", hint=hint))
+        self._take(readings)
+
+    @public_call
+    def predict(self, torque: ArrayLike) -> None:
+        """Predict the next sample under a zero-order-hold torque (joints,) N m.
+
+        Raises:
+            InputError: if the torque does not have shape (joints,), or is not finite.
+        """
+        self._carry(check_array("torque", torque, self._torque.shape))
+
+    @public_call
+    def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
+        """Filter a record from its start, with ``correct`` and ``predict`` at each sample.
+
+        Args:
+            torque: (samples, joints) N m, constant from each sample to the next.
+            readings: by the instruments' names, (samples, ...).
+
+        Raises:
+            InputError: if there is no sample, readings of an instrument are missing, or their
+                number differs from that of the torques.
+        """
+        torques = check_array("torque", torque, (-1, self.arm.joints))
+        if not len(torques):
+            raise InputError(Problem("torque", "have at least one sample", shown(torque)))
+        given_by_name = check_mapping("readings", readings, "names and readings")
+        missing = [one.label for one in self.instruments if one.label not in given_by_name]
+        if missing:
+            hint = "The filter has an instrument for each; create it without those not measured."
+            raise InputError(
+                Problem("readings", f"have no {', '.join(map(repr, missing))}", hint=hint)
+            )
+        arrays = {}
+        for item in self.instruments:
+            name = f"readings[{item.label!r}]"
+            given = check_numbers(name, given_by_name[item.label])
+            if given.ndim == 0 or len(given) != len(torques):
+                rule = f"have one row for each of the {len(torques)} torques"
+                raise InputError(Problem(name, rule, f"shape {given.shape}"))
+            arrays[item.label] = check_array(name, given, (-1,) * given.ndim)
+        self.reset()
+        kept = []
+        for k in range(len(torques)):
+            if k:
+                self.predict(torques[k - 1])
+            self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
+            kept.append((*self._moments(), self._latest))
+        self._finish()
+        x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
+        samples = [sample for _, _, sample in kept]
+        layout = self._layout
+        return Estimates(
+            x[:, : layout.dof],
+            x[:, layout.dof : 2 * layout.dof],
+            x[:, -1],
+            covariance,
+            np.array([sample.innovation for sample in samples]),
+            self.consistent,
+            np.array([sample.size for sample in samples]),
+            dict(zip(layout.paths, x[:, layout.parameters].T, strict=True)),
+            np.array([self._disturbance(row) for row in x]),
+            {name: x[:, places] for name, places in layout.by_instrument.items()},
+        )
+
+    @abstractmethod
+    def _start(self, x: FloatArray, covariance: FloatArray) -> None:
+        """Start at a mean and covariance of the estimated numbers."""
+
+    @abstractmethod
+    def _moments(self) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and covariance of the estimated numbers."""
+
+    def _disturbance(self, x: FloatArray) -> FloatArray:
+        """Return the disturbance torques (joints,) of the estimated numbers."""
+        layout = self._layout
+        return x[layout.disturbance].copy() if layout.disturbed else np.zeros(self.arm.joints)
+
+    def _acting(self, x: FloatArray) -> FloatArray:
+        """Return the torques (joints,) that act according to the estimated numbers, N m."""
+        return self._layout.acting(x, self._torque)
+
+    def _mean(self, state: FloatArray, mass: float) -> FloatArray:
+        """Return the estimated numbers of a start at [q, qd] and a mass."""
+        none = np.zeros(self._layout.biases.stop - self._layout.disturbance.start)
+        return np.concatenate([state, self._nominal[1:], none, [mass]])
+
+    def _begin(self, measurement: Measurement) -> None:
+        arm, count, layout = self.arm, self.arm.dof, self._layout
+        angle = next(i for i in self.instruments if i.signal == "joint_angle")
+        angles = np.asarray(measurement[angle.label])
+        deviations = {MASS: self.payload_deviation, **self._prior}
+        with one_warning() as bent:
+            q, slopes = sag(arm, angles, deviations)
+        warn_of_first(bent)
+        stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles)))
+        variance = np.zeros(layout.size)
+        variance[layout.states] = first_variance(arm, self, angle, stiffness)
+        variance[layout.disturbance] = self.disturbance_deviation**2 if layout.disturbed else 0.0
+        for name, own in layout.by_instrument.items():
+            variance[own] = self._errors.get(name, 0.0) ** 2
+        P = np.diag(variance)
+        places = -1, *range(layout.parameters.start, layout.parameters.stop)
+        for place, slope, deviation in zip(places, slopes, deviations.values(), strict=True):
+            along = np.zeros(layout.size)
+            along[:count], along[place] = slope, 1.0
+            P += deviation**2 * np.outer(along, along)
+        self._start(self._mean(np.append(q, np.zeros(count)), self._nominal[0]), P)
+        self._begun = True

@@ -1,0 +1,234 @@
+"""Predicted readings of a state and their derivatives, for filters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import IntArray
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.base.arguments import check_numbers
+from flexarm.base.errors import InputError, Problem, few, shown
+from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.derivatives.point_sensitivity import point_jacobian
+from flexarm.kernels.layout import ArmConstants
+from flexarm.kernels.observation.point_motion import MOTION_COLUMNS
+from flexarm.linear.step_derivatives.sampled_step import state_places
+from flexarm.model import Instrument, Sensor
+
+#: Largest accepted reading, mass and covariance, in SI units.
+LARGEST = 1e9
+#: Signals that are linear in the state.
+LINEAR_SIGNALS = ("joint_angle", "joint_rate", "strain")
+#: Constants of an arm, and those with the imaginary step of each parameter.
+Constants = tuple[ArmConstants, tuple[ArmConstants, ...]]
+
+
+class Predicted(NamedTuple):
+    """Predicted readings of a state, and their derivatives."""
+
+    values: FloatArray  # (size,)
+    state: FloatArray  # (size, 2 dof), derivative by [q, qd]
+    parameters: FloatArray  # (size, p), derivative by the parameters of ``SampledStep``
+    torque: FloatArray  # (size, joints), derivative by the acting torque
+
+
+class PredictedReadings:
+    """Readings of instruments as a function of the state, stacked in one column.
+
+    Attributes:
+        arm, instruments: as given. size: number of readings. counts: of each instrument.
+        biased: names of instruments with biases and numbers of their readings.
+        bias: (size, biases), derivative of the readings by the biases.
+        variance: (size,), of their errors, rounding included.
+        linear: whether all readings are linear in the state.
+        linear_rows: (size, 2 dof), derivative of the linear readings by the state.
+        sensors: the `Sensor` objects. places: of their readings. stations: on the arm.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        instruments: Sequence[Instrument],
+        biased: Sequence[tuple[str, int]] = (),
+    ) -> None:
+        self.arm, self.instruments, self.biased = arm, tuple(instruments), biased
+        self._labels = [item.label for item in instruments]
+        self.sensors = [i.output for i in instruments if isinstance(i.output, Sensor)]
+        self.linear = not self.sensors
+        rows = [reading_rows(arm, item) for item in instruments]
+        self.size = sum(len(row) for row in rows)
+        self.linear_rows = np.concatenate(rows)
+        variances = [
+            np.full(len(row), item.noise**2 + item.resolution**2 / 12.0)
+            for row, item in zip(rows, instruments, strict=True)
+        ]
+        self.variance = np.concatenate(variances)
+        self.counts = [len(row) for row in rows]
+        self.bias = self._bias()
+        starts = np.cumsum([0, *self.counts])
+        self.places = [
+            slice(starts[k], starts[k + 1])
+            for k, item in enumerate(instruments)
+            if isinstance(item.output, Sensor)
+        ]
+        self.stations = place_loads(
+            arm, [marker(s.link, s.station) for s in self.sensors], what="Sensor"
+        )
+        self._kernels = kernels = KernelView(arm.assembly.constants, complex)
+        self._point_jacobian = Entry(point_jacobian)
+        self._acceleration = kernels.zeros()
+        self._poses, self._tip = kernels.pose_arrays()
+        shape = (len(self.sensors), MOTION_COLUMNS)
+        self._motions = np.zeros(shape, dtype=complex)
+        self._state_places = state_places(arm)
+        self._found = np.zeros((len(self._state_places) + 2, *shape))
+        self._pushed = np.zeros((2, *shape))
+
+    def _bias(self) -> FloatArray:
+        """Return the derivative (size, biases) of the readings by the biases."""
+        blocks = [
+            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
+            for label, count in zip(self._labels, self.counts, strict=True)
+        ]
+        return np.block(blocks) if self.biased else np.zeros((self.size, 0))
+
+    def stacked(self, measurement: Measurement) -> FloatArray:
+        """Return the readings (size,) of a measurement.
+
+        Raises:
+            InputError: if a reading is missing, has the wrong length, is not finite or too large.
+        """
+        given = [measurement.get(name) for name in self._labels]
+        missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
+        if missing:
+            hint = (
+                f"Add an instrument of {missing[0]} to the hardware of the arm, as in the filter."
+            )
+            raise InputError(Problem("measurement", f"has no {missing[0]!r}", hint=hint))
+        pairs = zip(self._labels, given, strict=True)
+        readings = np.concatenate([check_numbers(*pair).ravel() for pair in pairs])
+        if readings.size != self.size:
+            rule = f"have {self.size} readings of {', '.join(self._labels)}"
+            raise InputError(Problem("measurement", rule, str(readings.size)))
+        if not np.all(np.abs(readings) < LARGEST):
+            rule = f"be finite readings below {LARGEST:g}"
+            raise InputError(Problem("measurement", rule, few(readings)))
+        return readings
+
+    def predict(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        constants: Constants,
+    ) -> Predicted:
+        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
+
+        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
+        """
+        slopes, joints = self.linear_rows.copy(), self.arm.joints
+        plain, moved = constants
+        by_parameters = np.zeros((self.size, len(moved)))
+        found = Predicted(slopes @ x, slopes, by_parameters, np.zeros((self.size, joints)))
+        if not self.sensors:
+            return found
+        self._points(x, torque, (plain, moved[0]), self._state_places, self._found)
+        for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
+            by = self._found[:, k, sensor.columns]
+            found.state[place], found.parameters[place, 0] = by[:-2].T, by[-2]
+            found.values[place] = by[-1]
+        none = self._state_places[:0]
+        for column, one in enumerate(moved[1:], 1):
+            self._points(x, torque, (plain, one), none, self._pushed)
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
+                found.parameters[place, column] = self._pushed[-2, k, sensor.columns]
+        for joint in range(joints):
+            # Accelerations are linear in the torque, so the change by 1 N m is the derivative.
+            more = torque.copy()
+            more[joint] += 1.0
+            self._points(x, more, (plain, plain), none, self._pushed)
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
+                change = self._pushed[-1, k, sensor.columns] - found.values[place]
+                found.torque[place, joint] = change
+        return found
+
+    def values(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        constants: Constants,
+    ) -> FloatArray:
+        """Return the readings (size,) of ``predict`` alone."""
+        found: FloatArray = self.linear_rows @ x
+        if self.sensors:
+            plain = constants[0]
+            self._points(x, torque, (plain, plain), self._state_places[:0], self._pushed)
+            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
+                found[place] = self._pushed[-1, k, sensor.columns]
+        return found
+
+    def _points(
+        self,
+        x: FloatArray,
+        torque: FloatArray,
+        constants: tuple[ArmConstants, ArmConstants],
+        places: IntArray,
+        found: FloatArray,
+    ) -> None:
+        arm, kernels = self.arm, self._kernels
+        self._point_jacobian(
+            kernels.sizes,
+            *constants,
+            places,
+            arm.padded(x.reshape(2, -1)).astype(complex),
+            arm.padded_torque(torque).astype(complex),
+            kernels.loads,
+            self.stations,
+            kernels.work,
+            self._acceleration,
+            self._poses,
+            self._tip,
+            self._motions,
+            found,
+        )
+
+
+def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
+    """Raise if a filter cannot use instruments on an arm.
+
+    Raises:
+        InputError: if it cannot use one of them, or none reads "joint_angle".
+    """
+    problems = []
+    for item in instruments:
+        if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):
+            rule = "measure a Sensor or one of " + ", ".join(map(repr, LINEAR_SIGNALS))
+            problems.append(Problem("instruments", rule, shown(item.signal)))
+        elif item.signal == "strain" and not arm.gauges:
+            problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
+        if not (item.noise or item.resolution):
+            rule = f"{item.label!r} has no noise and no resolution"
+            problems.append(Problem("instrument", rule, hint="They define its variance."))
+    if "joint_angle" not in [item.signal for item in instruments]:
+        rule = "do not measure 'joint_angle', from which the estimate starts"
+        problems.append(Problem("instruments", rule))
+    if problems:
+        raise InputError(*problems)
+
+
+def reading_rows(arm: Arm, item: Instrument) -> FloatArray:
+    """Return the derivative (readings, 2 dof) of a linear reading; zeros for a `Sensor`."""
+    count = arm.dof
+    if isinstance(item.output, Sensor):
+        return np.zeros((2, 2 * count))
+    if item.signal == "strain":
+        states = arm.padded(np.stack([np.eye(count), np.zeros((count, count))], axis=1))
+        return np.hstack([arm.strains(states).T, np.zeros((len(arm.gauges), count))])
+    row = np.zeros((arm.joints, 2 * count))
+    row[np.arange(arm.joints), arm.joint_index + count * (item.signal == "joint_rate")] = 1.0
+    return row

@@ -1,0 +1,58 @@
+"""Admittance control: the force error moves the reference of a stiff position loop."""
+
+from __future__ import annotations
+
+from flexarm.control.contract.base import Measurement
+from flexarm.control.design.task_plan import TaskReference
+from flexarm.control.design.task_space import TaskState
+from flexarm.control.laws.force.task_controller import TaskController, felt_force
+from flexarm.model.drives.force import AdmittanceParameters
+
+
+class Admittance(AdmittanceParameters, TaskController):
+    """Position loop whose reference yields to the force error like a spring and a damper.
+
+    The reference moves away from the surface by y with ``damping`` y' + ``stiffness`` y = measured
+    force - force of the reference. The tip of the rigid model follows it as a mass, a spring and a
+    damper of ``frequency`` and ``damping_ratio``. Without stiffness the force has no steady-state
+    error: (F.12). Theory page "control-force", (F.10) to (F.12).
+
+    The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
+    the first contact. If the reference has no force, or there is no reference, the joints follow
+    the motion or keep their first angles with ``frequency``, and no force is measured.
+
+    Raises:
+        InputError: if a gain is negative or not finite, or damping, frequency, speed or sample time
+            are not positive.
+    """
+
+    memory = ("_away",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._posture_frequency = self.frequency
+        self._away = 0.0  # y, m
+
+    def reset(self) -> None:
+        """Clear the displacement of the reference, and the reference."""
+        super().reset()
+        self._away = 0.0
+
+    def _law(
+        self, request: TaskReference, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        nx, ny = request.normal_x, request.normal_y
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        spring = self.frequency * self.frequency
+        damper = 2.0 * self.damping_ratio * self.frequency
+        force = felt_force(request, measurement) - request.force - self.stiffness * self._away
+        speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
+        across = spring * self._away + damper * speed
+        self._away += speed * self.sample_time
+        x_pull = spring * (request.x - x) + damper * (request.x_rate - x_rate)
+        y_pull = spring * (request.y - y) + damper * (request.y_rate - y_rate)
+        acceleration = (
+            request.x_acceleration + x_pull + across * nx,
+            request.y_acceleration + y_pull + across * ny,
+        )
+        return acceleration, (0.0, 0.0)

@@ -1,0 +1,99 @@
+"""Hybrid control of the position along a surface and of the force normal to it."""
+
+from __future__ import annotations
+
+from flexarm.control.contract.base import Measurement
+from flexarm.control.design.task_plan import TaskReference
+from flexarm.control.design.task_space import TaskState
+from flexarm.control.laws.force.task_controller import TaskController, felt_force
+from flexarm.model.drives.force import HybridForceParameters
+
+#: Limit of the integral, relative to the requested force. It prevents windup without contact,
+#: which would make the tip hit the surface.
+_MOST_CORRECTION = 0.5
+
+
+class HybridForce(HybridForceParameters, TaskController):
+    """Position control along a surface, force control normal to it (Raibert and Craig 1981).
+
+    Along the surface the tip of the rigid model follows the reference as a mass, a spring and a
+    damper of ``frequency`` and ``damping_ratio``. Normal to it the torque presses with the force of
+    the reference plus the integral of the force error, damped by ``normal_damping``. The reference
+    (`pressed_motion`) supplies the torque that the bent arm needs to press at rest. Without contact
+    the tip approaches the surface at ``approach_speed``. Theory page "control-force", (F.1) to
+    (F.7).
+
+    The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
+    the first contact. Where the force of the reference is 0, the tip follows it in all directions,
+    also into a surface nearer than the path. If the reference has no force, or there is no
+    reference, the joints follow the motion or keep their first angles with ``frequency``, and no
+    force is measured.
+
+    Raises:
+        InputError: if a gain is negative or not finite, or frequency, speed or sample time are not
+            positive.
+    """
+
+    memory = ("_sum", "_touched", "_x_sum", "_y_sum")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._posture_frequency = self.frequency
+        self._sum, self._touched = 0.0, False
+        self._x_sum, self._y_sum = 0.0, 0.0
+
+    def reset(self) -> None:
+        """Clear the integrals of both errors, and the reference."""
+        super().reset()
+        self._sum, self._touched = 0.0, False
+        self._x_sum, self._y_sum = 0.0, 0.0
+
+    def _law(
+        self, request: TaskReference, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        nx, ny = request.normal_x, request.normal_y
+        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        spring = self.frequency * self.frequency
+        damper = 2.0 * self.damping_ratio * self.frequency
+        x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
+        x_off, y_off = request.x - x, request.y - y
+        if request.force <= 0.0:
+            self._sum, self._touched = 0.0, False
+            x_pull = spring * (x_off + self._x_sum) + damper * x_slip
+            y_pull = spring * (y_off + self._y_sum) + damper * y_slip
+            free = (request.x_acceleration + x_pull, request.y_acceleration + y_pull)
+            return free, (0.0, 0.0)
+        # Remove the normal component of the position error, which the force control replaces.
+        across = nx * x_off + ny * y_off
+        x_off, y_off = x_off - across * nx, y_off - across * ny
+        x_pull = spring * (x_off + self._x_sum) + damper * x_slip
+        y_pull = spring * (y_off + self._y_sum) + damper * y_slip
+        across = nx * x_pull + ny * y_pull
+        gain = self.path_integral * self.sample_time
+        self._x_sum += gain * x_off
+        self._y_sum += gain * y_off
+        push = self._push(request, measurement, nx * x_slip + ny * y_slip)
+        acceleration = (
+            request.x_acceleration + x_pull - across * nx,
+            request.y_acceleration + y_pull - across * ny,
+        )
+        return acceleration, (-push * nx, -push * ny)
+
+    def _push(self, request: TaskReference, measurement: Measurement, slip: float) -> float:
+        """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
+        felt, against = felt_force(request, measurement), -self.normal_damping * slip
+        error, limit = request.force - felt, _MOST_CORRECTION * request.force
+        touching = self._touching(felt)
+        self._touched = self._touched or touching
+        push = self.force_proportional * error + self._sum + against
+        if self._touched:
+            # Integrate without contact as well, so that a bouncing tip has the correct mean force.
+            added = self._sum + self.force_integral * self.sample_time * error
+            self._sum = min(max(added, -limit), limit)
+        if touching:
+            return push
+        return against + min(0.0, self.normal_damping * self.approach_speed - request.force)
+
+    def _touching(self, felt: float) -> bool:
+        """Return whether a measured force (N) is a contact."""
+        return felt >= self.touch_force

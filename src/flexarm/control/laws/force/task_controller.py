@@ -1,0 +1,85 @@
+"""Base of controllers of the tip and its contact force."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from flexarm.arm.arm import Arm
+from flexarm.control.contract.base import Controller, ControllerRequirements, Reference
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.task_plan import TaskPlan, TaskReference
+from flexarm.control.design.task_space import TaskSpace, TaskState
+from flexarm.control.hardware.measurement import FloatArray, Measurement
+
+
+class TaskController(OfArm, Controller):
+    """Base of controllers of the tip of a rigid model in contact with a surface."""
+
+    def __post_init__(self) -> None:
+        self._reads_force = True
+        self._posture_frequency = 0.0  # of joint errors, rad/s; a subclass sets it
+        self._task = TaskSpace(self.arm)
+        self._plan = TaskPlan(self.arm, self.sample_time)
+
+    def reset(self) -> None:
+        """Clear the reference, and the angles that are kept without one."""
+        self._plan.reset()
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """Return the requirements: a reference that presses needs a measured force."""
+        presses = self._reads_force and hasattr(reference, "contact_force")
+        return ControllerRequirements(
+            self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS
+        )
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = measurement.joint_angle, measurement.joint_rate
+        request = self._request(t, angle, reference)
+        state = self._task.at(angle, rate)
+        if not (request.normal_x or request.normal_y):
+            return self._joints_follow(request, state, angle, rate)
+        acceleration, force = self._law(request, state, measurement)
+        posture = self._posture(request, angle, rate)
+        return self._task.torque(state, acceleration, force, posture, request.pressing)
+
+    def _request(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
+        """Return the requested motion and force at t (s)."""
+        return self._plan.at(t, angle, reference)
+
+    @abstractmethod
+    def _law(
+        self, request: TaskReference, state: TaskState, measurement: Measurement
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the acceleration (m/s^2) of the tip of the rigid model, and the force (N) on it.
+
+        The reference presses on a surface.
+        """
+
+    def _joints_follow(
+        self, request: TaskReference, state: TaskState, angle: FloatArray, rate: FloatArray
+    ) -> FloatArray:
+        """Return the torque of a motion without force: computed torque, regular at any posture."""
+        w = self._posture_frequency
+        desired = request.acceleration + w * w * (request.angle - angle)
+        desired += 2.0 * w * (request.rate - rate)
+        torque: FloatArray = state.mass.dot(desired)
+        torque += state.bias_torque
+        torque += request.pressing
+        return torque
+
+    def _posture(self, request: TaskReference, angle: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return joint accelerations (joints,), with posture control of more than two joints."""
+        if self._task.joints < 3:
+            return request.acceleration
+        w = self._posture_frequency
+        back: FloatArray = w * w * (request.angle - angle) + 2.0 * w * (request.rate - rate)
+        return request.acceleration + back
+
+
+def felt_force(request: TaskReference, measurement: Measurement) -> float:
+    """Return the measured force (N) of the first contact along the normal."""
+    x, y = measurement.contact_force[0].tolist()
+    force: float = request.normal_x * x + request.normal_y * y
+    return force

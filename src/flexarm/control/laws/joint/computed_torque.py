@@ -1,0 +1,60 @@
+"""Computed torque: joint control with the inverse dynamics of the rigid model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.gains import applied
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.rigid_model import RigidModel
+from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.model.drives.joint import ComputedTorqueParameters
+
+
+class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
+    """Computed torque with the rigid model of an arm.
+
+    Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
+    errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
+    a flexible arm the frequency should be below the lowest one with locked joints.
+
+    Raises:
+        InputError: if a frequency or the sample time is not positive and finite, a damping ratio is
+            negative or not finite, or the length of a list differs from the number of joints.
+    """
+
+    memory = ()
+    vectorized = True
+
+    _: KW_ONLY
+    feedforward: Callable[[float], ArrayLike] | None = Field(
+        default=None,
+        description="None for feedback linearisation, with the torques of the model at the "
+        "measured angles and rates; or a function of time that returns torques (joints,) N m to "
+        "follow the reference, such as the ``torque`` of `tip_inversion` together with its "
+        "``reference``. The mass matrix of the model then converts only the errors to torques.",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._model = RigidModel(self.arm)
+        omega = 2.0 * np.pi * self.frequency_hz
+        self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        now, speed = measurement.joint_angle, measurement.joint_rate
+        angle, rate = self._desired(t, measurement, reference)
+        desired: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
+        if self.feedforward is not None:
+            return self._fed_forward(t) + applied(self._model.mass_matrix(now), desired)
+        if reference is not None:
+            desired = desired + reference.joint_acceleration(t)
+        # Return a copy, because the next call of the model overwrites the array.
+        return self._model.torque(now, speed, desired).copy()

@@ -1,0 +1,103 @@
+"""Independent joint control with integral feedback and gravity compensation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_flag, check_limits
+from flexarm.base.errors import InputError, Problem
+from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.gains import joint_problems
+from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.gravity_compensation import SaggingArm
+from flexarm.control.design.rigid_model import RigidModel
+from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.model.drives.joint import JointPIDParameters
+
+
+class JointPID(JointFollower, JointPIDParameters):
+    """Proportional, integral and derivative feedback of each joint angle; gravity compensation.
+
+    Without a reference the controller keeps the angles of its first measurement. Theory page:
+    (C.1).
+
+    Raises:
+        InputError: if a gain is negative or not finite, a limit or the sample time is not positive,
+            ``sag`` is given without ``arm``, or the length of a list differs from the number of
+            joints of ``arm``.
+    """
+
+    memory = ("_sum",)
+
+    _: KW_ONLY
+    arm: Arm | None = Field(
+        default=None,
+        description="Model for gravity compensation at the measured angles; None for no "
+        "compensation.",
+    )
+    sag: bool = Field(
+        default=False,
+        description="Whether the compensation includes the sag of the links under gravity; if "
+        "False, the links are straight.",
+    )
+    torque_limit: Any = Field(
+        default=math.inf,
+        description="Largest requested torque (N m), one number or one per joint. At the limit the "
+        "integral is not advanced in the direction of more torque (anti-windup).",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        arm = self.arm
+        self.torque_limit = check_limits("torque_limit", self.torque_limit)
+        self._limited = bool(np.any(np.isfinite(self.torque_limit)))
+        self.sag = check_flag("sag", self.sag)
+        self._weight: RigidModel | SaggingArm | None = None
+        if arm is not None:
+            limits = {"torque_limit": self.torque_limit}
+            if problems := joint_problems(arm.joints, limits):
+                raise InputError(*problems)
+            self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
+        elif self.sag:
+            raise InputError(Problem("arm", "is required with sag"))
+        self._sum: FloatArray | float = 0.0
+
+    @property
+    def vectorized(self) -> bool:  # type: ignore[override]
+        """Whether ``update`` accepts the readings of many runs; the sag of the links is of one."""
+        return not self.sag
+
+    def reset(self) -> None:
+        """Clear the stored angles and the integral."""
+        super().reset()
+        self._sum = 0.0
+        if isinstance(self._weight, SaggingArm):
+            self._weight.reset()
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return ControllerRequirements(self._joints_for(arm, self.torque_limit), JOINTS)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = self._desired(t, measurement, reference)
+        error: FloatArray = angle - measurement.joint_angle
+        torque: FloatArray = self.proportional * error + self._sum
+        torque = torque + self.derivative * (rate - measurement.joint_rate)
+        if self._weight is not None:
+            torque = torque + self._weight.gravity_torque(measurement.joint_angle)
+        if self.feedforward is not None:
+            torque = torque + self._fed_forward(t)
+        if not self._limited:
+            self._sum = self._sum + self.integral * (self.sample_time * error)
+            return torque
+        given: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
+        taken = (torque == given) | (error * torque < 0.0)
+        self._sum = self._sum + taken * self.integral * (self.sample_time * error)
+        return given

@@ -1,0 +1,125 @@
+"""H-infinity loop shaping of the joint angles of a flexible arm; (C.140) to (C.144)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.base.arguments import check_positive
+from flexarm.base.errors import UnstableLoopWarning, few, public_call, warn_caller
+from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.loop_shaping import ShapedDesign, shaped_design
+from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.model.drives.linear import LoopShapingParameters
+
+#: Growth in a sample time that is rounding.
+_ROUNDING = 1e-9
+
+
+class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
+    """H-infinity loop shaping: feedback of joint angles and rates with a guaranteed margin.
+
+    Weights with the mass matrix of the rigid arm shape the linear model of the flexible arm. The
+    controller is the most robust one against changes of the normalised coprime factors of this
+    shaped plant. Its states are those of an observer of the flexible arm, without gauges. Without a
+    reference the controller keeps the angles of its first measurement.
+
+    Attributes:
+        designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
+
+    Raises:
+        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist frequency
+            of ``sample_time``, or the Riccati equations have no solution.
+        EquilibriumError: if the arm has no equilibrium at a posture.
+
+    Warns:
+        UnstableLoopWarning: if the loop with the arm itself, without the damping that stands for
+            ``rigidity_uncertainty``, is unstable.
+    """
+
+    memory = ("_state",)
+    references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
+
+    _: KW_ONLY
+    feedforward: Callable[[float], ArrayLike] | None = Field(default=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        joints = self.arm.joints
+        self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
+        self._grid = PostureGrid(self.posture, self.schedule)
+        # The constructor leaves the number in the dictionary of the object, under the property.
+        self._design_for(vars(self).pop("sample_time"))
+
+    @property  # type: ignore[misc]
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self._sample_time
+
+    @sample_time.setter
+    @public_call
+    def sample_time(self, value: float) -> None:
+        self._design_for(check_positive("sample_time", value))
+
+    def _design_for(self, sample_time: float) -> None:
+        """Design the controller of each posture for a sample time (s)."""
+        self._sample_time = sample_time
+        with one_warning() as bent:
+            self.designs: tuple[ShapedDesign, ...] = tuple(
+                shaped_design(self.arm, posture, self, sample_time)
+                for posture in self._grid.postures
+            )
+        warn_of_first(bent)
+        worst = max(self.designs, key=lambda one: one.growth)
+        if worst.growth * sample_time > _ROUNDING:
+            text = (
+                f"The loop with the arm itself is unstable at joint angles {few(worst.posture)}: "
+                f"deviations grow by {worst.growth:.3g} 1/s. The margin is that of the model with "
+                "the damping of rigidity_uncertainty. Reduce it, or give the links damping."
+            )
+            warn_caller(text, UnstableLoopWarning)
+        nodes = [[np.block([[one.A, one.B], [one.C, one.D]])] for one in self.designs]
+        self._arrays = Interpolated(self._grid, nodes)
+        self._state = np.zeros(len(self.designs[0].A))
+        self.reset()
+
+    @property
+    def margin(self) -> float:
+        """Least robust stability margin of the designs, between 0 and 1.
+
+        For the model with the damping that stands for ``rigidity_uncertainty``. Gains may change by
+        factors from (1 - margin) / (1 + margin) to the inverse at all joints together, or phases by
+        2 arcsin(margin).
+        """
+        return min(one.margin for one in self.designs)
+
+    def reset(self) -> None:
+        """Clear the state, the stored angles and feedforward torques."""
+        super().reset()
+        self._state = np.zeros_like(self._state)
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        return ControllerRequirements(self.arm.joints, JOINTS)
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = self._desired(t, measurement, reference)
+        self._arrays.move(angle)
+        errors = measurement.joint_angle - angle, measurement.joint_rate - rate
+        known = np.concatenate([self._state, *errors])
+        found: FloatArray = self._arrays.arrays[0].dot(known)
+        states = self._state.size
+        self._state = found[:states]
+        torque = found[states:]
+        return torque if self.feedforward is None else torque + self._fed_forward(t)

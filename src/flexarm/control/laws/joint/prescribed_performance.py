@@ -1,0 +1,118 @@
+"""Prescribed performance: joint control with bounds of the errors, without a model of the arm."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.base.arguments import check_numbers
+from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.model.drives.uncertain import PrescribedPerformanceParameters
+
+
+class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
+    """Joint control that keeps angle errors within bounds that decrease exponentially.
+
+    Near zero errors it is `JointPD` with the gains ``bandwidth`` times ``damping`` and ``damping``.
+    Towards its bound, the gain from an angle error to a requested rate grows, and so does the gain
+    from the rate error to the torque. If they grow without limit, in continuous time, no bound is
+    exceeded on an arm with damped links, whatever its payload and friction. A sampled loop is
+    stable only up to certain gains, so both grow up to ``gain_limit`` times their values at zero,
+    and a bound can be exceeded. The bounds are those of the joints: stiff joints damp the links
+    little.
+
+    Without a reference the controller keeps the angles of its first measurement.
+
+    Attributes:
+        outside: number of samples of the last run with a measured angle error outside its bound;
+            the attribute ``bound_exceeded`` of results. ``simulate`` warns if there are any.
+
+    Raises:
+        InputError: if a number is out of range, or ``start_bound`` is less than ``bound``.
+    """
+
+    memory = ("_fading",)
+    vectorized = True
+    references: ClassVar[str] = "BechlioulisRovithakis2008 BechlioulisRovithakis2014"
+
+    def __post_init__(self) -> None:
+        from scipy.optimize import brentq
+
+        super().__post_init__()
+        if self.start_bound is None:
+            self.start_bound = self.bound
+        start, end = np.size(self.start_bound), np.size(self.bound)
+        if start != end and 1 not in (start, end):
+            rule = f"have length {end}, one value for each joint"
+            raise InputError(Problem("start_bound", rule, str(start)))
+        if np.any(self.start_bound < self.bound):
+            raise InputError(Problem("start_bound", "be at least bound", shown(self.start_bound)))
+        self._angle_end = math.sqrt(1.0 - 1.0 / self.gain_limit)
+        self._rate_end = brentq(lambda x: _torque_slope(x) - self.gain_limit, 0.0, self._angle_end)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the bounds of the start."""
+        super().reset()
+        self._fading = 1.0
+        self.outside = 0
+        self._first: float | None = None
+
+    @public_call
+    def angle_bound(self, t: ArrayLike) -> FloatArray:
+        """Return the bounds (T, joints) rad of the angle errors at times (T,) s.
+
+        The shape is (T, 1) with one bound for all joints.
+
+        Raises:
+            InputError: if t does not consist of numbers.
+        """
+        fading = np.exp(-self.decay * check_numbers("t", t))[..., None]
+        found: FloatArray = self.bound + (self.start_bound - self.bound) * fading
+        return found
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        angle, rate = self._desired(t, measurement, reference)
+        # Not the excess itself, because an analysis of the loop varies its memory below zero, too.
+        bound = self.bound + self._fading * (self.start_bound - self.bound)
+        self._fading = np.exp(-self.decay * self.sample_time) * self._fading
+        ratio = (angle - measurement.joint_angle) / bound
+        self._count(ratio)
+        near, beyond = _split(ratio, self._angle_end)
+        grown = np.arctanh(near) + self.gain_limit * beyond
+        requested = rate + self.bandwidth * bound * grown
+        ratio = (requested - measurement.joint_rate) / self.rate_bound
+        near, beyond = _split(ratio, self._rate_end)
+        grown = np.arctanh(near) / (1.0 - near * near) + self.gain_limit * beyond
+        torque: FloatArray = self.damping * self.rate_bound * grown
+        if self.feedforward is not None:
+            torque = torque + self._fed_forward(t)
+        return torque
+
+    def report(self) -> dict[str, float]:
+        """Return the number of samples outside the bound, and the first error over its bound."""
+        return {"bound_exceeded": self.outside, "bound_first_ratio": self._first or 0.0}
+
+    def _count(self, ratio: FloatArray) -> None:
+        """Count a sample of one run with an angle error outside its bound."""
+        if ratio.dtype.kind == "f" and ratio.ndim == 1:  # neither symbols nor many runs
+            largest = float(np.abs(ratio).max())
+            self.outside += largest > 1.0
+            self._first = largest if self._first is None else self._first
+
+
+def _split(ratio: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
+    """Return the parts of a ratio within ``end``, and beyond it."""
+    near = np.minimum(np.maximum(ratio, -end), end)
+    return near, ratio - near
+
+
+def _torque_slope(x: float) -> float:
+    """Return the derivative of artanh(x) / (1 - x^2)."""
+    return (1.0 + 2.0 * x * math.atanh(x)) / (1.0 - x * x) ** 2

@@ -1,0 +1,353 @@
+"""Linear-quadratic regulator with a Kalman filter, about a motion: (C.20) to (C.28)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import KW_ONLY
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.base.arguments import check_kind, check_positive
+from flexarm.base.errors import InputError, Problem, check_array, public_call
+from flexarm.control.analysis.margin_design import for_margin
+from flexarm.control.analysis.margins import loop_at
+from flexarm.control.contract.base import (
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
+from flexarm.control.contract.gains import applied
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.default_requirements import design_requirements
+from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.linear_design import (
+    Design,
+    design,
+    preview_gain,
+)
+from flexarm.control.design.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
+from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.model.drives.linear import LQGParameters
+
+#: Number of intervals of the preview.
+_NODES = 64
+
+
+class LQG(LQGParameters, OfArm, Controller):
+    """Linear-quadratic feedback of the state of a flexible arm, estimated by a Kalman filter.
+
+    The design uses `linearize` at rest in a posture, sampled exactly. The elastic forces along the
+    reference are known in advance, and the preview compensates them optimally.
+
+    Attributes:
+        designs: the `Design` of each posture of the grid.
+
+    Raises:
+        InputError: if a shape, name or number is wrong, ``acceptable`` gives no weight to an
+            undamped mode, or a mode is not detectable from ``measured``.
+        EquilibriumError: if the arm has no equilibrium at a posture.
+    """
+
+    memory = ("_known", "_whole")
+    vectorized = True  # along a reference
+    references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
+
+    _: KW_ONLY
+    nominal: Any = Field(
+        default=None,
+        description="Result of ``simulate`` that replaces the reference as nominal motion.",
+    )
+
+    def __post_init__(self) -> None:
+        arm = self.arm
+        self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
+        self.design_requirements = design_requirements(arm, self, self._regulated())
+        self._model = FlexibleModel(arm)
+        self._strains = strain_matrix(arm)
+        self._grid = PostureGrid(self.posture, self.schedule)
+        with one_warning() as bent:
+            # The constructor leaves the number in the dictionary of the object, under the property.
+            self._design_for(vars(self).pop("sample_time"))
+        warn_of_first(bent)
+
+    def _regulated(self) -> Mapping[str, Any] | None:
+        """Return the acceptable deviations that the regulator is designed for; None: defaults."""
+        return self.acceptable
+
+    @property  # type: ignore[misc]
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self._sample_time
+
+    @sample_time.setter
+    @public_call
+    def sample_time(self, value: float) -> None:
+        valid = check_positive("sample_time", value)
+        with one_warning() as bent:
+            self._design_for(valid)
+        warn_of_first(bent)
+
+    def _design_for(self, sample_time: float) -> None:
+        """Design the controller of each posture for a sample time (s)."""
+        self._sample_time = sample_time
+        self.designs = self._design_all()
+        self._prepare()
+
+    def _design_all(self) -> tuple[Design, ...]:
+        return tuple(
+            design(self.arm, posture, self.design_requirements, self._sample_time)
+            for posture in self._grid.postures
+        )
+
+    def _known_force_gain(self, item: Design) -> FloatArray:
+        """Return the torque per previewed elastic force, (joints, nodes, dof - joints)."""
+        return preview_gain(item, self._previewed, self._stride)
+
+    def _prepare(self) -> None:
+        """Compute the arrays that ``update`` uses from the designs."""
+        first = self.designs[0]
+        self._states, self._outputs = len(first.A), len(first.C)
+        self._integrals = len(first.integrated)
+        samples = round(self.preview / self._sample_time)
+        self._stride = max(1, -(-samples // _NODES))
+        self._previewed = self._stride * (-(-samples // self._stride))
+        self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
+        self._link()
+        self._motion = self._nominal_motion()
+        self._joints = m = self.arm.joints
+        still = np.zeros((1, self.arm.dof))
+        self._places, start = [], self._states
+        parts = self._shown_parts(still[:, :m], still, still)
+        for name, part in zip(self.design_requirements.measured, parts, strict=True):
+            self._places.append((name, slice(start, start + part.shape[1])))
+            start += part.shape[1]
+        self._begin(())
+        self.reset()
+
+    def _link(self) -> None:
+        """Set attributes for the arrays that depend on posture."""
+        self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._link()  # the interpolated arrays of a copy are new objects
+
+    def _node(self, item: Design) -> list[FloatArray]:
+        """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
+        kept = np.eye(len(item.A)) - item.estimator @ item.C
+        ahead = self._known_force_gain(item)
+        return [
+            np.hstack([kept, item.estimator]),
+            item.gain,
+            np.hstack([item.A, item.B, item.B_elastic]),
+            ahead.reshape(len(ahead), -1),
+        ]
+
+    @property
+    def _steps(self) -> int:
+        """Number of samples of the nominal motion to compute, including the current one."""
+        return self._previewed + 1
+
+    def _nominal_motion(self) -> PreviewedReference | RecordedRun:
+        if self.nominal is not None:
+            return RecordedRun(self._model, self.nominal, self.sample_time, self._steps, self._show)
+        sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
+        return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._show)
+
+    def reset(self) -> None:
+        """Clear the estimate, the integrals and the nominal motion."""
+        if self._known.ndim > 1:
+            self._begin(())
+        self._known[:] = 0.0
+        self._whole[:] = 0.0
+        self._motion.reset()
+
+    def _begin(self, runs: tuple[int, ...]) -> None:
+        """Set the memory to zero, that of one run for ``()``, or of several for ``(runs,)``."""
+        n = self._states
+        # The parts are the prediction and the measurement, the estimate and the integrals.
+        self._known = np.zeros((*runs, n + self._outputs))
+        self._whole = np.zeros((*runs, n + self._integrals))
+        # The parts are the estimate, the torque and the elastic forces.
+        self._pushed = np.zeros((*runs, n + self._joints + self._model.elastic.size))
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        first = () if self.nominal is not None else ("joint_angle",)
+        read = tuple(
+            dict.fromkeys(
+                [*first, *self.design_requirements.measured, *self.design_requirements.integrated]
+            )
+        )
+        return ControllerRequirements(
+            self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None
+        )
+
+    @property
+    def estimate(self) -> FloatArray:
+        """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,)."""
+        return self._whole[..., : self._states].copy()
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        n, m = self._states, self._joints
+        found = np.asarray(measurement.joint_angle if self.nominal is None else self.posture)
+        runs = np.shape(measurement[self._places[0][0]])[:-1]
+        if runs and self._known.ndim == 1:
+            self._begin_together(runs, reference)
+        nominal = self._motion.at(t, found, reference)
+        self._arrays.move(nominal.angle)
+        for name, places in self._places:
+            self._known[..., places] = measurement[name]
+        self._known[..., n:] -= nominal.shown
+        self._whole[..., :n] = self._pushed[..., :n] = applied(self._correct, self._known)
+        desired = nominal.torque + self._feedback()
+        torque = self._within_limits(desired)
+        self._pushed[..., n : n + m] = torque - nominal.torque
+        self._pushed[..., n + m :] = nominal.missing
+        self._known[..., :n] = applied(self._predict, self._pushed)
+        if self._integrals:
+            self._integrate(measurement, nominal, desired - torque)
+        return torque
+
+    def _begin_together(self, runs: tuple[int, ...], reference: Reference | None) -> None:
+        """Begin several runs, which have one nominal motion.
+
+        Raises:
+            InputError: without a reference, when each run rests at its own angles.
+        """
+        if reference is None and self.nominal is None:
+            rule = "is required for the readings of several runs at the same time"
+            raise InputError(Problem("reference", rule))
+        self._begin(runs)
+
+    def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        """Return the measurement (T, p) at T instants of the nominal motion."""
+        return np.concatenate(self._shown_parts(angle, q, qd), axis=1)
+
+    def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
+        parts = []
+        for name in self.design_requirements.measured:
+            if name == "joint_angle":
+                parts.append(angle)
+            elif name == "joint_rate":
+                parts.append(qd[:, self.arm.joint_index])
+            elif name == "strain":
+                parts.append(q @ self._strains.T)
+            else:
+                bent = q[:, self._model.elastic]
+                tips = [self._model.tip(a, b) for a, b in zip(angle, bent, strict=True)]
+                parts.append(np.array(tips))
+        return parts
+
+    def _feedback(self) -> FloatArray:
+        """Return the torque (joints,) N m added to the nominal one; (C.24), (C.27)."""
+        known = self._motion.missing[:: self._stride].ravel()
+        fed: FloatArray = -applied(self._gain, self._whole) - self._ahead.dot(known)
+        return fed
+
+    def _within_limits(self, torque: FloatArray) -> FloatArray:
+        if self.torque_limit is None:
+            return torque
+        # ``minimum`` and ``maximum`` take half the time of ``clip``.
+        cut: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
+        return cut
+
+    def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
+        """Advance the integrals, unless that would increase a torque at its limit."""
+        (name,) = self.design_requirements.integrated
+        desired = nominal.angle if name == "joint_angle" else self._desired_tip(nominal)
+        step = self.sample_time * (getattr(measurement, name) - desired)
+        request = -applied(self._gain[:, self._states :], step)
+        # Without a branch, so that the law is also evaluated over symbols.
+        self._whole[..., self._states :] += (_dots(request, excess) <= 0.0) * step
+
+    def _desired_tip(self, nominal: Nominal) -> FloatArray:
+        """Return the nominal tip (2,), m: of a reference, that of straight links."""
+        bend = nominal.q[self._model.elastic]
+        return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)
+
+    @public_call
+    def loop_poles(self, plant: Arm | None = None, posture: ArrayLike | None = None) -> FloatArray:
+        """Return the poles (k,) of the sampled loop around an arm at rest, 1/s, slowest first.
+
+        Args:
+            plant: arm with the same number of joints; None for the model. The state of the loop is
+                the state of the plant, the estimate and the integrals.
+            posture: (joints,) rad; None for the posture of the design.
+
+        Poles with negative real parts are stable. Poles are ``log(z) / sample_time``, so vibrations
+        above half the sampling rate are aliased below it.
+
+        Raises:
+            InputError: if ``plant`` has another number of joints, or ``posture`` the wrong shape.
+            EquilibriumError: if the plant has no equilibrium at ``posture``.
+        """
+        arm = self.arm if plant is None else check_kind("plant", plant, Arm)
+        if arm.joints != self.arm.joints:
+            rule = f"have the number of joints of the arm ({self.arm.joints})"
+            raise InputError(Problem("plant", rule, str(arm.joints)))
+        at = check_array(
+            "posture", self.posture if posture is None else posture, (self.arm.joints,)
+        )
+        with one_warning() as bent:
+            poles: FloatArray = loop_at(self, plant, at).poles()
+        warn_of_first(bent)
+        return poles
+
+    @classmethod
+    @public_call
+    def for_margin(
+        cls,
+        arm: Arm,
+        posture: ArrayLike | None = None,
+        *,
+        plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+        disk_margin: float = 0.3,
+        postures: ArrayLike | None = None,
+        **options: Any,
+    ) -> Self:
+        """Design a controller with a given disk margin for several arms.
+
+        ``rigidity_uncertainty`` and ``recovery`` are increased from zero until `loop_margins`
+        returns at least this margin at every joint of every plant in every posture.
+
+        Args:
+            arm, posture, options: as for the class.
+            plants: arms that the margin must hold for, in addition to ``arm``.
+            disk_margin: smallest accepted disk margin, above 0 and below 2.
+            postures: (k, joints) rad, where the margins are evaluated; None for those of the
+                design.
+
+        Raises:
+            InputError: as for the class, or if no design has the margin; the message has the best
+                one found.
+        """
+        with one_warning() as bent:
+            made = for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+        warn_of_first(bent)
+        return made
+
+    def at_rest(self) -> LQG:
+        """Return the controller, or a copy without ``nominal`` that keeps the arm at rest."""
+        if self.nominal is None:
+            return self
+        mine = deepcopy(self)
+        mine.nominal = None
+        mine._motion = mine._nominal_motion()
+        return mine
+
+
+def _dots(left: FloatArray, right: FloatArray) -> Any:
+    """Return the product of two vectors (k,), or those (runs, 1) of many (runs, k)."""
+    if left.ndim == 1:
+        return left @ right
+    return np.matmul(left[:, None], right[..., None])[:, 0]

@@ -1,0 +1,325 @@
+"""Base of controllers that damp vibration by moving the reference of an inner joint loop."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_times
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    UnstableLoopWarning,
+    check_result,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.control.analysis.linear_controller import FrozenReference, memory_of
+from flexarm.control.contract.base import (
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+    check_reference,
+    report_of,
+    requirements_of,
+)
+from flexarm.control.contract.feedforward import SampledFeedforward
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.nominal import PreviewedReference, strain_matrix
+from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.linear.vibration.modal import modes
+from flexarm.model.drives.around import JOINT_CONTROLLERS, StrainDampingParameters
+from flexarm.model.drives.base import ControllerParameters
+
+#: Smallest singular value, relative to the largest one, at which strains distinguish modes and
+#: joints move them independently.
+_DISTINCT = 1e-6
+#: Damping ratio below which a mode is reported, because joint loops damp it too little; and range
+#: of frequencies in which a mode is recognised, relative to that without control, and frequency
+#: relative to the range below which a pole is an integral.
+_GROWING, _NEAR, _INTEGRAL = -0.005, 1.2, 1e-6
+
+
+class ModalLaw(NamedTuple):
+    """Linear law x' = A x + B y, u = C x + D y in continuous time.
+
+    Attributes:
+        A, B, C, D: (n, n), (n, k), (2 k, n), (2 k, k). The input y (k,) is the modal signal of
+            (C.17), the output u is the motion (k,) of the joints in modal form, and its rate (k,).
+    """
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+
+class ShiftedReference:
+    """Reference of the inner controller at one sample time: given angles and rates.
+
+    Everything else is that of the outer reference.
+    """
+
+    def __init__(self, angle: FloatArray, rate: FloatArray, outer: Reference | None) -> None:
+        self._angle, self._rate, self._outer = angle, rate, outer
+
+    def joint_angle(self, t: float) -> FloatArray:
+        """Return the joint angles (joints,), rad."""
+        return self._angle
+
+    def joint_rate(self, t: float) -> FloatArray:
+        """Return the joint rates (joints,), rad/s."""
+        return self._rate
+
+    def joint_acceleration(self, t: float) -> FloatArray:
+        """Return the joint accelerations (joints,) of the outer reference, rad/s^2."""
+        return 0.0 * self._angle if self._outer is None else self._outer.joint_acceleration(t)
+
+
+class StrainsAlong:
+    """Strains (gauges,) of the bent arm along a reference that computes its bending."""
+
+    vectorized = True
+
+    def __init__(self, reference: Any, strains: FloatArray) -> None:
+        self._reference, self._strains = reference, strains
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        times = np.asarray(t, dtype=np.float64)
+        found: FloatArray = self._reference.coordinates(times.reshape(-1))[0] @ self._strains.T
+        return found.reshape(*times.shape, -1)
+
+
+class StrainDamping(StrainDampingParameters, OfArm, Controller):
+    """Base of controllers that damp the lowest modes by strain feedback around a joint loop.
+
+    Strains that differ from those along the reference give the modal signals, (C.17). A subclass
+    converts them to a motion of the joints, which is added to the reference of ``inner``. Along a
+    reference of the flexible arm the strains are its own; along others, and without a reference,
+    those of the statically bent arm.
+    """
+
+    inner: Controller
+
+    def __post_init__(self) -> None:
+        arm = self.arm
+        self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
+        limits = self._most_modes()
+        most = min(limits.values())
+        count = self.modes = max(1, most) if self.modes is None else self.modes
+        if count > most:
+            *others, last = [f"{there} {name}(s)" for name, there in limits.items()]
+            rule = f"is {count}, but the arm has {', '.join(others)} and {last}"
+            raise InputError(Problem("modes", rule, hint="Each mode requires one of each."))
+        if not _of_joints(self.inner):
+            rule = "be a controller of the joint angles, without a model of the bending"
+            raise InputError(Problem("inner", rule, shown(self.inner)))
+        rest = equilibrium(arm, self.posture)
+        found = modes(arm, rest)
+        shapes = found.shapes[:count]
+        self.frequency_hz = found.frequency_hz[:count]
+        self._strains = strain_matrix(arm)
+        moved = shapes @ arm.mass_matrix(rest.q)[:, arm.joint_index]
+        self._model = FlexibleModel(arm)
+        self._observed = _inverse(self._strains @ shapes.T, "be observed by the gauges", count)
+        self._driven = self._joint_motion(shapes, moved)
+        elastic = self._model.elastic
+        self._linear = model = linearize(arm, rest)
+        stiffness = model.stiffness[np.ix_(elastic, elastic)]
+        self._bend = self._strains[:, elastic] @ np.linalg.inv(stiffness)
+        self._warn_of_growth(float(found.frequency_hz[: most + 1].max()))
+        self._sag = Interpolated(PostureGrid(self.posture, None), [[rest.q[elastic]]])
+        self.reset()
+
+    def _most_modes(self) -> dict[str, int]:
+        """Return the numbers that limit the number of modes, by their names."""
+        arm = self.arm
+        bending = arm.dof - arm.joints
+        return {"joint": arm.joints, "gauge": len(arm.gauges), "bending coordinate": bending}
+
+    def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17).
+
+        ``moved`` (k, joints) is B of (C.17), for the modes with ``shapes`` (k, dof).
+        """
+        motion: FloatArray = _inverse(moved, "be moved by the joints", len(moved))
+        return motion
+
+    @abstractmethod
+    def _law(self, omega: FloatArray) -> ModalLaw:
+        """Return the law for modes with angular frequencies omega (k,), rad/s."""
+
+    @property
+    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
+        """Attributes kept between samples; None if ``inner`` does not declare its own."""
+        inside = memory_of(self.inner)
+        return None if inside is None else ("_state", *(f"inner.{name}" for name in inside))
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the inner controller, s."""
+        return self.inner.sample_time
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        self.inner.sample_time = value
+
+    def reset(self) -> None:
+        """Clear the state of the previous run, including the inner controller."""
+        from scipy.signal import cont2discrete
+
+        self.inner.reset()
+        law = self._law(2.0 * np.pi * self.frequency_hz)
+        joints = np.kron(np.eye(2), self._driven)
+        B, D = -law.B @ self._observed, -law.D @ self._observed
+        whole = law.A, B, joints @ law.C, joints @ D
+        # Tustin's rule, because a zero-order hold of the strain would delay the feedback.
+        self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
+        self._state = np.zeros(len(law.A))
+        self._followed: Reference | None = None
+        self._along: SampledFeedforward | None = None
+        self._nominal = PreviewedReference(
+            self._model, self._sag, self.sample_time, 1, self._static_strain
+        )
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """See ``Controller.requirements``."""
+        inner = requirements_of(self.inner, arm, reference)
+        joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
+        read = tuple(dict.fromkeys([*JOINTS, *inner.measured, "strain"]))
+        return ControllerRequirements(joints, read, len(self.arm.gauges))
+
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
+        """See ``Controller.update``."""
+        nominal = self._nominal.at(t, measurement.joint_angle, reference)
+        if reference is not self._followed:
+            self._followed, self._along = reference, self._strains_along(reference)
+        if self._along is None:
+            strain = measurement.strain - nominal.shown - self._bend.dot(nominal.missing)
+        else:
+            strain = measurement.strain - self._along(t)
+        motion = self._C.dot(self._state) + self._D.dot(strain)
+        self._state = self._A.dot(self._state) + self._B.dot(strain)
+        m = self.arm.joints
+        rate = nominal.qd[self.arm.joint_index] + motion[m:]
+        shifted = ShiftedReference(nominal.angle + motion[:m], rate, reference)
+        return np.asarray(self.inner.update(t, measurement, shifted))
+
+    def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
+        """Return the strains of a reference that computes them, as a function of time."""
+        if not _bends(reference):
+            return None
+        return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
+
+    @public_call
+    def strain_correction(self, t: ArrayLike, reference: Reference) -> FloatArray:
+        """Return the strains of a reference minus those of the static bending of the links.
+
+        The exported C function computes the static bending at the angles, rates and accelerations
+        of the reference. This is its input for a reference that computes its own bending.
+
+        Args:
+            t: time, or times (T,), s.
+            reference: the reference.
+
+        Returns:
+            Strains (gauges,), or (T, gauges) at times (T,); zero for references without bending.
+
+        Raises:
+            InputError: if the times are not numbers, or the reference lacks a method.
+        """
+        times = check_times("t", t)
+        check_reference(reference)
+        found = np.zeros((times.size, len(self._strains)))
+        if _bends(reference) and times.size:
+            flat = times.reshape(-1)
+            parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
+            motion = [np.array([part(one) for one in flat.tolist()]) for part in parts]
+            static = self._nominal.along(*motion)
+            found = StrainsAlong(reference, self._strains)(flat) - static.shown
+            found -= static.missing @ self._bend.T
+        return found.reshape(*times.shape, -1)
+
+    def _warn_of_growth(self, highest: float) -> None:
+        """Warn if a mode that is not designed grows around joints that follow exactly.
+
+        Modes above ``highest`` (Hz) are left to the joint loop.
+        """
+        elastic, count, model = self._model.elastic, self.modes, self._linear
+        n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
+        own = np.ix_(elastic, elastic)
+        signal = -law.B @ self._observed @ self._strains[:, elastic]
+        # The angles have no feedthrough, so their accelerations follow from the state of the law.
+        push = -model.mass[np.ix_(elastic, self.arm.joint_index)] @ self._driven @ law.C[:count]
+        forces = (
+            push @ law.A @ signal - model.stiffness[own],
+            push @ signal - model.damping[own],
+            push @ law.A @ law.A,
+        )
+        none = np.zeros((n, n))
+        loop = np.block(
+            [
+                [none, np.eye(n), np.zeros((n, len(law.A)))],
+                [np.linalg.solve(model.mass[own], np.hstack(forces))],
+                [signal, np.zeros((len(law.A), n)), law.A],
+            ]
+        )
+        poles = np.linalg.eigvals(check_result(loop, law.A))
+        limit = _NEAR * 2.0 * np.pi * highest
+        # Integrals of the law have poles at zero.
+        poles = poles[(np.abs(poles) < limit) & (np.abs(poles) > _INTEGRAL * limit)]
+        worst = poles[np.argmax(poles.real / np.abs(poles))]
+        ratio, hertz = -worst.real / abs(worst), abs(worst) / (2.0 * np.pi)
+        if ratio < _GROWING:
+            text = (
+                f"With modes={count}, a mode of {hertz:.3g} Hz that is not damped grows if the "
+                f"joints follow exactly: its damping ratio is {ratio:.2g}. Choose another number "
+                "of modes or a smaller damping_ratio, and check the loop with flexarm.loop_margins."
+            )
+            warn_caller(text, UnstableLoopWarning)
+
+    def _static_strain(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+        """Return the strains (T, gauges) at q (T, dof)."""
+        shown: FloatArray = q @ self._strains.T
+        return shown
+
+    def report(self) -> dict[str, float]:
+        """Return the report of the inner controller."""
+        return report_of(self.inner)
+
+
+def _bends(reference: Reference | None) -> bool:
+    """Return whether the strains of a reference are its own."""
+    # For small deviations from a constant reference it does not matter which strains it has.
+    return hasattr(reference, "coordinates") and not isinstance(reference, FrozenReference)
+
+
+def _of_joints(controller: Any) -> bool:
+    """Return whether a controller, or the innermost one in it, is one of the joint angles."""
+    while not isinstance(controller, StrainDamping):
+        inner = getattr(controller, "inner", None)
+        if inner is None:
+            # The kind of a user's controller is unknown, so it is accepted.
+            own = not isinstance(controller, ControllerParameters)
+            return own or controller.name in JOINT_CONTROLLERS
+        controller = inner
+    return False
+
+
+def _inverse(matrix: FloatArray, rule: str, count: int) -> Any:
+    """Return the pseudoinverse of a matrix of full rank."""
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    if sizes[-1] <= _DISTINCT * sizes[0]:
+        raise InputError(Problem("modes", rule, str(count)))
+    return np.linalg.pinv(matrix)

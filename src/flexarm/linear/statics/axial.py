@@ -1,0 +1,325 @@
+"""Axial loads of links, which the linear theory neglects, and their warning.
+
+Tension stiffens a link and compression softens it, until it buckles. The second-order theory
+contains this: a state bent by eta shortens a piece by eta^T G eta / 2, and the work of the axial
+force over the shortening is its geometric stiffness. The *share* of a piece is that stiffness over
+the elastic one, for the shape of the lowest buckling load: positive for tension, -1 at the
+buckling load of the clamped piece. Frequencies change by about sqrt(1 + share). Theory page "link",
+section 11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.arm.bending import bending_warning, warn_of_first
+from flexarm.arm.observe import contact_forces, poses_of
+from flexarm.kernels.columns import FIRST_MOMENT_X, LENGTH, MASS, TIP_MASS
+from flexarm.kernels.forces.contact import LEVER
+from flexarm.kernels.layout import Loads
+from flexarm.model import Contact, Load
+
+#: Share of a link that is reported: frequencies of the linear theory err by 13 % to 22 %.
+LARGEST_SHARE = 1.0 / 3.0
+#: Share below which the stability of an equilibrium does not depend on it.
+_NEGLIGIBLE = 0.01
+#: Samples of a period at which the loads are evaluated.
+_SAMPLES = 8
+#: Stride of the samples at which contacts are examined first.
+_STRIDE = 8
+_PAGE = "see docs/how-to/large-deflection.md."
+
+
+def geometric_stiffness(arm: Arm, q: FloatArray, environment: Environment) -> FloatArray:
+    """Return the stiffness (dof, dof) by axial forces at q (dof,) that the linear theory neglects.
+
+    It is zero for an arm of the second-order theory, which contains it, and for axial forces below
+    a hundredth of the buckling loads. Forces of contacts act as constant loads.
+    """
+    if arm.spec.theory != "linear" or _estimate(arm).surely_small(
+        np.zeros(1), *_at_rest(arm, q, environment), _NEGLIGIBLE
+    ):
+        return np.zeros((arm.dof, arm.dof))
+    loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
+    second = _second_order(arm)
+    return second.stiffness_matrix(q, loads=loads) - arm.stiffness_matrix(q, loads=loads)
+
+
+def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list[Load]:
+    if not contacts:
+        return []
+    placed = Environment((), None, contacts).placed(arm).contacts
+    state = arm.padded(np.stack([q, np.zeros_like(q)]))
+    forces = contact_forces(arm, placed, state[None])[0]
+    return [
+        Load(link=contact.link or arm.links, force=tuple(force.tolist()), station=contact.station)
+        for contact, force in zip(contacts, forces, strict=True)
+    ]
+
+
+_second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
+
+
+def _second_order(arm: Arm) -> Arm:
+    """Return the arm with the second-order theory, which has the same coordinates."""
+    found = _second_orders.get(arm)
+    if found is None:
+        found = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
+    return found
+
+
+class AxialLoads:
+    """Estimate of the shares of all pieces at states; the bodies count as rigid, in their places.
+
+    Shares of tip forces, uniform fields and rotation are exact alone, and add up within some
+    percent.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        constants = arm.assembly.constants
+        self._arm = arm
+        self._pieces = [piece for piece in arm.assembly.pieces if piece.shapes.w2.size]
+        self._gains = np.array([_gains(piece) for piece in self._pieces]).reshape(-1, 3)
+        slowest = np.array([piece.shapes.w2[0] for piece in self._pieces])
+        self._periods = 2.0 * np.pi / np.sqrt(np.maximum(slowest, np.finfo(float).tiny))
+        body = constants.body
+        self._tip = body[:, TIP_MASS], body[:, TIP_MASS] * body[:, LENGTH]
+        self._mass = body[:, MASS] + self._tip[0]
+        self._moment = body[:, FIRST_MOMENT_X] + self._tip[1]
+        self._gravity = np.asarray(arm.spec.gravity, dtype=float)
+        self._slopes = np.zeros_like(constants.dP)
+        self._slopes[1:] = constants.dP[:-1]  # the slope of a tip turns the next body
+        self._still, self._moving = self._bounds(body[:, LENGTH])
+
+    def _bounds(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of the shares by a field (pieces,), and by the motion (pieces, bodies).
+
+        The motion of a body is its squared rate plus the size of its angular acceleration.
+        """
+        n = lengths.size
+        roots = np.tril(np.tile(lengths, (n, 1)), -1)  # accelerations of the roots
+        pulls = self._mass[:, None] * roots + np.diag(np.abs(self._moment))
+        still, moving = np.zeros(len(self._pieces)), np.zeros((len(self._pieces), n))
+        for k, piece in enumerate(self._pieces):
+            b, (tip, uniform, spinning) = piece.body, self._gains[k]
+            still[k] = uniform + tip * (self._tip[0][b] + self._mass[b + 1 :].sum())
+            moving[k] = (uniform + tip * self._tip[0][b]) * roots[b]
+            moving[k] += tip * pulls[b + 1 :].sum(axis=0)
+            moving[k, b] += spinning + uniform * piece.offset + tip * self._tip[1][b]
+        return still, moving
+
+    def surely_small(
+        self, times: FloatArray, states: FloatArray, acting: Acting, limit: float = LARGEST_SHARE
+    ) -> bool:
+        """Return whether a bound, much faster than the estimate, excludes shares above a limit."""
+        if not self._pieces:
+            return True
+        inboard = np.zeros_like(states[:, 1, :, 1:])
+        inboard[:, 1:] = states[:, 1, :-1, 1:]
+        rates = states[:, 1, :, 0] + np.einsum("tij,ij->ti", inboard, self._slopes)
+        rates = np.cumsum(rates, axis=1)
+        motion = rates**2 + np.abs(self._turning(times, rates))
+        field = float(np.hypot(*self._gravity) + np.hypot(*acting.base.T).max())
+        force = acting.largest()
+        if acting.loads.contacts.body.size:
+            touching = contact_forces(self._arm, acting.loads.contacts, states[::_STRIDE])
+            force += float(np.hypot(touching[..., 0], touching[..., 1]).sum(axis=1).max())
+        most = motion @ self._moving.T + (self._still * field + self._gains[:, 0] * force)
+        return bool(most.max() < limit)
+
+    def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
+        """Return the shares (samples, pieces), averages over the lowest period of each piece."""
+        poses = poses_of(self._arm, states)
+        place, angle, rate = poses[:, :, :2], poses[:, :, 2], poses[:, :, 5]
+        turning, n = self._turning(times, rate), angle.shape[1]
+        along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # (samples, bodies, 2)
+        # Accelerations less gravity, of the roots, then of the centres of mass times the mass.
+        root = np.zeros((len(times), n, 2)) + (acting.base - self._gravity)[:, None]
+        for b in range(1, n):
+            link = place[:, b] - place[:, b - 1]
+            spun = turning[:, b - 1, None] * _turned(link) - rate[:, b - 1, None] ** 2 * link
+            root[:, b] = root[:, b - 1] + spun
+        spun = turning[..., None] * _turned(along) - rate[..., None] ** 2 * along
+        forces = acting.forces(self._arm, states, along)
+        needed = self._mass[:, None] * root + self._moment[:, None] * spun
+        for body, _, force in forces:
+            needed[:, body] -= force
+        outboard = np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]  # force on each root
+        found = np.zeros((len(times), len(self._pieces)))
+        for k, piece in enumerate(self._pieces):
+            b, (tip, uniform, spinning) = piece.body, self._gains[k]
+            t, spin = along[:, b], rate[:, b] ** 2
+            field = -(root[:, b] * t).sum(axis=1)
+            pull = self._tip[0][b] * field + self._tip[1][b] * spin
+            if b + 1 < n:
+                pull = pull - (outboard[:, b + 1] * t).sum(axis=1)
+            for body, x, force in forces:
+                if body == b:
+                    ratio = min(max((x - piece.offset) / piece.shapes.length, 0.0), 1.0)
+                    # Part of the shortening inboard of the load, for Euler's buckling mode.
+                    part = ratio - np.sin(np.pi * ratio) / np.pi
+                    pull = pull + part * (force * t).sum(axis=1)
+            found[:, k] = tip * pull + uniform * (field + piece.offset * spin) + spinning * spin
+        return self._averaged(times, found)
+
+    def _turning(self, times: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return accelerations (samples, bodies), averages of rates over the longest period."""
+        k = _window(times, float(self._periods.max()))
+        if k >= len(times):
+            return np.zeros_like(rate)
+        middle = (rate[k:] - rate[:-k]) / (times[k:] - times[:-k])[:, None]
+        return np.pad(middle, ((k // 2, k - k // 2), (0, 0)), mode="edge")
+
+    def _averaged(self, times: FloatArray, shares: FloatArray) -> FloatArray:
+        found = np.empty_like(shares)
+        for k, period in enumerate(self._periods):
+            width = min(_window(times, float(period)), len(times))
+            total = np.concatenate([[0.0], np.cumsum(shares[:, k])])
+            means = (total[width:] - total[:-width]) / width
+            found[:, k] = np.pad(means, (0, len(times) - len(means)), mode="edge")
+        return found
+
+    def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
+        """Describe the largest axial load of a link; empty if all are small.
+
+        Args:
+            times: (samples,) s. states: (samples, 2, n, 1 + m).
+        """
+        if not len(times) or not self._pieces:
+            return ""
+        if not acting.changing:  # a few samples in each period are enough
+            stride = max(1, _window(times, float(self._periods.min())) // _SAMPLES)
+            times, states = times[::stride], states[::stride]
+        if self.surely_small(times, states, acting):
+            return ""
+        shares = self.shares(times, states, acting)
+        lowest, highest = shares.min(axis=0), shares.max(axis=0)
+        extreme = np.where(-lowest > highest, lowest, highest)
+        worst = int(np.argmax(np.abs(extreme)))
+        share = float(extreme[worst])
+        if not abs(share) > LARGEST_SHARE:
+            return ""
+        link = self._pieces[worst].link
+        name = f"link {link + 1}"
+        if self._arm.spec.links[link].segments > 1:
+            name = f"a segment of {name}"
+        kind = "tension" if share > 0.0 else "compression"
+        effect = "buckles it"
+        if share > -1.0:
+            effect = f"changes its frequencies by {abs(np.sqrt(1.0 + share) - 1.0):.0%}"
+        return (
+            f"{name} carries an axial {kind} of {abs(share):.3g} times its buckling load, which "
+            f"{effect} and which the linear theory neglects. Use theory='second_order'; {_PAGE}"
+        )
+
+
+def _window(times: FloatArray, period: float) -> int:
+    """Return the number of samples in a period (s)."""
+    spacing = float(times[1] - times[0]) if len(times) > 1 else 0.0
+    return max(1, round(min(period / spacing, 1e9))) if spacing > 0.0 else 1
+
+
+def _turned(vectors: FloatArray) -> FloatArray:
+    """Return vectors (..., 2) turned by a right angle."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def _gains(piece: Piece) -> list[float]:
+    """Return shares of a piece: of a tip force (1/N), of a uniform field (s^2/m) and spin (s^2)."""
+    root = 1.0 / np.sqrt(piece.shapes.w2)
+    matrices = piece.shapes.G, piece.shapes.D0, piece.shapes.D1
+    return [float(np.linalg.eigvalsh(root[:, None] * M * root)[-1]) for M in matrices]
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """Loads of a run.
+
+    Attributes:
+        loads: as placed. factors: of their values (samples or 1, loads).
+        base: accelerations of the base (samples or 1, 2), m/s^2.
+    """
+
+    loads: Loads
+    factors: FloatArray
+    base: FloatArray
+
+    @classmethod
+    def constant(cls, loads: Loads) -> Acting:
+        """Return loads that are constant over time."""
+        return cls(loads, np.ones((1, loads.body.size)), loads.base_acceleration[None])
+
+    @property
+    def changing(self) -> bool:
+        """Whether loads may change within a few samples."""
+        return len(self.factors) > 1 or bool(self.loads.contacts.body.size)
+
+    def largest(self) -> float:
+        """Return the largest sum of the sizes of all loads (N)."""
+        sizes = np.abs(self.loads.weight) * np.hypot(*self.loads.value[:, :2].T)
+        return float((np.abs(self.factors) @ sizes).max(initial=0.0))
+
+    def forces(
+        self, arm: Arm, states: FloatArray, along: FloatArray
+    ) -> list[tuple[int, float, FloatArray]]:
+        """Return body, place along it (m) and force (samples or 1, 2) of each load and contact, N.
+
+        Args:
+            along: (samples, bodies, 2) axes of the bodies in the world.
+        """
+        found = []
+        for k, body in enumerate(self.loads.body.tolist()):
+            weight = float(self.loads.weight[k])
+            force = self.factors[:, k, None] * (weight * self.loads.value[k, :2])
+            if self.loads.follower[k]:
+                axis = along[:, body]
+                force = force[:, :1] * axis + force[:, 1:] * _turned(axis)
+            found.append((body, float(self.loads.lever[k]) / (weight or 1.0), force))
+        touched = self.loads.contacts
+        if touched.body.size:
+            pushes = contact_forces(arm, touched, states)
+            for k, body in enumerate(touched.body.tolist()):
+                found.append((body, float(touched.law[k, LEVER]), pushes[:, k]))
+        return found
+
+
+#: Cached estimates for each arm of the linear theory.
+_of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
+
+
+def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Acting) -> str:
+    """Describe the largest axial load that the theory of an arm neglects; empty if small."""
+    if arm.spec.theory != "linear":
+        return ""
+    return _estimate(arm).describe(times, states, acting)
+
+
+def _estimate(arm: Arm) -> AxialLoads:
+    estimate = _of_arms.get(arm)
+    if estimate is None:
+        estimate = _of_arms[arm] = AxialLoads(arm)
+    return estimate
+
+
+def _at_rest(
+    arm: Arm, q: FloatArray, environment: Environment, qd: FloatArray | None = None
+) -> tuple[FloatArray, Acting]:
+    """Return states and loads for the estimate at q and qd, each (dof,)."""
+    rates = np.zeros_like(q) if qd is None else qd
+    states = arm.padded(np.stack([q, rates]))[None]
+    return states, Acting.constant(environment.placed(arm))
+
+
+def warn_of_theory(
+    arm: Arm, q: FloatArray, environment: Environment, qd: FloatArray | None = None
+) -> None:
+    """Warn once of bending or axial loads at q and qd, each (dof,), as `warn_of_bending` does."""
+    loaded = axial_warning(arm, np.zeros(1), *_at_rest(arm, q, environment, qd))
+    warn_of_first([bending_warning(arm, q), loaded])

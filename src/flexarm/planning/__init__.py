@@ -1,0 +1,1 @@
+"""Plans of whole tasks: optimal motions, learning of repeated motions, proposed controllers."""

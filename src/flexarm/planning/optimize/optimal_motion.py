@@ -1,0 +1,243 @@
+"""`optimal_motion`: a motion of least time, energy or vibration within limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning, warn_of_bending, warn_of_first
+from flexarm.base.arguments import check_choice, check_count, check_kind, check_positive
+from flexarm.base.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    warn_caller,
+)
+from flexarm.motion import Motion
+from flexarm.motion.motion import check_motion
+from flexarm.planning.optimize.correction import corrected
+from flexarm.planning.optimize.guess import plan_of, shaped_guess, straight_motion
+from flexarm.planning.optimize.limits import MotionLimits
+from flexarm.planning.optimize.plan import Plan
+from flexarm.planning.optimize.solution import (
+    OptimalMotion,
+    OptimizationError,
+    last_iterate,
+    tabulated,
+)
+from flexarm.planning.optimize.task import OBJECTIVES, Task, task_of
+from flexarm.planning.optimize.transcription import Answer, Transcription
+from flexarm.planning.optimize.verification import excess_of, remaining, simulated
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Phase (rad) of the fastest resting mode in one interval; the error of its phase is then 2e-4 rad
+#: per interval.
+_PHASE = 1.5
+#: Numbers of intervals: the fewest and the most by default, and the most that can be given.
+_FEWEST, _MOST, _MOST_GIVEN = 40, 160, 2000
+#: Violation of constraints, relative to their sizes, up to which their limits are not the reason
+#: of a failure.
+_FEASIBLE = 1e-6
+#: Intervals of the first solution.
+_COARSE = 40
+#: Solutions with narrower bounds until the full model is within its limits, growth of the margins,
+#: and excess relative to a limit: aimed at, and accepted after the last solution.
+_ROUNDS, _GROWTH, _AIM, _ACCEPTED = 6, 1.2, 1e-6, 1e-3
+#: Distance of the tip from its goal, relative to the reach, that is reported.
+_MISSED = 1e-3
+
+
+@public_call
+def optimal_motion(
+    arm: Arm,
+    start: ArrayLike,
+    end: ArrayLike,
+    objective: str = "time",
+    limits: MotionLimits | None = None,
+    *,
+    duration: float | None = None,
+    modes: int | None = None,
+    guess: Motion | None = None,
+    intervals: int | None = None,
+    iterations: int = 1000,
+    plant: Arm | None = None,
+) -> OptimalMotion:
+    """Compute the optimal motion of a flexible arm between two postures, with its torque.
+
+    The arm is at rest at both ends, also its links: a motion without residual vibration.
+
+    Args:
+        arm: the arm.
+        start, end: (joints,) relative joint angles, rad. Links sag there under gravity.
+        objective: "time" for the least duration; "energy" for the least integral of squared
+            torques, to which the heat in motors is proportional; "vibration" for the least integral
+            of squared rates of the links' modes during the motion.
+        limits: limits of torques, rates, angles, strains, and of the tip; none by default. The
+            objective "time" requires a limit of the torque.
+        duration: s, for "energy" and "vibration".
+        modes: number of the lowest vibrations, with free joints, that are at rest at the end
+            besides the joints; all by default, and if the tip would miss its goal otherwise.
+        guess: first guess: a motion of the joints, for example one around an obstacle. By default a
+            straight motion, shaped for two modes.
+        intervals: number of intervals of equal length, by default as many as the resting modes
+            need, from 40 to 160. In each, the torque is constant, or linear if its rate has a
+            limit.
+        iterations: largest number of iterations of IPOPT.
+        plant: arm that is simulated, if it differs from ``arm``: one with more modes.
+
+    Returns:
+        The motion, with its torque, the simulation of the full model, and what remains there.
+
+    Raises:
+        InputError: if CasADi is not installed, an argument has the wrong shape or value, a limit
+            excludes the start or the end, or the duration is too short for the joint rates.
+        EquilibriumError: if a posture has no equilibrium.
+        OptimizationError: if IPOPT does not find a solution, for example because the limits are too
+            narrow, or if the full model violates a limit by more than 0.1 %. The last iterate is
+            its attribute ``last``.
+
+    Warns:
+        LargeDeflectionWarning: a link bends too far for the theory of the arm.
+
+    Direct collocation at three Gauss points per interval, solved by IPOPT through CasADi. Limits
+    hold at these points and at the nodes; the problem is solved again, with narrower limits, until
+    they also hold in between, in the simulation. If modes are so fast that the intervals do not
+    resolve them, the simulated arm would miss its goal: Newton's method then corrects the torques,
+    within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
+    Contacts are not included.
+    """
+    arm = check_kind("arm", arm, Arm)
+    plant = arm if plant is None else check_kind("plant", plant, Arm)
+    check_choice("objective", objective, OBJECTIVES)
+    limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
+    begin, goal = (
+        check_array(name, given, (arm.joints,)) for name, given in (("start", start), ("end", end))
+    )
+    given = None if duration is None else check_positive("duration", duration, "s")
+    if plant.joints != arm.joints:
+        rule = f"have the number of joints of the arm ({arm.joints})"
+        raise InputError(Problem("plant", rule, str(plant.joints)))
+    most = check_count("iterations", iterations)
+    count = None if modes is None else check_count("modes", modes, 1, _elastic(arm))
+    pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
+    own = None if guess is None else check_motion(guess, arm)
+    with one_warning() as bent:
+        task = task_of(arm, begin, goal, objective, limits, given, count)
+        straight = straight_motion(task) if own is None else own
+        pieces = pieces or _default_intervals(task, straight.duration)
+        first = shaped_guess(task, straight) if own is None else own
+        plan = plan_of(task, first, min(pieces, _COARSE))
+        found = _within_limits(task, plan, plant, pieces, most)
+    warn_of_first(bent)
+    return found
+
+
+def _elastic(arm: Arm) -> int:
+    return arm.dof - arm.joints
+
+
+def _default_intervals(task: Task, duration: float) -> int:
+    """Return a number of intervals that resolves the resting modes, if it is not too large."""
+    needed = np.ceil(task.vibrations[: task.modes] * duration / _PHASE)
+    if not needed.size:
+        return _FEWEST
+    if needed[0] > _MOST_GIVEN:
+        rule = "be so near that the arm vibrates less than 500 times on its way"
+        raise InputError(Problem("end", rule, f"{needed[0] * _PHASE / (2.0 * np.pi):.3g} times"))
+    return int(np.clip(needed[-1], _FEWEST, _MOST))
+
+
+def _within_limits(
+    task: Task, plan: Plan, plant: Arm, intervals: int, iterations: int
+) -> OptimalMotion:
+    """Solve with few intervals, then with all, until the full model is within its limits.
+
+    The few intervals make the search fast, and find better optima than many.
+    """
+    total = 0
+    margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
+    slack = [task.slack(bound) for bound in task.bounds]
+    problem = Transcription(task, plan, iterations, near=False)
+    for _ in range(_ROUNDS):
+        answer = problem.solve(plan, margins)
+        total += answer.iterations
+        if not answer.converged:
+            raise _not_converged(task, answer)
+        plan = answer.plan
+        if plan.intervals == intervals:
+            if plant is task.arm:
+                plan = corrected(task, plan)
+            run = simulated(task, plant, plan)
+            if plant is task.arm and task.modes is not None and _misses(task, plan, run):
+                plan = corrected(replace(task, modes=None), plan)
+                run = simulated(task, plant, plan)
+            excess = [excess_of(bound, run, plan.duration) for bound in task.bounds]
+            over = [np.max(e / b.size) for e, b in zip(excess, task.bounds, strict=True)]
+            if max(over, default=0.0) <= _AIM:
+                break
+            wider = [m + _GROWTH * np.maximum(e, 0.0) for m, e in zip(margins, excess, strict=True)]
+            # The start and the end, which may be on a bound, must remain within narrower ones.
+            margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
+        plan = plan.refined(intervals, task.continuous)
+        problem = Transcription(task, plan, iterations, near=True)
+    for bound, most in zip(task.bounds, over, strict=True):
+        if most > _ACCEPTED:
+            reason = f"the full model exceeds the limit {bound.name!r} by {100.0 * most:.2g} %"
+            hint = "Take more intervals, or a plant that differs less from the arm."
+            raise OptimizationError(reason, hint, last_iterate(task, plan))
+    warn_of_bending(task.arm, plan.q)
+    rest = remaining(task, plant, plan, run)
+    if plant is task.arm and _misses(task, plan, run):
+        warn_caller(
+            f"the tip comes to rest {rest.tip_error:.2g} m from its goal in the simulation: "
+            f"{plan.intervals} intervals do not resolve the fastest modes. Limit the torque_rate, "
+            "or take fewer modes of links; see OptimalMotion.remaining.",
+            AccuracyWarning,
+        )
+    table, chain = tabulated(task, plan)
+    return OptimalMotion(
+        arm=task.arm,
+        objective=task.objective,
+        duration=plan.duration,
+        initial=task.start.q,
+        final=task.end.q,
+        modes=_elastic(task.arm) if task.resting_modes() is None else task.modes or 0,
+        iterations=total,
+        run=run,
+        remaining=rest,
+        _plan=plan,
+        _history=plan.torque_history(task.start.torque, task.end.torque),
+        _table=table,
+        chain=chain,
+    )
+
+
+def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
+    """Return whether the tip comes to rest too far from its goal."""
+    error = remaining(task, task.arm, plan, run).tip_error
+    return error > _MISSED * float(task.arm.lengths.sum())
+
+
+def _not_converged(task: Task, answer: Answer) -> OptimizationError:
+    """Return the error for an iterate that is not a solution."""
+    reason = (
+        f"IPOPT stopped with {answer.status} after {answer.iterations} iterations; the largest "
+        f"violation of a constraint is {answer.violation:.2g} of its size"
+    )
+    if answer.status == "Maximum_Iterations_Exceeded":
+        hint = "Increase iterations, or give a guess that is nearer to the solution."
+    elif answer.violation < _FEASIBLE:
+        hint = "Fast vibrations may prevent accurate steps: reduce the modes of links (Link.modes)."
+    elif task.duration is not None:
+        hint = "The duration may be too short: objective='time' finds the shortest one."
+    else:
+        hint = "The limits may exclude every motion; a guess around obstacles helps."
+    return OptimizationError(reason, hint, last_iterate(task, answer.plan))

@@ -1,0 +1,208 @@
+"""An optimal motion with its torque, and the error of a search without one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.arguments import check_times
+from flexarm.base.errors import FlexarmError, public_call
+from flexarm.motion.geometry.chain import RigidChain, rigid_chain
+from flexarm.motion.motion import JointState
+from flexarm.motion.sampled import TabulatedMotion, quintic_table
+from flexarm.planning.optimize.limits import UNITS
+from flexarm.planning.optimize.plan import Plan
+from flexarm.planning.optimize.task import Task
+from flexarm.simulation.calls.result import make_result
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from scipy.interpolate import PPoly
+
+
+@dataclass(frozen=True, eq=False)
+class Remaining:
+    """Errors of an optimal motion in the simulation of the full model, without feedback.
+
+    Attributes:
+        residual_vibration: largest distance of the tip from its mean after the end, m.
+        tip_error: distance of that mean from the tip at rest, m.
+        joint_error: largest distance of a joint from its last angle at the end, rad.
+        excess: for each limit the largest excess of a value during the motion, in the unit of the
+            limit; negative if all values are within it.
+    """
+
+    residual_vibration: float
+    tip_error: float
+    joint_error: float
+    excess: dict[str, float]
+
+    def __str__(self) -> str:
+        lines = [
+            f"residual vibration of the tip: {self.residual_vibration:.3g} m",
+            f"mean tip after the end: {self.tip_error:.3g} m from its goal",
+            f"joints at the end: within {self.joint_error:.3g} rad",
+        ]
+        for name, excess in self.excess.items():
+            side = "exceeds its limit" if excess > 0.0 else "within its limit"
+            lines.append(f"{name}: {side} by {abs(excess):.3g}{UNITS[name]}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalTorque:
+    """Torque of an optimal motion; callable with the time.
+
+    Attributes:
+        motion: the motion.
+        history: the torque as piecewise cubics.
+    """
+
+    #: Whether the torque accepts an array of times, for ``simulate``.
+    vectorized: ClassVar[bool] = True
+
+    motion: OptimalMotion
+    history: PiecewiseCubic = field(repr=False)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.motion.joints
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times (s) at which the torque or its slope may jump."""
+        return self.motion.breaks
+
+    @public_call
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
+
+        At a break the torque has the value after the jump. Before and after the motion it holds
+        the arm.
+        """
+        times, duration = check_times("t", t), self.motion.duration
+        inside = np.clip(times.reshape(-1), -duration, 2.0 * duration)
+        return self.history.at(inside).reshape(*times.shape, self.joints)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalMotion(TabulatedMotion):
+    """An optimal motion: joint angles over time with their torque, from rest to rest.
+
+    It is a motion like those of `joint_motion`: a reference of controllers, and of `simulate`.
+
+    Attributes:
+        arm: the arm.
+        objective: "time", "energy" or "vibration".
+        duration: s.
+        initial, final: (dof,) coordinates at rest before and after the motion.
+        modes: number of the lowest vibrations that are at rest at the end.
+        iterations: iterations of IPOPT.
+        run: result of `simulate` for the full model under the torque, to some time after the end.
+        remaining: what remains of vibration and of errors there, and the limits.
+    """
+
+    #: Entries of ``flexarm.citation``.
+    references: ClassVar[str] = "Betts2010 WaechterBiegler2006 AnderssonEtAl2019"
+
+    arm: Arm = field(repr=False)
+    objective: str
+    duration: float
+    initial: FloatArray = field(repr=False)
+    final: FloatArray = field(repr=False)
+    modes: int
+    iterations: int
+    run: xr.Dataset = field(repr=False)
+    remaining: Remaining = field(repr=False)
+    _plan: Plan = field(repr=False)
+    _history: PiecewiseCubic = field(repr=False)
+    _table: PPoly = field(repr=False)
+    chain: RigidChain = field(repr=False)
+    start_time: float = 0.0
+
+    def __repr__(self) -> str:
+        return (
+            f"<flexarm.OptimalMotion: least {self.objective}, {self.duration:.4g} s, "
+            f"{self.joints} joints, {self.intervals} intervals, residual vibration "
+            f"{self.remaining.residual_vibration:.2g} m>"
+        )
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals of the collocation."""
+        return self._plan.intervals
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times of the nodes, s."""
+        return tuple(self._plan.times.tolist())
+
+    @property
+    def torque(self) -> OptimalTorque:
+        """Torque of the motion, for ``simulate``: (joints,) N m as a function of time."""
+        return OptimalTorque(self, self._history)
+
+
+class OptimizationError(FlexarmError, RuntimeError):
+    """No optimal motion was found.
+
+    Attributes:
+        reason: status of IPOPT, or the limit that the full model violates.
+        hint: a sentence with a remedy.
+        last: the last iterate, an ``xarray.Dataset`` over time; it is not a solution.
+    """
+
+    def __init__(self, reason: str, hint: str, last: xr.Dataset) -> None:
+        super().__init__(reason, hint, last)
+        self.reason = reason
+        self.hint = hint
+        self.last = last
+
+    def __str__(self) -> str:
+        return f"no optimal motion found: {self.reason}. {self.hint}"
+
+
+def last_iterate(task: Task, plan: Plan) -> xr.Dataset:
+    """Return coordinates, joint angles and torques at the nodes of a plan, as a dataset."""
+    torque = np.concatenate([plan.torque[:, 0], plan.torque[-1:, 1]])
+    joint = task.arm.joint_index
+    channels = {
+        "joint_angle": plan.q[:, joint],
+        "joint_rate": plan.rate[:, joint],
+        "torque": torque,
+        "q": plan.q,
+        "qd": plan.rate,
+    }
+    return make_result(task.arm, plan.times, channels, {"duration": plan.duration})
+
+
+def tabulated(task: Task, plan: Plan) -> tuple[PPoly, RigidChain]:
+    """Return the joint angles of a plan as polynomials of degree 5, and the rigid chain.
+
+    Accelerations at the nodes are those of the equations of motion.
+    """
+    arm, joint = task.arm, task.arm.joint_index
+    acceleration = np.array(
+        [
+            [
+                arm.forward_dynamics(q, qd, torque)[joint]
+                for q, qd, torque in zip(*side, strict=True)
+            ]
+            for side in (
+                (plan.q[:-1], plan.rate[:-1], plan.torque[:, 0]),
+                (plan.q[1:], plan.rate[1:], plan.torque[:, 1]),
+            )
+        ]
+    )
+    angle, rate = plan.q[:, joint], plan.rate[:, joint]
+    first = JointState(angle[:-1], rate[:-1], acceleration[0])
+    last = JointState(angle[1:], rate[1:], acceleration[1])
+    rests = np.array([task.start.q[joint], task.end.q[joint]])
+    return quintic_table(plan.times, first, last, rests), rigid_chain(arm)

@@ -1,0 +1,194 @@
+"""The problem of an optimal motion: arm, rest at both ends, objective, limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.linear import Equilibrium, equilibrium, modes
+from flexarm.planning.optimize.limits import (
+    UNITS,
+    Bound,
+    MotionLimits,
+    Quantities,
+    bounds_of,
+    torque_limits,
+)
+
+#: Objectives: minimal duration, integral of squared torques, integral of the kinetic energy of
+#: bending.
+OBJECTIVES = ("time", "energy", "vibration")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Problem of an optimal motion.
+
+    Attributes:
+        arm: the arm.
+        start, end: equilibria between which the arm moves.
+        objective: one of `OBJECTIVES`.
+        duration: s; None if it is free.
+        torque, torque_rate: largest magnitudes (joints,), N m and N m/s; infinite without a limit.
+        bounds: bounds of the other quantities.
+        modes: number of the lowest vibrations that are at rest at the end; None for all.
+    """
+
+    arm: Arm
+    start: Equilibrium
+    end: Equilibrium
+    objective: str
+    duration: float | None
+    torque: FloatArray
+    torque_rate: FloatArray
+    bounds: tuple[Bound, ...]
+    modes: int | None
+
+    @property
+    def continuous(self) -> bool:
+        """Whether the torque is continuous: with a limit of its rate."""
+        return bool(np.any(np.isfinite(self.torque_rate)))
+
+    @property
+    def elastic(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that are not angles of the motors."""
+        return np.setdiff1d(np.arange(self.arm.dof), self.arm.joint_index)
+
+    def slack(self, bound: Bound) -> FloatArray:
+        """Return how far the start and the end are within a bound, (k,), at least zero."""
+        ends = [bound.excess(_at_rest(self.arm, rest, bound)) for rest in (self.start, self.end)]
+        return np.asarray(np.maximum(-np.max(ends, axis=0), 0.0))
+
+    @property
+    def vibrations(self) -> FloatArray:
+        """Largest angular frequencies of vibrations with free joints at both ends, rad/s."""
+        arm = self.arm
+        if not len(self.elastic):
+            return np.zeros(0)
+        ends = [modes(arm, q=rest.q, joints="free").frequency_hz for rest in (self.start, self.end)]
+        return np.asarray(2.0 * np.pi * np.max(ends, axis=0)[arm.joints :])
+
+    def resting_modes(self) -> FloatArray | None:
+        """Return rows (m, dof) that are zero, times q minus its end and times qd, at the end.
+
+        They are amplitudes of modes with free joints: the motions of the rigid arm, without which
+        it would drift after the end although its joints rest, and the lowest vibrations. None if
+        these and the joints are all coordinates.
+        """
+        arm = self.arm
+        if self.modes is None or 2 * arm.joints + self.modes >= arm.dof:
+            return None
+        shapes = modes(arm, q=self.end.q, joints="free").shapes[: arm.joints + self.modes]
+        return np.asarray(shapes @ arm.mass_matrix(self.end.q))
+
+
+def task_of(
+    arm: Arm,
+    start: FloatArray,
+    end: FloatArray,
+    objective: str,
+    limits: MotionLimits,
+    duration: float | None,
+    count: int | None,
+) -> Task:
+    """Return the problem between two postures, which are equilibria (joints,), rad.
+
+    Raises:
+        InputError: if a limit excludes the start or the end, a limit of torques is missing, or the
+            duration is shorter than the joints need at their largest rates.
+        EquilibriumError: if a posture has no equilibrium.
+    """
+    torque, torque_rate = torque_limits(limits, arm)
+    bounds = bounds_of(limits, arm)
+    ends = equilibrium(arm, start), equilibrium(arm, end)
+    problems = []
+    if np.array_equal(start, end):
+        problems.append(Problem("end", "differ from start", shown(end.tolist())))
+    if (duration is None) != (objective == "time"):
+        rule = (
+            "is free for the objective 'time'"
+            if objective == "time"
+            else f"is required for the objective {objective!r}"
+        )
+        problems.append(Problem("duration", rule))
+    if objective == "time" and not np.all(np.isfinite(torque)):
+        hint = "Without it the motion takes no time."
+        rule = "is required for every joint by the objective 'time'"
+        problems.append(Problem("limits.torque", rule, hint=hint))
+    if objective == "vibration" and arm.dof == arm.joints:
+        problems.append(Problem("arm", "is rigid, so nothing vibrates"))
+    for name, rest in zip(("start", "end"), ends, strict=True):
+        problems += _excluded(arm, name, rest, torque, bounds)
+    problems += _too_short(end - start, duration, bounds)
+    if problems:
+        raise InputError(*problems)
+    return Task(arm, *ends, objective, duration, torque, torque_rate, bounds, count)
+
+
+def _excluded(
+    arm: Arm, name: str, rest: Equilibrium, torque: FloatArray, bounds: tuple[Bound, ...]
+) -> list[Problem]:
+    """Return the limits that an arm at rest violates."""
+    problems = []
+    if np.any(np.abs(rest.torque) > torque):
+        rule = (
+            f"be at least the torque that holds the arm at the {name}, {_listed(rest.torque)} N m"
+        )
+        problems.append(Problem("limits.torque", rule, _listed(torque)))
+    for bound in bounds:
+        value = _at_rest(arm, rest, bound)
+        if bound.name == "clearance":
+            problems += _inside(name, value[:, 0])
+        elif np.any(bound.excess(value) > 0.0):
+            where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
+            given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
+            rule = f"permit the {name}, where {where}"
+            problems.append(Problem(f"limits.{bound.name}", rule, given))
+    return problems
+
+
+def _inside(name: str, distances: FloatArray) -> list[Problem]:
+    """Return the obstacles that contain the tip at rest.
+
+    Args:
+        distances: (obstacles,) of the tip minus the clearance; negative inside.
+    """
+    hint = "The normal of a Wall points out of the solid; a RoundWall is solid unless inside=True."
+    rule = f"contains the tip at the {name}, clearance included"
+    return [
+        Problem(f"limits.obstacles[{i}]", rule, hint=hint) for i in np.flatnonzero(distances < 0.0)
+    ]
+
+
+def _at_rest(arm: Arm, rest: Equilibrium, bound: Bound) -> FloatArray:
+    """Return the quantity of a bound at rest, (k, 1)."""
+    angle, q = arm.joint_angles(rest.q), rest.q
+    still = Quantities(angle, np.zeros(arm.joints), arm.strain(q), arm.tip(q))
+    return np.array(bound.value(still), dtype=np.float64)[:, None]
+
+
+def _too_short(
+    change: FloatArray, duration: float | None, bounds: tuple[Bound, ...]
+) -> list[Problem]:
+    """Return a problem if a joint cannot reach the end in time at its largest rate."""
+    if duration is None:
+        return []
+    needed = max(
+        (float(np.max(np.abs(change) / b.upper)) for b in bounds if b.name == "joint_rate"),
+        default=0.0,
+    )
+    if duration > needed:
+        return []
+    rule = f"be greater than {needed:.6g} s, the time at the largest joint rates"
+    return [Problem("duration", rule, shown(duration))]
+
+
+def _listed(values: FloatArray) -> str:
+    """Format numbers, one without brackets."""
+    text = ", ".join(f"{value:.6g}" for value in values)
+    return text if len(values) == 1 else f"[{text}]"

@@ -1,0 +1,313 @@
+"""Direct collocation: the problem of an optimal motion as a nonlinear program of CasADi.
+
+The equations of motion hold at the three Gauss points of every interval, in the implicit form
+M qdd + bias - torque = 0. Unknown are the accelerations there; coordinates and rates follow from
+those at the nodes by the Runge-Kutta matrix of the method. All unknowns are divided by their size
+in the first guess.
+
+Reference: J. T. Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear
+    Programming, 2nd edition, SIAM 2010, chapter 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.planning.optimize.limits import Quantities
+from flexarm.planning.optimize.plan import GAUSS, STAGES, Plan
+from flexarm.planning.optimize.task import Task
+
+#: Weight of the mean squared torque, relative to its limits or the guess, in the other objectives:
+#: torques that do not matter become small and smooth.
+_SMOOTHING = {"time": 1e-4, "vibration": 1e-3, "energy": 0.0}
+#: Phase (rad) of the fastest vibration in one interval above which it is not resolved, and the
+#: weight of the mean squared rates of the modes, relative to those of the guess, in the objective
+#: then. Otherwise the solution would shake the arm with vibrations whose phases are wrong.
+_UNRESOLVED, _QUIET = 3.0, {"time": 0.0, "vibration": 0.0, "energy": 1e-2}
+#: Least size of an unknown, relative to the largest of its kind.
+_LEAST_SIZE = 1e-3
+#: Range of a free duration, relative to that of the guess.
+_SHORTEST, _LONGEST = 0.01, 10.0
+#: Options of IPOPT for a guess near a solution: a small barrier parameter and small distances from
+#: bounds, so that the first iterates do not leave it.
+_NEAR = {"mu_init": 1e-4, "bound_push": 1e-6, "bound_frac": 1e-6}
+#: Relative tolerance of IPOPT.
+_TOLERANCE = 1e-7
+
+
+class Answer(NamedTuple):
+    """Answer of the solver.
+
+    Attributes:
+        plan: the last iterate.
+        status: return status of IPOPT.
+        converged: whether it is a solution.
+        iterations: their number.
+        violation: largest violated constraint, relative to its size.
+    """
+
+    plan: Plan
+    status: str
+    converged: bool
+    iterations: int
+    violation: float
+
+
+class _Sizes(NamedTuple):
+    """Sizes of unknowns and residuals, for each coordinate or joint; arrays or CasADi matrices."""
+
+    q: Any
+    slope: Any
+    curve: Any
+    torque: Any
+    residual: Any
+
+
+class Transcription:
+    """The nonlinear program of one problem.
+
+    Args:
+        task: the problem.
+        guess: first guess, which gives the number of intervals and the sizes.
+        iterations: largest number of iterations of IPOPT.
+        near: whether guesses are near a solution, so that the solver stays near them.
+    """
+
+    def __init__(self, task: Task, guess: Plan, iterations: int, near: bool) -> None:
+        self.model = casadi_model(task.arm)
+        import casadi
+
+        self.casadi: Any = casadi
+        self.task, self.intervals, self.modes = task, guess.intervals, task.resting_modes()
+        self.duration = guess.duration if task.duration is None else task.duration
+        phase = np.max(task.vibrations, initial=0.0) * self.duration / guess.intervals
+        self.quiet = _QUIET[task.objective] if phase > _UNRESOLVED else 0.0
+        self.sizes = _sizes(task, guess)
+        self.scale = _Sizes._make(map(casadi.DM, self.sizes))
+        self._build({"max_iter": iterations, **(_NEAR if near else {})})
+
+    def solve(self, guess: Plan, margins: Sequence[FloatArray]) -> Answer:
+        """Solve from a guess, with all bounds narrower by margins (k,)."""
+        lower, upper = self._bounds(margins)
+        solver = self._solver
+        found = solver(x0=self._packed(guess), **self._box, lbg=lower, ubg=upper)
+        stats, x = solver.stats(), np.array(found["x"]).ravel()
+        g = np.array(found["g"]).ravel()
+        violation = float(np.max(np.maximum(lower - g, g - upper), initial=0.0))
+        status = str(stats["return_status"])
+        converged = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+        return Answer(self._plan(x), status, converged, int(stats["iter_count"]), violation)
+
+    def _build(self, ipopt: dict[str, Any]) -> None:
+        """Set the solver, with options of IPOPT, and the bounds of the unknowns."""
+        mx, N, arm = self.casadi.MX, self.intervals, self.task.arm
+        shapes = self._shapes()
+        T, q, slope, curve, torque = parts = [mx.sym(n, *s) for n, s in shapes.items()]
+        first = torque[:, :-1] if self.task.continuous else torque
+        last = torque[:, 1:] if self.task.continuous else torque
+        repeated = self.casadi.repmat(T, 1, N)
+        each = self._interval().map(N)
+        residual, q_end, slope_end, bounded, cost = each(
+            q[:, :-1], slope[:, :-1], curve, first, last, repeated
+        )
+        vec = self.casadi.vec
+        rows = [vec(residual), vec(q[:, 1:] - q_end), vec(slope[:, 1:] - slope_end), vec(bounded)]
+        if self.task.continuous:
+            step = torque[:, 1:] - torque[:, :-1]
+            limited = np.flatnonzero(np.isfinite(self.task.torque_rate)).tolist()
+            most = (self.task.torque_rate / self.sizes.torque)[limited] * self.duration / N
+            allowed = self.casadi.repmat(self.casadi.DM(most) * T, 1, N)
+            rows += [vec(side * step[limited, :] - allowed) for side in (1.0, -1.0)]
+        if self.modes is not None:
+            away = self.scale.q * q[:, -1] - self.casadi.DM(self.task.end.q)
+            rate = self.scale.slope * slope[:, -1]
+            rows += [
+                self._scaled_modes(self.sizes.q) @ away,
+                self._scaled_modes(self.sizes.slope) @ rate,
+            ]
+        unknown = self.casadi.vertcat(*map(vec, parts))
+        total = self.casadi.sum2(cost)
+        goal = T + total if self.task.objective == "time" else total
+        program = {"x": unknown, "f": goal, "g": self.casadi.vertcat(*rows)}
+        quiet = {"print_level": 0, "sb": "yes", "tol": _TOLERANCE}
+        options = {"print_time": False, "ipopt": {**quiet, **ipopt}}
+        self._solver = self.casadi.nlpsol("optimal_motion", "ipopt", program, options)
+        self._box = self._unknown_bounds(shapes, arm.joint_index)
+
+    def _shapes(self) -> dict[str, tuple[int, int]]:
+        """Return the shapes of the unknowns."""
+        N, dof, joints = self.intervals, self.task.arm.dof, self.task.arm.joints
+        return {
+            "T": (1, 1),
+            "q": (dof, N + 1),
+            "slope": (dof, N + 1),
+            "curve": (dof, STAGES * N),
+            "torque": (joints, N + 1 if self.task.continuous else N),
+        }
+
+    def _interval(self) -> Any:
+        """Return the function of one interval, over scaled unknowns."""
+        sx, arm, N, scale = self.casadi.SX, self.task.arm, self.intervals, self.scale
+        n, joints = arm.dof, arm.joints
+        shapes = [(n, 1), (n, 1), (n, STAGES), (joints, 1), (joints, 1), (1, 1)]
+        names = ["q", "slope", "curve", "first", "last", "T"]
+        given = [sx.sym(name, *shape) for name, shape in zip(names, shapes, strict=True)]
+        q, slope = scale.q * given[0], scale.slope * given[1]
+        curve = self.casadi.repmat(scale.curve, 1, STAGES) * given[2]
+        first, last = scale.torque * given[3], scale.torque * given[4]
+        T, h = self.duration * given[5], 1.0 / N
+        residual, limited, cost = [], [], 0.0
+        for j, c in enumerate(GAUSS.c):
+            at = q + c * h * slope + h * h * (curve @ self.casadi.DM(GAUSS.AA[j]))
+            rate = (slope + h * (curve @ self.casadi.DM(GAUSS.A[j]))) / T
+            torque = first + c * (last - first)
+            motion = (at, rate, curve[:, j] / T**2, torque, 0, self.model.nominal)
+            residual.append(self.model.residual(*motion) / scale.residual)
+            limited.append(self._limited(at, rate))
+            cost += h * GAUSS.b[j] * self._cost(rate, torque, given[5])
+        q_end = q + h * slope + h * h * (curve @ self.casadi.DM(GAUSS.bA))
+        slope_end = slope + h * (curve @ self.casadi.DM(GAUSS.b))
+        limited.append(self._limited(q_end, slope_end / T))
+        vertcat = self.casadi.vertcat
+        found = [
+            vertcat(*residual),
+            q_end / scale.q,
+            slope_end / scale.slope,
+            vertcat(*limited),
+            cost,
+        ]
+        return self.casadi.Function("interval", given, found)
+
+    def _limited(self, q: Any, rate: Any) -> Any:
+        """Return the quantities of all bounds, divided by their sizes."""
+        index = self.task.arm.joint_index.tolist()
+        nominal = self.model.nominal
+        tip = self.model.tip(q, nominal)
+        state = Quantities(q[index], rate[index], self.model.strain(q, nominal), tip)
+        found = []
+        for bound in self.task.bounds:
+            value = bound.value(state)
+            column = self.casadi.vertcat(*value) if isinstance(value, list) else value
+            found.append(column / self.casadi.DM(bound.size))
+        return self.casadi.vertcat(*found)
+
+    def _cost(self, rate: Any, torque: Any, T: Any) -> Any:
+        """Return the integrand of the objective over the fraction s of the duration."""
+        effort = self.casadi.sumsqr(torque) / float(np.sum(self.sizes.torque**2))
+        smooth = _SMOOTHING[self.task.objective] * effort
+        elastic = self.task.elastic.tolist()
+        if not elastic:
+            return effort if self.task.objective == "energy" else smooth
+        usual = float(np.sum((self.sizes.slope[elastic] / self.duration) ** 2))
+        shaking = self.casadi.sumsqr(rate[elastic]) / usual
+        if self.task.objective == "vibration":
+            return shaking + smooth
+        return (effort if self.task.objective == "energy" else smooth) + self.quiet * shaking
+
+    def _unknown_bounds(self, shapes: dict[str, tuple[int, int]], joint: Any) -> dict[str, Any]:
+        """Return the bounds of the unknowns: rest at both ends, torques, and the duration."""
+        lower = {name: np.full(shape, -np.inf) for name, shape in shapes.items()}
+        upper = {name: np.full(shape, np.inf) for name, shape in shapes.items()}
+        task, sizes = self.task, self.sizes
+        free = task.duration is None
+        lower["T"][:], upper["T"][:] = (_SHORTEST, _LONGEST) if free else (1.0, 1.0)
+        most = (task.torque / sizes.torque)[:, None]
+        lower["torque"][:], upper["torque"][:] = -most, most
+        last = np.arange(task.arm.dof) if self.modes is None else joint
+        for part in (lower, upper):
+            part["q"][:, 0], part["slope"][:, 0] = task.start.q / sizes.q, 0.0
+            part["q"][last, -1], part["slope"][last, -1] = (task.end.q / sizes.q)[last], 0.0
+            if task.continuous:
+                part["torque"][:, 0] = task.start.torque / sizes.torque
+                part["torque"][:, -1] = task.end.torque / sizes.torque
+        return {"lbx": _columns(lower.values()), "ubx": _columns(upper.values())}
+
+    def _bounds(self, margins: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the constraints, in their order in the program."""
+        N, dof = self.intervals, self.task.arm.dof
+        zero = np.zeros((STAGES + 2) * dof * N)
+        lower, upper = [zero], [zero]
+        pairs = [
+            [side / bound.size for side in bound.within(margin)]
+            for bound, margin in zip(self.task.bounds, margins, strict=True)
+        ]
+        for k, side in enumerate((lower, upper)):
+            one = np.concatenate([pair[k] for pair in pairs]) if pairs else np.zeros(0)
+            side.append(np.tile(one, (STAGES + 1) * N))
+        if self.task.continuous:
+            count = 2 * N * np.count_nonzero(np.isfinite(self.task.torque_rate))
+            lower.append(np.full(count, -np.inf))
+            upper.append(np.zeros(count))
+        if self.modes is not None:
+            for side in (lower, upper):
+                side.append(np.zeros(2 * len(self.modes)))
+        return np.concatenate(lower), np.concatenate(upper)
+
+    def _scaled_modes(self, sizes: FloatArray) -> Any:
+        """Return the rows of the resting modes, divided by their size for such coordinates."""
+        assert self.modes is not None
+        return self.casadi.DM(self.modes / np.linalg.norm(self.modes * sizes, axis=1)[:, None])
+
+    def _packed(self, plan: Plan) -> FloatArray:
+        """Return the unknowns of a plan."""
+        s = self.sizes
+        torque = plan.torque[:, 0]
+        if self.task.continuous:
+            torque = np.vstack([torque, plan.torque[-1:, 1]])
+        torque = np.clip(torque, -self.task.torque, self.task.torque)
+        duration = np.array([[plan.duration / self.duration]])
+        curve = plan.curve.reshape(-1, plan.curve.shape[-1])
+        parts = [plan.q / s.q, plan.slope / s.slope, curve / s.curve, torque / s.torque]
+        return _columns([duration, *(part.T for part in parts)])
+
+    def _plan(self, x: FloatArray) -> Plan:
+        """Return the plan of the unknowns."""
+        shapes = list(self._shapes().values())
+        ends = np.cumsum([rows * columns for rows, columns in shapes])
+        T, q, slope, curve, torque = (
+            part.reshape(columns, rows)
+            for part, (rows, columns) in zip(np.split(x, ends[:-1]), shapes, strict=True)
+        )
+        s, task = self.sizes, self.task
+        torque = np.clip(torque * s.torque, -task.torque, task.torque)
+        first, last = (torque[:-1], torque[1:]) if task.continuous else (torque, torque)
+        return Plan(
+            duration=float(T[0, 0]) * self.duration,
+            q=q * s.q,
+            slope=slope * s.slope,
+            curve=(curve * s.curve).reshape(self.intervals, STAGES, -1),
+            torque=np.stack([first, last], axis=1),
+        )
+
+
+def _columns(parts: Any) -> FloatArray:
+    """Return matrices as one vector, column by column as CasADi does."""
+    return np.concatenate([np.asarray(part).ravel(order="F") for part in parts])
+
+
+def _sizes(task: Task, guess: Plan) -> _Sizes:
+    """Return the sizes of the unknowns in a guess."""
+    kinds = task.arm.joint_index, task.elastic
+    found = [_size(values, kinds) for values in (guess.q, guess.slope, guess.curve)]
+    largest = np.abs(guess.torque).max(axis=(0, 1))
+    M = np.abs(task.arm.mass_matrix(task.start.q))
+    least = _LEAST_SIZE * np.diag(M)[task.arm.joint_index] / guess.duration**2
+    torque = np.where(np.isfinite(task.torque), task.torque, np.maximum(largest, least))
+    residual = M @ found[2] / guess.duration**2
+    q, slope, curve = found
+    return _Sizes(q, slope, curve, torque, residual)
+
+
+def _size(values: FloatArray, kinds: tuple[Any, Any]) -> FloatArray:
+    """Return the largest magnitudes (dof,) of coordinates, of joints and of links apart."""
+    largest = np.abs(values).reshape(-1, values.shape[-1]).max(axis=0)
+    for kind in kinds:
+        if len(kind):
+            most = float(largest[kind].max()) or 1.0
+            largest[kind] = np.maximum(largest[kind], _LEAST_SIZE * most)
+    return np.asarray(largest)

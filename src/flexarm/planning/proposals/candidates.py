@@ -1,0 +1,229 @@
+"""Candidates for a task: kinds of controllers, the settings to try, and the reasons in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.control.analysis.sample_time import recommended_sample_time
+from flexarm.control.design.rigid_model import RigidModel
+from flexarm.integrate.base import FloatArray
+from flexarm.model.drives.base import ControllerParameters
+from flexarm.model.drives.force import HybridForceParameters, ImpedanceParameters
+from flexarm.model.drives.parameters import parameters_of
+from flexarm.motion import inverse_kinematics
+from flexarm.planning.proposals.requirements import Requirements, rounded
+
+Drive = dict[str, Any]
+
+#: Longest sample time of a candidate, s; that of MPC, whose optimisation needs more time.
+_SAMPLE_TIME, _SLOW_SAMPLE_TIME = 0.001, 0.002
+#: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
+#: damping ratios. Loops above half of that frequency bend the links more than they move them.
+_BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
+#: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
+_INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
+#: Crossover frequencies of loop shaping, relative to the same frequency.
+_CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
+#: Acceptable deviations of the tip, relative to the length of the arm, and of the rates (rad/s).
+_TIP, _RATE = 0.004, 0.1
+#: Acceptable integral of the error of a measured tip, relative to the length of the arm (s).
+_TIP_INTEGRAL = 4e-5
+#: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
+_SOME = 0.1
+#: Bandwidths of force loops relative to the lowest frequency with locked joints.
+_FORCE = (0.4, 0.8, 1.4)
+#: Factors of the default damping of the tip, which is too high for light arms.
+_SOFTER = (1.0, 0.3, 0.1)
+#: Angle (rad) by which a joint must move so that a design is scheduled over it.
+_SCHEDULED = 0.3
+
+
+class Candidate(NamedTuple):
+    """A kind of controller for a task.
+
+    Attributes:
+        name: in tables.
+        reason: why it is a candidate.
+        drives: settings to try, as drives of a file.
+    """
+
+    name: str
+    reason: str
+    drives: tuple[Drive, ...]
+
+
+def candidates_of(needs: Requirements) -> list[Candidate]:
+    """Return at most three candidates for a task."""
+    return list(_of_force(needs) if needs.task == "force" else _of_position(needs))[:3]
+
+
+def _of_position(needs: Requirements) -> Iterator[Candidate]:
+    """Yield the candidates without contact, the most capable one first."""
+    seen, model = needs.sensors, needs.computing != "low"
+    if model and {"gauges", "tip"} & seen:
+        measured = "the tip" if "tip" in seen else "strain gauges"
+        reason = f"It estimates the bending of the links from {measured} and corrects it."
+        yield Candidate("LQG", reason, tuple(_quadratic(needs, "lqg")))
+        if needs.computing == "high" and needs.torque_limit is not None:
+            reason = "As LQG, and it plans with the limits of the torques."
+            yield Candidate("MPC", reason, tuple(_quadratic(needs, "mpc")))
+    if "gauges" in seen:
+        reason = (
+            "A joint loop with damping by strain gauges needs a filter with one state for each "
+            "mode only."
+        )
+        yield Candidate("integral resonant", reason, tuple(_resonant(needs)))
+    if model and not {"gauges", "tip"} & seen:
+        reason = (
+            "H-infinity loop shaping of the joints has a guaranteed margin, and damps the links "
+            "through the joints."
+        )
+        yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
+    reason = "The simplest loop of the joints, along the joint angles of the bent arm."
+    yield Candidate("joint PD", reason, tuple(_pd(needs)))
+
+
+def _of_force(needs: Requirements) -> Iterator[Candidate]:
+    """Yield the candidates for a force on a surface."""
+    bandwidths = [float(f"{factor * _frequency(needs):.2g}") for factor in _FORCE]
+    if "force" in needs.sensors:
+        reason = "It controls the measured force normal to the surface and the position along it."
+        drives = tuple(
+            _damped(needs, HybridForceParameters, factor) | {"force_integral": bandwidth}
+            for factor, bandwidth in product(_SOFTER, bandwidths)
+        )
+        yield Candidate("hybrid force", reason, drives)
+        reason = "A soft spring and damper at the tip, with integral feedback of the force."
+        drives = tuple(
+            _damped(needs, ImpedanceParameters, factor) | {"force_integral": bandwidth}
+            for factor, bandwidth in product(_SOFTER, bandwidths)
+        )
+        yield Candidate("impedance with force", reason, drives)
+    reason = "A soft spring and damper at the tip, which needs no force sensor."
+    drives = tuple(_damped(needs, ImpedanceParameters, factor) for factor in _SOFTER)
+    yield Candidate("impedance", reason, drives)
+
+
+def _damped(needs: Requirements, kind: type[ControllerParameters], factor: float) -> Drive:
+    """Return a force controller with its default damping times a factor."""
+    keys = parameters_of(kind)
+    damping: Drive = {
+        name: rounded([factor * keys[name].default])[0]
+        for name in ("normal_damping", "tangent_damping")
+        if name in keys
+    }
+    return {"kind": kind.name, **damping, "sample_time": sample_time_of(needs)}
+
+
+def postures_of(needs: Requirements) -> FloatArray:
+    """Return the joint angles (k, joints) rad at the start and, if they differ, at the end."""
+    if needs.task == "hold":
+        return needs.start[None]
+    if not needs.of_tip:
+        return np.array([needs.start, needs.end])
+    return np.array([inverse_kinematics(needs.arm, place) for place in (needs.start, needs.end)])
+
+
+def sample_time_of(needs: Requirements) -> float:
+    """Return the sample time of the candidates, s."""
+    longest = recommended_sample_time(needs.arm, postures_of(needs)[0])
+    return _SAMPLE_TIME if longest is None else min(_SAMPLE_TIME, longest)
+
+
+def _frequency(needs: Requirements) -> float:
+    """Return the lowest frequency with locked joints, or that of the motion of a rigid arm."""
+    return 2.0 * np.pi / needs.period
+
+
+def _inertia(needs: Requirements) -> FloatArray:
+    """Return the largest inertia (joints,) about each joint at the two postures, kg m^2."""
+    rigid = RigidModel(needs.arm)
+    each = np.array([np.diag(rigid.mass_matrix(at)) for at in postures_of(needs)])
+    largest: FloatArray = each.max(axis=0)
+    return largest
+
+
+def _joint_pd(needs: Requirements, factor: float, damping: float) -> Drive:
+    inertia, omega = _inertia(needs), factor * _frequency(needs)
+    return {
+        "kind": "joint_pd",
+        "proportional": rounded(inertia * omega**2),
+        "derivative": rounded(2.0 * damping * omega * inertia),
+        "sample_time": sample_time_of(needs),
+    }
+
+
+def _pd(needs: Requirements) -> Iterator[Drive]:
+    for factor, damping in product(_BANDWIDTHS, _DAMPINGS):
+        yield _joint_pd(needs, factor, damping)
+
+
+def _resonant(needs: Requirements) -> Iterator[Drive]:
+    middle = rounded(postures_of(needs).mean(axis=0))
+    for factor, damping in product(_INNER, _STRAIN_DAMPING):
+        yield {
+            "kind": "integral_resonant_control",
+            "damping_ratio": damping,
+            "posture": middle,
+            "inner": _joint_pd(needs, factor, _INNER_DAMPING),
+        }
+
+
+def _shaping(needs: Requirements) -> Iterator[Drive]:
+    damped = all(link.damping is not None for link in needs.arm.spec.links if link.flexible)
+    for factor in _CROSSOVERS:
+        yield {
+            "kind": "loop_shaping",
+            "bandwidth": float(f"{factor * _frequency(needs):.3g}"),
+            "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
+            **_designs(needs),
+            "sample_time": sample_time_of(needs),
+        }
+
+
+def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
+    """Yield settings of LQG and MPC, in increasing order of lost performance."""
+    reach = float(np.sum(needs.arm.lengths))
+    measured = {"joint_angle": 1e-4}
+    if "gauges" in needs.sensors:
+        measured["strain"] = 2e-5
+    common: Drive = {"acceptable": {"tip": rounded([_TIP * reach], 2)[0], "joint_rate": _RATE}}
+    if "tip" in needs.sensors:
+        measured["tip"] = 1e-3
+        common["integral"] = {"tip": rounded([_TIP_INTEGRAL * reach], 2)[0]}
+    common |= {"measured": measured, **_designs(needs), "sample_time": sample_time_of(needs)}
+    if needs.torque_limit is not None:
+        common["torque_limit"] = rounded(needs.torque_limit)
+    if kind == "mpc":
+        common["sample_time"] = max(common["sample_time"], _SLOW_SAMPLE_TIME)
+    least = max(_SOME, needs.rigidity)
+    tried = [(least, 0.0), (max(0.3, least), 0.0), (max(0.3, least), 1.0), (1.0, 1.0)]
+    for unsure, recovery in dict.fromkeys(tried):
+        yield {"kind": kind, "rigidity_uncertainty": unsure, "recovery": recovery, **common}
+
+
+def _designs(needs: Requirements) -> Drive:
+    """Return the posture of a design, and its schedule over the joints that matter most.
+
+    Without gravity the dynamics do not depend on the angle of the first joint, but the direction of
+    the tip does. The grid has at most two dimensions.
+    """
+    first, last = postures_of(needs)[[0, -1]]
+    middle = rounded((first + last) / 2.0)
+    turned = np.abs(last - first)
+    tip = "tip" in needs.sensors
+    if not (tip or any(needs.arm.spec.gravity)):
+        turned[0] = 0.0
+    most = np.argsort(-turned)[: 2 if tip else 1]
+    scheduled = [int(joint) for joint in most if turned[joint] >= _SCHEDULED]
+    if not scheduled:
+        return {"posture": middle}
+    schedule: list[Any] = [None] * len(middle)
+    for joint in scheduled:
+        low, high = sorted((float(first[joint]), float(last[joint])))
+        schedule[joint] = rounded(np.linspace(low, high, 3))
+    return {"posture": middle, "schedule": schedule}

@@ -1,0 +1,284 @@
+"""Proposal of a controller for a task: candidates, their margins, their simulations, a scenario."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_flag
+from flexarm.base.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    UnstableLoopWarning,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.base.writing.places import AnyPath, check_place, write_text
+from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
+from flexarm.control.contract.base import Controller
+from flexarm.model import PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model.scenarios.study import plant_spec
+from flexarm.planning.proposals.assessment import Assessed, Loops, scenario_of
+from flexarm.planning.proposals.candidates import Candidate, candidates_of, postures_of
+from flexarm.planning.proposals.case import case_of
+from flexarm.planning.proposals.reasons import reasons_of
+from flexarm.planning.proposals.requirements import Requirements, requirements_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Plants that are simulated: the model, and two that differ from it as far as possible.
+_SIMULATED = 3
+#: Suffixes of scenario files.
+SCENARIO_SUFFIXES = (".yaml", ".yml")
+#: Metrics whose sum is compared, by task.
+SCORES = {
+    "hold": ("tip_error_rms",),
+    "point_to_point": ("tip_error_settled", "residual_vibration"),
+    "track": ("tip_error_rms",),
+    "force": ("force_error_rms",),
+}
+#: Names, units and meanings of the margins in the table.
+_LABELS = {
+    "disk_margin": ("1", "symmetric disk margin"),
+    "gain_margin": ("1", "largest factor on the loop gain"),
+    "phase_margin": ("rad", "phase margin"),
+    "delay_margin": ("s", "delay margin"),
+    "growth": ("1/s", "largest real part of the poles"),
+    "damping_ratio": ("1", "damping ratio of the vibration that decays slowest"),
+}
+_WIDTH = 98
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerDesign:
+    """Proposal of a controller for a task, see `flexarm.design`.
+
+    Attributes:
+        task: the task.
+        chosen: name of the proposed candidate.
+        reasons: sentences that explain the proposal.
+        table: over ``candidate``: the worst of each margin over plants and postures
+            (``disk_margin``, ``gain_margin``, ``phase_margin``, ``delay_margin``, ``growth``,
+            ``damping_ratio`` of the vibration that decays slowest) and ``states``, the numbers that
+            the controller keeps between samples; over ``candidate`` and ``plant`` the metrics of
+            `flexarm.compare`, and ``score``, the sum of those that are compared.
+        scenario: run of the proposed controller on the arm of the model.
+        scenarios: the same of all candidates, by name.
+    """
+
+    task: str
+    chosen: str
+    reasons: tuple[str, ...]
+    table: xr.Dataset
+    scenario: Scenario
+    scenarios: Mapping[str, Scenario]
+
+    def __repr__(self) -> str:
+        return f"<flexarm.ControllerDesign: {self.chosen} for the task {self.task!r}>"
+
+    @property
+    def controller(self) -> Controller:
+        """The proposed controller; a new object in each call."""
+        arm = Arm(self.scenario.arm)
+        made: Controller = prepare(self.scenario, arm=arm).options["controller"]
+        return made
+
+    @property
+    def text(self) -> str:
+        """The scenario as a file, which begins with the reasons as comments."""
+        lines = [line for text in self.reasons for line in textwrap.wrap(text, _WIDTH)]
+        return "".join(f"# {line}\n" for line in lines) + file_text(self.scenario)
+
+    @public_call
+    def save(self, path: AnyPath, overwrite: bool = False) -> None:
+        """Write the scenario file, completely or not at all.
+
+        Args:
+            path: the file, which ends in .yaml or .yml.
+            overwrite: whether an existing file is replaced.
+
+        Raises:
+            InputError: if the file exists, or cannot be written.
+        """
+        check_new("path", path, overwrite=check_flag("overwrite", overwrite))
+        write_text(self.text, path)
+
+
+def check_new(name: str, path: AnyPath, *, overwrite: bool, hint: str = "") -> None:
+    """Raise if a scenario file cannot be written, or exists and is not to be replaced.
+
+    Raises:
+        InputError: in these cases.
+    """
+    place = check_place(name, path, SCENARIO_SUFFIXES)
+    if not overwrite and os.path.lexists(place):
+        hint = hint or "Give another name, or overwrite=True."
+        raise InputError(Problem(name, f"{shown(str(place))} already exists", hint=hint))
+
+
+@public_call
+def design(
+    arm: Arm,
+    task: str,
+    *,
+    sensors: str | Sequence[str] | None = None,
+    computing: str = "medium",
+    payload_uncertainty: float = 0.0,
+    rigidity_uncertainty: float = 0.0,
+    start: ArrayLike | None = None,
+    end: ArrayLike | None = None,
+    duration: float | None = None,
+    torque_limit: ArrayLike | None = None,
+    force: float = 5.0,
+    disk_margin: float = 0.4,
+    progress: bool | None = None,
+) -> ControllerDesign:
+    """Propose a controller for a task, with its gains, margins and simulations.
+
+    Up to three kinds of controllers are candidates. Several settings of each are linearised at the
+    start and at the end of the motion, for the arm and for arms that differ from it as far as the
+    uncertainty permits. The setting with the required margin and the fastest decay is simulated on
+    the arm and on two others; the candidate with the least error in the worst case is proposed.
+
+    Args:
+        arm: the model of the arm.
+        task: "hold" a posture while the tip is pushed, "point_to_point" between postures, "track" a
+            line with the tip, or press with a "force" on a wall along a line.
+        sensors: of "joints" (always), "gauges", "tip" (its position) and "force" (on the surface);
+            by default joints, the gauges of the arm, and for the task "force" its sensor.
+        computing: "low" permits a few states for each joint, "medium" a model of the flexible arm
+            in the controller, "high" an optimisation in each sample if there is a
+            ``torque_limit``.
+        payload_uncertainty: largest relative error of the payload: 1 for up to twice as much.
+        rigidity_uncertainty: largest relative error of the flexural rigidity of the links.
+        start, end: joint angles, rad, for "hold" (start only) and "point_to_point"; positions of
+            the tip (2,), m, for "track" and "force". By default a motion that suits the arm.
+        duration: of the motion, s; by default 2.5 periods of the lowest frequency.
+        torque_limit: of the motors, N m, one for all joints or one for each: in all simulations and
+            scenarios. LQG and MPC also compute with it.
+        force: on the surface, N.
+        disk_margin: required on all arms, see `loop_margins`; if none of the settings of a
+            candidate has it, the setting with the largest margin is used.
+        progress: True or False shows or hides the progress bar.
+
+    Raises:
+        InputError: if an argument is wrong or does not fit the arm or the task, or the motion
+            leaves the reach of the arm.
+        EquilibriumError: if the arm has no equilibrium at a posture.
+        SimulationError: if no candidate completes its simulation on the arm of the model.
+
+    Warns:
+        UnstableLoopWarning: if no candidate is stable on all arms. The proposal is then unstable.
+    """
+    needs = requirements_of(
+        arm,
+        task,
+        sensors=sensors,
+        computing=computing,
+        payload_uncertainty=payload_uncertainty,
+        rigidity_uncertainty=rigidity_uncertainty,
+        start=start,
+        end=end,
+        duration=duration,
+        torque_limit=torque_limit,
+        force=force,
+        disk_margin=disk_margin,
+    )
+    content = case_of(needs)
+    candidates = candidates_of(needs)
+    found = _assessed(needs, content, candidates)
+    table = _table(needs, content, found, progress)
+    chosen = _chosen(needs, found, table)
+    reasons = reasons_of(needs, candidates, found, table, chosen)
+    if not found[chosen].stable:
+        warn_caller(reasons[0], UnstableLoopWarning)
+    scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
+    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
+
+
+def _assessed(
+    needs: Requirements, content: dict[str, Any], candidates: Sequence[Candidate]
+) -> dict[str, Assessed]:
+    """Return the best setting of each candidate that can be designed, by name.
+
+    Raises:
+        InputError: if there is none.
+    """
+    plants = {
+        name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
+        for name, factors in content["plants"].items()
+    }
+    loops = Loops(content, plants, postures_of(needs))
+    loops.prepare_motion(candidates[0].drives[0])
+    best = {one.name: loops.best(one, needs.disk_margin) for one in candidates}
+    found = {name: one for name, one in best.items() if one is not None}
+    if not found:
+        rule = "has no controller among the candidates that can be designed for this arm"
+        hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
+        raise InputError(Problem("task", rule, hint=hint))
+    return found
+
+
+def _table(
+    needs: Requirements,
+    content: dict[str, Any],
+    found: Mapping[str, Assessed],
+    progress: bool | None,
+) -> xr.Dataset:
+    """Return the margins of the candidates, and the metrics of their simulations.
+
+    Raises:
+        SimulationError: if no candidate completes its simulation on the arm of the model.
+    """
+    drives = {name: one.drive for name, one in found.items()}
+    plants = dict(list(content["plants"].items())[:_SIMULATED])
+    with warnings.catch_warnings():  # the table has the warnings of the runs
+        warnings.simplefilter("ignore", FlexarmWarning)
+        study = PreparedStudy(StudySpec(**{**content, "plants": plants}, drives=drives))
+        runs = study.run(progress)
+    table = runs.isel(reference=0, drop=True).rename(controller="candidate")
+    first, *others = SCORES[needs.task]
+    score = sum((table[name] for name in others), table[first]).where(table["failure"] == "")
+    nominal = {"plant": next(iter(plants))}
+    if score.sel(nominal).isnull().all():
+        reason = "no candidate completes its simulation on the arm of the model."
+        raise SimulationError(0.0, reason, str(table["failure"].sel(nominal).values[0]))
+    unit = table[first].attrs["units"]
+    table["score"] = score.assign_attrs(units=unit, long_name="error that is compared")
+    for name, (unit, meaning) in _LABELS.items():
+        values = [one.margins[name] for one in found.values()]
+        labels = {"units": unit, "long_name": f"{meaning}, worst case"}
+        table[name] = ("candidate", values, labels)
+    labels = {"units": "1", "long_name": "numbers that the controller keeps between samples"}
+    table["states"] = ("candidate", [one.states for one in found.values()], labels)
+    return table
+
+
+def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
+    """Return the candidate with the least error in the worst case.
+
+    Candidates with the required margin come first, then those that are stable on all arms.
+    """
+    worst = table["score"].fillna(np.inf).max("plant")
+    values = {
+        name: (
+            not one.value(needs.disk_margin)[0],
+            not one.stable,
+            float(worst.sel(candidate=name)),
+        )
+        for name, one in found.items()
+    }
+    return min(values, key=lambda name: values[name])

@@ -1,0 +1,411 @@
+"""Execution of runs in packs of eight, for the cases that ``integrate.lanes`` supports."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import BendingErrors, theory_error
+from flexarm.arm.observe import channels_of, contact_channels
+from flexarm.base.errors import InputError, SimulationError
+from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
+from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
+from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, SAMPLES, STEP, STEPS
+from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.kernels.layout import run_time_sizes
+from flexarm.model.scenarios.events import DURATION
+from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.simulation.batch.lane_arrays import arms_of_runs, drive_of_runs
+from flexarm.simulation.batch.variations import Variations
+from flexarm.simulation.calls.channels import BY_CONTACTS, BY_FORCES
+from flexarm.simulation.calls.limits import deep_contact
+from flexarm.simulation.calls.preparation import RunOptions
+from flexarm.simulation.histories.loads import LoadHistory
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
+from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.simulation.run.small_motion import small_motion
+from flexarm.simulation.run.stepping import system_of
+from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.simulation.run.validity import axial_load
+from flexarm.simulation.run.work.estimate import Start, choose_by_work
+
+#: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
+#: steps that become ever shorter are noticed.
+MOST_STEPS = 200_000
+#: Samples whose channels are computed together, which bounds the scratch memory.
+_CHUNK = 4096
+_TORQUES = frozenset({"torque", "torque_command"})
+#: Arguments of ``simulate`` that act on an arm, in lanes too.
+_IN_LANES = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
+#: Function that advances runs under a drive to their ends, or by at most that many steps.
+Advance = Callable[[LaneDrive, LaneRuns, int], None]
+
+
+def fits_lanes(
+    variations: Variations,
+    options: RunOptions,
+    acting: Mapping[str, Any],
+    channels: Collection[str],
+) -> bool:
+    """Return whether lanes support the runs, as far as that is known before their start.
+
+    Args:
+        acting: as for ``OpenLoop``.
+    """
+    plain = all(is_absent(value) for name, value in acting.items() if name not in _IN_LANES)
+    if not plain or options.specialized or options.stations:
+        return False
+    unknown = BY_FORCES if is_absent(acting["contacts"]) else BY_FORCES - BY_CONTACTS
+    return all(map(arm_fits_lanes, variations.arms)) and not unknown.intersection(channels)
+
+
+def arm_fits_lanes(arm: Arm) -> bool:
+    """Return whether lanes support the arm: compiled, no joint stops, bristles or sticking."""
+    free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
+    assembly = arm.assembly
+    return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
+
+
+def is_absent(value: Any) -> bool:
+    return value is None or (isinstance(value, list | tuple | dict) and not value)
+
+
+class Ready(NamedTuple):
+    """A run before its start."""
+
+    number: int
+    arm: Arm
+    state: FloatArray  # (2, n, 1 + m)
+    loads: LoadHistory
+    drive: Any  # torque over time, or what computes it
+    group: tuple[Any, ...] = ()  # runs with equal groups are executed together
+    touch: float = 0.0  # rad/s, of the arm on the stiffest surface of a contact
+
+
+class Lanes(ABC):
+    """Runs eight at a time in each thread.
+
+    Runs that fail, that need another method, or whose functions of time fail are executed by
+    ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
+
+    Args:
+        environment: loads, base acceleration and contacts of all runs.
+    """
+
+    def __init__(
+        self,
+        variations: Variations,
+        options: RunOptions,
+        channels: Collection[str],
+        alone: OpenLoop | ClosedLoop,
+        environment: Environment,
+    ) -> None:
+        self._variations, self._environment = variations, environment
+        self._factors: dict[tuple[int, ...], PiecewiseCubic] = {}
+        self._loads: LoadHistory | None = None  # of the only arm
+        self._options, self._channels, self._alone = options, channels, alone
+        self._times = options.times
+        self._observed = set(channels) - BY_CONTACTS
+        self._steppers: dict[tuple[int, ...], LaneStepper] = {}
+        arm = variations.arms[0]
+        self._arm = arm if variations.same_arm else None
+        self._bending = BendingErrors(arm)
+        self._tolerance = self._tolerance_of(arm)
+
+    def _tolerance_of(self, arm: Arm) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies."""
+        atol, rtol, horizon = self._options.atol, self._options.rtol, self._options.duration
+        absolute, scale = absolute_tolerance(arm, atol, rtol)
+        return Tolerance(absolute, rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
+
+    def __call__(self, runs: range) -> Iterator[Outcome]:
+        """Execute the runs of a block; yield their outcomes."""
+        ready = self._ready(runs)
+        done: set[int] = set()
+        fastest = self._fastest(ready)
+        groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
+        method = None
+        for place, run in enumerate(ready):
+            if place == 0 or self._options.integrator == "auto":
+                method = self._method(run, float(fastest[place]))
+            if method is not None:
+                sizes = () if self._arm else _structure(run)
+                key = (method.name, sizes, *run.group)
+                groups.setdefault(key, (method, []))[1].append(place)
+        for key, (method, places) in groups.items():
+            stepper = self._stepper(key[1], ready[places[0]])
+            group = [ready[place] for place in places]
+            for outcome in self._advance(method, stepper, group, fastest[places]):
+                done.update(outcome.runs)
+                yield outcome
+        for k in runs:
+            if k not in done:
+                yield attempt(self._alone, k)
+
+    def _ready(self, runs: range) -> list[Ready]:
+        """Return the runs whose arguments are valid; ``alone`` reports the others."""
+        states, found = self._starts(runs), []
+        for row, k in enumerate(runs):
+            with suppress(SimulationError, InputError):
+                arm = self._arm or self._variations.arm(k)
+                found.append(self._run(k, arm, None if states is None else states[row]))
+        return found
+
+    @abstractmethod
+    def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
+        """Return run k before its start, by default from the start of its motion."""
+
+    def _loads_on(self, arm: Arm) -> LoadHistory:
+        """Return the loads of a run.
+
+        Raises:
+            InputError: if a load does not fit the arm.
+            FunctionError: if a function of time raises an exception.
+        """
+        if self._loads is not None:
+            return self._loads
+        with self._alone.users:
+            found = self._options.loads_of(arm, self._environment, self._factors)
+        if self._arm is not None:
+            self._loads = found
+        return found
+
+    def _starts(self, runs: range) -> FloatArray | None:
+        """Return the initial states (runs, 2, n, 1 + m) together; None if they depend on a run."""
+        own = self._variations
+        if own.initial is None:
+            return None
+        arm, rows = own.arms[0], slice(runs.start, runs.stop)
+        both = np.zeros((len(runs), 2, arm.dof))
+        for level, given in enumerate((own.initial, own.initial_rate)):
+            if given is not None:
+                both[:, level] = given if given.ndim == 1 else given[rows]
+        return arm.padded(both)
+
+    def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
+        """Return the highest frequencies (k,) of runs, rad/s."""
+        least = 1.0 / self._options.duration
+        if self._arm is not None and ready:
+            return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
+        return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
+
+    def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
+        """Return the method of a run; None if lanes do not have it."""
+        try:
+            choice = self._choice(run, self._tolerance._replace(fastest=fastest))
+        except InputError:  # a hopeless run, which ``alone`` reports
+            return None
+        return None if choice.doubt else lane_method(choice.integrator)
+
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        """Return the integrator of a run."""
+        requested = self._options.integrator, self._options.step
+        return choose_integrator(*requested, run.arm, tolerance, run.touch)
+
+    def _advance(
+        self,
+        method: LaneIntegrator,
+        stepper: LaneStepper,
+        ready: Sequence[Ready],
+        fastest: FloatArray,
+    ) -> Iterator[Outcome]:
+        """Yield the outcomes of the runs that reach their end."""
+        states, count = np.array([run.state for run in ready]), len(ready)
+        fastest = np.maximum(fastest, [run.touch for run in ready])
+        arms = [run.arm for run in (ready[:1] if self._arm else ready)]
+        placed = [run.loads.placed for run in ready]
+        runs = LaneRuns(
+            *arms_of_runs(arms, placed, self._options.atol, self._options.duration),
+            state=states,
+            fastest=fastest,
+            clock=np.zeros((count, CLOCK_PLACES)),
+            counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
+            status=np.full(count, Status.PAUSED.value),
+            sample_times=self._times,
+            samples=np.empty((count, self._times.size, *states.shape[1:])),
+            until=np.full(count, self._options.duration),
+        )
+        runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
+        carried = self._carry(partial(stepper.advance, method), ready, runs)
+        done = np.flatnonzero(runs.status == Status.DONE)
+        done = done[[self._counts(method, runs, int(place)) for place in done]]
+        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
+        for first in range(0, len(done), together):
+            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        """Return whether a completed run is the result, and not to be repeated by ``alone``."""
+        return True
+
+    @abstractmethod
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
+        """Advance the runs of one group; return what ``_torques`` and ``_warnings`` need."""
+
+    @abstractmethod
+    def _torques(
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
+    ) -> dict[str, FloatArray]:
+        """Return the channels of torques (k, samples, joints) of the runs at ``places`` (k,)."""
+
+    def _warnings(self, notices: str, run: Ready, place: int, carried: Any) -> list[str]:
+        """Return the warnings of a run; ``notices``: those of its result, or empty."""
+        return [notices]
+
+    def _limits(
+        self,
+        times: FloatArray,
+        ready: Sequence[Ready],
+        samples: FloatArray,
+        places: NDArray[np.intp],
+        carried: Any,
+    ) -> tuple[dict[str, FloatArray], list[list[str]]]:
+        """Return numbers of ``LIMITS`` (k, ...) and warnings of the runs ``ready`` (k,)."""
+        pairs = zip(ready, samples, strict=True)
+        deep = [deep_contact(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
+        return {}, [[text] for text in deep]
+
+    def _outcome(
+        self,
+        method: LaneIntegrator,
+        ready: Sequence[Ready],
+        runs: LaneRuns,
+        places: NDArray[np.intp],
+        carried: Any,
+    ) -> Outcome:
+        """Return the outcome of some runs of one arm, whose channels are computed together."""
+        # If the last sample time is a rounding error before the end, there is one sample less.
+        count = int(runs.counts[places[0], SAMPLES])
+        times, samples = self._times[:count], runs.samples[places, :count]
+        own = [ready[place] for place in places]
+        arm, shape = own[0].arm, samples.shape[:2]
+        channels: dict[str, FloatArray] = {}
+        if self._observed:
+            observed = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._observed)
+            channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in observed.items()}
+        if not _TORQUES.isdisjoint(self._channels):
+            channels |= self._torques(times, ready, places, carried)
+        if not BY_CONTACTS.isdisjoint(self._channels):
+            channels |= self._touched(own, samples)
+        largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
+        small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
+        limits, texts = self._limits(times, own, samples, places, carried)
+        if "contact_gap" in channels:
+            limits["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=1), 0.0)
+        warnings = []
+        for row, (run, place) in enumerate(zip(own, places.tolist(), strict=True)):
+            bent = "" if small[row] else theory_error(arm, samples[row])
+            pulled = axial_load(run.arm, times, samples[row], run.loads)
+            notices = " ".join(filter(None, [bent, pulled, *texts[row]]))
+            found = self._warnings(notices, run, place, carried)
+            warnings.append(" ".join(filter(None, found)))
+        return Outcome(
+            [run.number for run in own],
+            times,
+            channels,
+            self._options.duration,
+            DURATION,
+            "",
+            method.name,
+            warnings,
+            runs.counts[places, STEPS].tolist(),
+            runs.counts[places, EVALUATIONS].tolist(),
+            limits,
+        )
+
+    def _touched(self, own: Sequence[Ready], samples: FloatArray) -> dict[str, FloatArray]:
+        """Return the channels of contacts of runs (k,) at samples (k, T, 2, n, 1 + m)."""
+        pairs = zip(own, samples, strict=True)
+        found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
+        return {name: np.array([one[name] for one in found]) for name in found[0]}
+
+    def _stepper(self, key: tuple[int, ...], run: Ready) -> LaneStepper:
+        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
+        if key not in self._steppers:  # by two threads at the same time: one is not kept
+            own = run.arm.assembly.constants, run.loads.placed
+            tolerance = self._tolerance_of(run.arm)
+            self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
+        return self._steppers[key]
+
+
+class OpenLanes(Lanes):
+    """Runs under given torques, eight at a time in each thread."""
+
+    _alone: OpenLoop
+
+    def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
+        if state is None:
+            state = self._alone.start(k, arm)
+        history = self._alone.history(k, arm, state, self._options.rtol)
+        loads, touch = self._touching(self._loads_on(arm), arm, state)
+        return Ready(k, arm, state, loads, history, touch=touch)
+
+    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+        if not method.adaptive:
+            return True
+        tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        default = self._options.atol is None
+        steps = int(runs.counts[place, STEPS])
+        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
+
+    def _touching(
+        self, loads: LoadHistory, arm: Arm, state: FloatArray
+    ) -> tuple[LoadHistory, float]:
+        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s.
+
+        Raises:
+            InputError: if the run starts deep inside a surface.
+        """
+        if not self._environment.contacts:
+            return loads, 0.0
+        contacts = contacts_of_run(arm, self._environment.contacts, state)
+        refuse_deep_start(arm, state, contacts)
+        placed = loads.placed._replace(contacts=contacts)
+        return replace(loads, placed=placed), contact_frequency(arm, contacts)
+
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        choice = super()._choice(run, tolerance)
+        stops = run.loads.stops_with(run.drive)
+        choice = choose_by_drive(choice, run.arm, stops, self._options.duration)
+        touch = max(tolerance.fastest, run.touch)
+        start = Start(
+            run.arm,
+            run.state,
+            self._tolerance_of(run.arm)._replace(fastest=touch),
+            self._options.duration,
+            partial(system_of, run.arm, (), run.loads, run.drive),
+        )
+        return choose_by_work(choice, start)
+
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
+        histories = [run.drive for run in ready]
+        advance(drive_of_runs(ready[0].arm, histories, ready[0].loads), runs, MOST_STEPS)
+
+    def _torques(
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: None
+    ) -> dict[str, FloatArray]:
+        return {"torque": np.array([ready[k].drive.at(times) for k in places])}
+
+
+def _structure(run: Ready) -> tuple[int, ...]:
+    """Return numbers that are equal for runs in lanes of one pack.
+
+    They are the sizes of the arrays of the arm, the bodies of its loads and contacts, and the
+    identity of the factors of the loads, which are common.
+    """
+    sizes = map(len, run_time_sizes(run.arm.assembly.constants))
+    placed = run.loads.placed
+    bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
+    return (*sizes, *bodies, id(run.loads.factors))

@@ -1,0 +1,1 @@
+"""Simulation of an arm: ``simulate`` and related functions, results, metrics, comparisons."""

@@ -1,0 +1,303 @@
+"""Limits that a run reaches: of motors, instruments, joint stops and contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import theory_error
+from flexarm.arm.observe import contact_values
+from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
+from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.hardware.instruments import Readings
+from flexarm.integrate.base import FloatArray
+from flexarm.kernels.forces.contact import CURVATURE, GAP
+from flexarm.kernels.layout import Contacts
+from flexarm.simulation.calls.metrics import reference_angles
+from flexarm.simulation.loop.closed_loop import ClosedLoop
+from flexarm.simulation.run.channels import LIMITS
+from flexarm.simulation.run.stepping import Notices, Run
+from flexarm.simulation.run.validity import axial_load
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BoolArray = NDArray[np.bool_]
+#: Growth of an angle error at a limit of the motor that is reported, as a fraction of the largest
+#: of the travel of the joint, its first error, a tenth of the travel of all joints, and for a joint
+#: that holds its angle, of a tenth of a radian. A motion that is too fast for its motors lags by
+#: less, and a bounded overshoot is smaller, but the integral of a saturated loop winds up.
+_GROWN, _OF_ALL, _HELD = 0.5, 0.1, 0.1
+#: Share of the frames of an instrument at its limit that is reported. A sensor of a gap is at its
+#: limit whenever the surface is far.
+_BLIND = 0.1
+#: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad).
+#: Depth of a contact that is reported: fractions of the reach, and of the radius of a post.
+_OF_RANGE, _TURNED, _OF_REACH, _OF_RADIUS = 0.25, (0.1, 0.35), 0.1, 0.5
+#: Stride of the samples that are examined before all are.
+_STRIDE = 8
+
+
+def motor_numbers(since: FloatArray, saturated: BoolArray, end: float) -> dict[str, FloatArray]:
+    """Return the share of the time that motors are at a limit, and the longest time there.
+
+    Args:
+        since: (k,) s, times from which each row of ``saturated`` holds.
+        saturated: (k, joints), or (k, runs, joints).
+        end: s, of the run.
+    """
+    shape = (-1, *(1,) * (saturated.ndim - 1))
+    ends = np.append(since[1:], end).reshape(shape)
+    lasting = ends - since.reshape(shape)
+    free_until = np.maximum.accumulate(np.where(saturated, 0.0, ends), axis=0)
+    longest = ((ends - free_until) * saturated).max(axis=0)
+    share = (lasting * saturated).sum(axis=0) / max(end, np.finfo(float).tiny)
+    return {"saturation": share, "longest_saturation": longest}
+
+
+def motor_warning(
+    arm: Arm,
+    controller: Controller,
+    reference: Reference | None,
+    times: FloatArray,
+    angle: FloatArray,
+    limits: tuple[FloatArray, BoolArray],
+    numbers: Mapping[str, FloatArray],
+) -> str:
+    """Describe the motor whose limit does the most harm; empty if none does.
+
+    Harm is an angle error that grows by much while the motor is at its limit, or that stays large
+    because the motor does not leave it.
+
+    Args:
+        times, angle: (samples,) s and (samples, joints) rad.
+        limits: ``since`` and ``saturated`` (k, joints), as for ``motor_numbers``.
+        numbers: of ``motor_numbers``, (joints,) each.
+    """
+    since, saturated = limits
+    if reference is None or not saturated.any() or len(times) < 2:
+        return ""
+    wanted = reference_angles(reference, times, arm.joints)
+    error = np.abs(angle - wanted)
+    end = float(getattr(reference, "end_time", 0.0) or 0.0)
+    goal = [np.asarray(reference.joint_angle(end))] if 0.0 < end < np.inf else []
+    travel = np.ptp(np.vstack([wanted, *goal]), axis=0)  # also of a motion that the run cuts
+    size = np.maximum(np.maximum(travel, error[0]), _OF_ALL * travel.max())
+    size = np.maximum(size, np.where(travel > 0.0, 0.0, _HELD))
+    place = np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1
+    harm = [
+        _harm(error[:, j], saturated[place, j], float(size[j])) if saturated[:, j].any() else 0.0
+        for j in range(arm.joints)
+    ]
+    worst = int(np.argmax(np.array(harm) / size))
+    if not harm[worst] > _GROWN * size[worst]:
+        return ""
+    number, share = arm.joint_numbers[worst], float(numbers["saturation"][worst])
+    longest = float(numbers["longest_saturation"][worst])
+    cure = "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
+    if _without_limit(controller):
+        cure = "give the limit to the controller (torque_limit=), so that it does not wind up, or "
+        cure += "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
+    return (
+        f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
+        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: {cure}"
+    )
+
+
+def _harm(error: FloatArray, saturated: BoolArray, size: float) -> float:
+    """Return the largest growth (rad) of an error within a saturated interval, or what is left.
+
+    What is left counts if the last interval is half of the run and the error does not decrease.
+    """
+    most = 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], saturated, [False]]).astype(int)))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        part = error[begin : end + 1]
+        most = max(most, float((part - np.minimum.accumulate(part)).max()))
+    if saturated[-1] and 2 * (end - begin) >= len(error) and part[-1] >= 0.9 * part[0]:
+        most = max(most, float(part[-1]))
+    return most
+
+
+def _without_limit(controller: object) -> bool:
+    """Return whether a controller, or one inside, accepts the limit of the motors but has none."""
+    while controller is not None:
+        limit = getattr(controller, "torque_limit", 0.0)
+        if limit is None or not np.isfinite(np.asarray(limit, dtype=float)).all():
+            return True
+        controller = getattr(controller, "inner", None)
+    return False
+
+
+def instrument_numbers(readings: Sequence[Readings]) -> dict[str, FloatArray]:
+    """Return the share and the longest time at the limit of the instruments that have one."""
+    pairs = [item.saturation() for item in readings if item.limited]
+    if not pairs:
+        return {}
+    share, longest = (np.stack(values, axis=-1) for values in zip(*pairs, strict=True))
+    return {"reading_saturation": share, "longest_reading_saturation": longest}
+
+
+def instrument_warning(readings: Sequence[Readings], numbers: Mapping[str, FloatArray]) -> str:
+    """Describe the instrument that is at its limit the longest; empty if none is for long."""
+    limited = [item for item in readings if item.limited]
+    if not limited:
+        return ""
+    share = np.array([item.signal != "contact_gap" for item in limited])
+    share = share * numbers["reading_saturation"]
+    worst = int(np.argmax(share))
+    if not share[worst] > _BLIND:
+        return ""
+    longest = float(numbers["longest_reading_saturation"][worst])
+    return (
+        f"the instrument {limited[worst].labels[0]!r} is at its limit for {share[worst]:.0%} of "
+        f"the run, up to {longest:.3g} s at a time, and does not measure the motion there: raise "
+        "its limit or move more slowly."
+    )
+
+
+def _stops(run: Run) -> tuple[dict[str, FloatArray], str]:
+    """Return the numbers of joint stops, NaN for joints without, and a warning or empty text."""
+    if all(joint.limits is None for joint in _joints(run.arm)):
+        return {}, ""
+    beyond = []
+    for _, part in run.parts():
+        rows = part.arm.assembly.joint_body
+        angle = part.samples[: part.progress.sample, 0, rows, 0]
+        pairs = [
+            (one.limits.lower, one.limits.upper) if one.limits else (np.nan, np.nan)
+            for one in _joints(part.arm)
+        ]
+        lower, upper = np.array(pairs).T
+        beyond.append(np.maximum(np.maximum(lower - angle, angle - upper), 0.0))
+    depth = np.concatenate(beyond)
+    hits = np.diff(depth > 0.0, axis=0, prepend=False) & (depth > 0.0)
+    deepest = depth.max(axis=0)
+    count = np.where(np.isnan(deepest), np.nan, hits.sum(axis=0))
+    numbers = {"stop_depth": deepest, "stop_hits": count}
+    for number, joint, angle in zip(run.arm.joint_numbers, _joints(run.arm), deepest, strict=True):
+        if joint.limits is None:
+            continue
+        width = joint.limits.upper - joint.limits.lower
+        if angle > min(max(_OF_RANGE * width, _TURNED[0]), _TURNED[1]):
+            text = (
+                f"joint {number} turns {angle:.3g} rad beyond its stop, {angle / width:.0%} of its "
+                "range: raise the stiffness of the stop, or check the torque and the limits."
+            )
+            return numbers, text
+    return numbers, ""
+
+
+def _joints(arm: Arm) -> list[Any]:
+    """Return the joints of an arm that are not fixed."""
+    return [joint for joint in arm.spec.joints if not joint.fixed]
+
+
+def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
+    """Describe the deepest of contacts that are deeper than plausible; empty if none is.
+
+    Args:
+        states: (samples, 2, n, 1 + m).
+    """
+    if not placed.body.size or not len(states):
+        return ""
+    reach = float(arm.lengths.sum())
+    bend = np.maximum(placed.law[:, CURVATURE], _OF_RADIUS / (_OF_REACH * reach))
+    allowed = _OF_RADIUS / bend  # a fraction of the reach, or less where a post is thinner
+    near = -contact_values(arm, placed, states[::_STRIDE])[..., GAP]
+    if not np.any(near > 0.5 * allowed):
+        return ""
+    depth = -contact_values(arm, placed, states)[..., GAP].min(axis=0)
+    worst = int(np.argmax(depth / allowed))
+    if not depth[worst] > allowed[worst]:
+        return ""
+    return (
+        f"contact {worst + 1} is up to {depth[worst]:.3g} m deep in its surface, "
+        f"{depth[worst] / reach:.0%} of the reach of the arm: raise its stiffness, or check the "
+        "surface, its normal and the load."
+    )
+
+
+def limits_of_run(
+    run: Run, loop: ClosedLoop | None, channels: Mapping[str, FloatArray]
+) -> tuple[dict[str, FloatArray], list[str]]:
+    """Return the numbers ``LIMITS`` of a run that it has, and its warnings."""
+    numbers, text = _stops(run)
+    parts = [part for _, part in run.parts()]
+    texts = [text]
+    for part in parts:
+        states = part.samples[: part.progress.sample]
+        texts.append(deep_contact(part.arm, part.loads.placed.contacts, states))
+    if "contact_gap" in channels and len(channels["contact_gap"]):
+        numbers["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=0), 0.0)
+    if loop is None:
+        return numbers, list(filter(None, texts))
+    readings = loop.sensors()
+    numbers |= instrument_numbers(readings)
+    texts.append(instrument_warning(readings, numbers))
+    if loop.limited and loop.times:
+        since, saturated = loop.saturated()
+        numbers |= motor_numbers(since, saturated, run.progress.time)
+        times = run.sample_times[: run.progress.sample]
+        angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]
+        texts.append(
+            motor_warning(
+                run.arm, loop.controller, loop.reference, times, angle, (since, saturated), numbers
+            )
+        )
+    return numbers, list(filter(None, texts))
+
+
+def notices_of(run: Run, limits: Sequence[str], failure: str) -> Notices:
+    """Return the warnings of a run, with those of its ``limits``.
+
+    Loads and limits of a run with a ``failure`` are those of a motion that no arm makes.
+    """
+    bent = (theory_error(part.arm, part.samples) for _, part in run.parts())
+    notices: Notices = [(next(filter(None, bent), ""), LargeDeflectionWarning)]
+    parts = [] if failure else run.parts()
+    pulled = (
+        axial_load(part.arm, part.sample_times, part.samples[: part.progress.sample], part.loads)
+        for _, part in parts
+    )
+    notices += [(next(filter(None, pulled), ""), LargeDeflectionWarning)]
+    notices += [] if failure else [(text, LimitWarning) for text in limits]
+    notices.append((run.doubt, AccuracyWarning))
+    return [notice for notice in notices if notice[0]]
+
+
+def add_limits(
+    dataset: xr.Dataset, numbers: Mapping[str, FloatArray], readings: Sequence[Readings]
+) -> xr.Dataset:
+    """Add the numbers of ``LIMITS`` to the result of a run with some instruments."""
+    if not numbers:
+        return dataset
+    dataset = dataset.assign(limit_variables(numbers))
+    names = limited_names(readings)
+    if names:
+        label = {"long_name": "instrument with a limit"}
+        dataset = dataset.assign_coords(instrument=("instrument", names, label))
+    return dataset
+
+
+def limited_names(readings: Sequence[Readings]) -> list[str]:
+    """Return the names of the readings of instruments that have a limit."""
+    return [item.labels[0] for item in readings if item.limited]
+
+
+def limit_variables(
+    numbers: Mapping[str, FloatArray], before: Sequence[str] = ()
+) -> dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]]:
+    """Return numbers of ``LIMITS`` as variables of a dataset; ``before``: dimensions in front."""
+    return {
+        name: (
+            (*before, *LIMITS[name].dims),
+            values,
+            {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning},
+        )
+        for name, values in numbers.items()
+    }

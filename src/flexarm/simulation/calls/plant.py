@@ -1,0 +1,278 @@
+"""Simulation of an arm one sample time at a time, for your own control loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.observe import contact_forces
+from flexarm.base.arguments import (
+    check_count,
+    check_flag,
+    check_kind,
+    check_positive,
+    warn_of_degrees,
+)
+from flexarm.base.errors import (
+    AccuracyWarning,
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    SimulationError,
+    check_array,
+    public_call,
+    warn_caller,
+)
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.simulation.loop.sampled_loop import SampleSchedule
+from flexarm.simulation.loop.sensors import TipMotion
+from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.new_run import RTOL, initial_state, new_run
+from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.validity import BendingWatch
+
+
+class Plant:
+    """Arm with its hardware, simulated step by step, for your own control loop.
+
+    The plant starts at time zero, at rest, with straight links and all joint angles zero. ``step``
+    applies a torque until the next sample time and returns the readings of the sensors there. The
+    loop of ``flexarm.simulate`` uses the same code, so the results agree to the last digit. Nothing
+    is recorded. A copy (``copy.deepcopy``, ``pickle``) continues independently from the current
+    state; a pickle cannot contain a load or base acceleration that is a lambda function.
+
+    Args:
+        arm: the simulated arm.
+        sample_time: s from one step to the next.
+        hardware: instruments and motors; None for exact sensors of joint angles, rates and strain,
+            and motors that apply the commanded torque exactly.
+        tip_force, loads, base_acceleration, contacts: external actions, see ``flexarm.simulate``.
+        changes: numbers of the arm that change after each reset, at times, see ``Change``.
+        breaks: times (s) at which loads or a base acceleration that are functions of time jump or
+            have a kink.
+        integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
+        duration: s, latest time of a step; None for no limit. Required if loads or the base
+            acceleration are functions of time, which are evaluated in advance.
+        specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
+            size and machine, then a third faster.
+        warn: whether to warn of a fixed step that is too long for friction, and in ``step`` of
+            large deflections; ``warning`` has the text of these in any case.
+
+    Attributes:
+        arm, sample_time: as given.
+        duration: s, latest time of a step; infinite without a limit.
+        measurement: readings of the sensors at the current sample time.
+        warning: link that has exceeded the linear theory since the reset, or empty text.
+
+    Raises:
+        InputError: if an argument has the wrong shape, is not finite, or contradicts another.
+
+    Warns:
+        AccuracyWarning: if a fixed step is too long for friction.
+    """
+
+    @public_call
+    def __init__(
+        self,
+        arm: Arm,
+        sample_time: float = 1e-3,
+        hardware: Hardware | None = None,
+        *,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: BaseAcceleration | None = None,
+        breaks: ArrayLike = (),
+        contacts: Sequence[Contact] = (),
+        changes: Sequence[Change] = (),
+        integrator: str | Integrator = "auto",
+        step: float | None = None,
+        rtol: float = RTOL,
+        atol: float | None = None,
+        duration: float | None = None,
+        specialized: bool = False,
+        warn: bool = True,
+    ) -> None:
+        self.arm = arm = check_kind("arm", arm, Arm)
+        if hardware is not None:
+            check_kind("hardware", hardware, Hardware, "a Hardware object")
+        self.sample_time = check_positive("sample_time", sample_time)
+        given = tip_force, loads, base_acceleration, contacts
+        environment = Environment.of(arm, *given)
+        if duration is None:
+            _refuse_functions(environment)
+        self.duration = math.inf if duration is None else check_positive("duration", duration)
+        self._hardware, self._warn = hardware, check_flag("warn", warn)
+        self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
+        self._new_run = partial(
+            new_run,
+            arm,
+            duration=self.duration,
+            sample_times=np.zeros(0),
+            environment=environment,
+            breaks=breaks,
+            spacing=self.sample_time,
+            integrator=integrator,
+            step=step,
+            rtol=check_positive("rtol", rtol),
+            atol=None if atol is None else check_positive("atol", atol),
+            meter=Meter("stepping", False),
+            specialized=check_flag("specialized", specialized),
+            changes=changes,
+        )
+        self._reset(None, None, None)
+        if self._schedule.run.doubt and warn:
+            warn_caller(self._schedule.run.doubt, AccuracyWarning)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state for copies and pickles; helpers of the arm are created again."""
+        return {k: v for k, v in self.__dict__.items() if k not in ("_bending", "_tip")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bending, self._tip = BendingWatch(self.arm), TipMotion(self.arm)
+
+    @public_call
+    def reset(
+        self,
+        initial: ArrayLike | None = None,
+        initial_rate: ArrayLike | None = None,
+        seed: int | None = None,
+    ) -> Measurement:
+        """Return to time zero and return the readings of the sensors there.
+
+        Args:
+            initial: q (dof,), by default straight links and all joint angles zero.
+            initial_rate: qd (dof,), zero by default. Bristles of friction start without deflection,
+                so q and qd alone do not restore a plant with them; `copy.deepcopy` does.
+            seed: of the instruments' noise, instead of the hardware's seed.
+
+        Raises:
+            InputError: if an argument has the wrong shape or is not finite, or the initial state
+                is deep inside a surface.
+        """
+        return self._reset(initial, initial_rate, seed)
+
+    def _reset(
+        self, initial: ArrayLike | None, initial_rate: ArrayLike | None, seed: int | None
+    ) -> Measurement:
+        arm, hardware = self.arm, self._hardware
+        straight = np.zeros(arm.joints)
+        state = initial_state(arm, initial, initial_rate, straight)
+        if seed is not None:
+            check_count("seed", seed, least=0, most=2**63 - 1)
+        if hardware is not None and seed is not None:
+            hardware = hardware.replace(seed=seed)
+        run = self._new_run(state)
+        run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
+        if initial is not None:
+            warn_of_degrees(initial=arm.joint_angles(initial))
+            refuse_deep_start(arm, state, run.loads.placed.contacts)
+        self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
+        self._stopped_at: float | None = None
+        self.warning = ""
+        self.measurement = self._schedule.measure()
+        return self.measurement
+
+    @public_call
+    def step(self, torque: ArrayLike) -> Measurement:
+        """Apply a torque (joints,) N m for one sample time and return the readings after it.
+
+        Raises:
+            InputError: if the torque has the wrong shape or is not finite, the step exceeds the
+                plant's duration, or the initial state is deep inside a surface; the state does
+                not change.
+            SimulationError: if the integration fails before the next sample time; ``.state`` is
+                the last valid one. Call ``reset`` before the next step.
+
+        Warns:
+            LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
+                reset.
+        """
+        schedule = self._schedule
+        command = check_array("torque", torque, (self.arm.joints,))
+        self._check_time((schedule.tick + 1) * self.sample_time)
+        if schedule.tick == 0:  # not in __init__, because a reset may first move the arm
+            start, contacts = schedule.run.progress.state, schedule.run.loads.placed.contacts
+            refuse_deep_start(self.arm, start, contacts)
+        try:
+            schedule.hold(command)
+        except SimulationError as error:
+            self._stopped_at = error.time
+            raise
+        self.measurement = schedule.measure()
+        if not self.warning:
+            self.warning = self._bending(schedule.run.progress.state)
+            if self.warning and self._warn:
+                warn_caller(self.warning, LargeDeflectionWarning)
+        return self.measurement
+
+    def _check_time(self, until: float) -> None:
+        if self._stopped_at is not None:
+            rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
+            raise InputError(Problem("the plant", rule))
+        # The sum of the sample times may exceed the duration by rounding.
+        if until > self.duration * (1.0 + 1e-12):
+            rule = f"be at most the duration of the plant ({self.duration:.6g} s)"
+            raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
+
+    @property
+    def time(self) -> float:
+        """Current sample time, s; after a failure the time reached."""
+        return self._schedule.time if self._stopped_at is None else self._stopped_at
+
+    @property
+    def q(self) -> FloatArray:
+        """Coordinates (dof,)."""
+        return self._schedule.run.state()[0]
+
+    @property
+    def qd(self) -> FloatArray:
+        """Rates of the coordinates (dof,)."""
+        return self._schedule.run.state()[1]
+
+    @property
+    def tip_motion(self) -> FloatArray:
+        """Values of ``tip``, then of ``tip_velocity``, (6,)."""
+        return self._tip(self._schedule.run.progress.state).copy()
+
+    @property
+    def tip(self) -> FloatArray:
+        """World position x, y (m) and angle (rad) of the tip, (3,)."""
+        return self.tip_motion[:3]
+
+    @property
+    def tip_velocity(self) -> FloatArray:
+        """Rates of ``tip``, (3,)."""
+        return self.tip_motion[3:]
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """Whether each motor is at its limit, (joints,), during the last step; for anti-windup."""
+        _, saturated = self._schedule.acting.saturated()
+        return saturated[-1] if len(saturated) else np.zeros(self.arm.joints, dtype=bool)
+
+    @property
+    def contact_force(self) -> FloatArray:
+        """Forces (contacts, 2) of contacts on the arm, N, world axes."""
+        run = self._schedule.run
+        state = run.progress.state[None]
+        forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
+        return forces
+
+
+def _refuse_functions(environment: Environment) -> None:
+    """Raise if a plant without duration has functions of time, which need an end."""
+    factors = [load.factor for load in environment.loads]
+    if callable(environment.base_acceleration) or any(callable(factor) for factor in factors):
+        rule = "is required with loads or a base acceleration that are functions of time"
+        raise InputError(Problem("duration", rule, hint="Tables (times, values) do not need it."))

@@ -1,0 +1,233 @@
+"""Labelled dataset of a run."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.integrate.base import FloatArray
+from flexarm.model import file_text
+from flexarm.simulation.run.channels import CHANNELS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from flexarm.simulation.loop.closed_loop import ClosedLoop
+
+
+class _Labels(NamedTuple):
+    """Dimensions, coordinates and attributes of a result, with placeholder data."""
+
+    times: FloatArray
+    dataset: xr.Dataset
+
+
+#: Labels of the last results, because the next arm often has the same links, joints and channels.
+_kept_labels: dict[tuple[object, ...], _Labels] = {}
+_MOST_LABELS = 16
+_texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
+
+
+@cache
+def package_version() -> str:
+    """Return the version of this package, cached because the look-up takes a millisecond."""
+    return version("flexarm")
+
+
+@cache
+def software_versions() -> str:
+    """Return the versions of Python and the numerical packages, and the platform, as one line."""
+    packages = [f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "xarray")]
+    system = f"{platform.system()} {platform.machine()}"
+    return ", ".join([f"Python {platform.python_version()}", *packages, system])
+
+
+def arm_text(arm: Arm) -> str:
+    """Return the text of an arm's file, cached for each arm."""
+    text = _texts.get(arm)
+    if text is None:
+        text = _texts[arm] = file_text(arm.spec)
+    return text
+
+
+def make_result(
+    arm: Arm,
+    times: FloatArray,
+    values: dict[str, FloatArray],
+    attributes: dict[str, Any],
+) -> xr.Dataset:
+    """Create the labelled dataset of the samples of a run.
+
+    Args:
+        times: (samples,) s.
+        values: channels by name, in the order of the result.
+        attributes: plain numbers and strings, which every file format can store.
+    """
+    if "bending_moment" in values:  # not cached, because users may change `position`
+        dataset = _labelled(arm, times, values)
+    else:
+        dataset = _labels(arm, times, values).dataset.copy(data=values)
+    software = {"flexarm_version": package_version(), "software": software_versions()}
+    dataset.attrs = {**software, **attributes, "arm": arm_text(arm)}
+    return dataset
+
+
+def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
+    """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
+    shapes = {name: array.shape for name, array in values.items()}
+    numbers = tuple(arm.joint_numbers.tolist())
+    key = (_coordinate_names(arm), numbers, arm.links, _gauge_names(arm), *shapes.items())
+    labels = _kept_labels.get(key)
+    if labels is None or not np.array_equal(labels.times, times):
+        times = times.copy()
+        times.setflags(write=False)  # results share the time index
+        nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
+        labels = _Labels(times, _labelled(arm, times, nothing))
+        _kept_labels[key] = labels
+        for oldest in list(_kept_labels)[:-_MOST_LABELS]:
+            _kept_labels.pop(oldest, None)  # another thread may have removed it
+    return labels
+
+
+def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Label the values of channels at times (samples,)."""
+    import xarray as xr
+
+    variables = {
+        name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
+        for name, array in values.items()
+    }
+    stations = values["bending_moment"].shape[-1] if "bending_moment" in values else 0
+    contacts = values["contact_gap"].shape[1] if "contact_gap" in values else 0
+    coordinates = coordinates_of(arm, times, stations, contacts)
+    return xr.Dataset(variables, coords=coordinates)
+
+
+def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
+    """Add the data of a closed loop to the result.
+
+    It adds attributes about the controller and the channel ``torque_command`` (time, joint). With
+    hardware it also adds a channel ``measured_NAME`` (tick, ...) for each reading, where ``tick``
+    counts the sample times, and the coordinate ``tick_time`` (s).
+    """
+    dataset.attrs["controller"] = type(loop.controller).__name__
+    dataset.attrs["sample_time"] = float(loop.controller.sample_time)
+    dataset.attrs["controller_calls"] = len(loop.times)
+    dataset.attrs["controller_seconds"] = loop.seconds
+    dataset.attrs |= loop.report()
+    if "torque_command" not in dataset.variables:
+        command = loop.command_at(dataset["time"].values)
+        labels = _channel_labels("torque_command")
+        dataset["torque_command"] = (("time", "joint"), command, labels)
+    if loop.hardware is None:
+        return dataset
+    return add_readings(dataset, np.asarray(loop.times), loop.readings())
+
+
+def exceeded_bound(report: Mapping[str, Any]) -> str:
+    """Return the warning of a loop that left its prescribed bound, or empty text.
+
+    Args:
+        report: of a controller, or the attributes of a result.
+    """
+    if not report.get("bound_exceeded", 0):
+        return ""
+    first = report["bound_first_ratio"]
+    if first > 1.0:
+        return (
+            f"the first angle error is {first:.3g} times its bound, and the bounds hold only if it "
+            "is within: raise start_bound, or start nearer to the reference."
+        )
+    return (
+        f"the angle error was outside its bound at {report['bound_exceeded']} samples: raise the "
+        "bound, rate_bound or gain_limit, or shorten sample_time."
+    )
+
+
+def add_readings(
+    dataset: xr.Dataset, times: FloatArray, readings: Mapping[str, FloatArray]
+) -> xr.Dataset:
+    """Add a channel ``measured_NAME`` (tick, ...) for each reading at sample times (ticks,), s."""
+    ticks = ("tick", times, {"units": "s", "long_name": "sample time of the controller"})
+    for name, values in readings.items():
+        reading = f"measured_{name}"
+        meaning = {"long_name": f"{name} as measured"}
+        # Most readings are rows of numbers; a contact force has one more axis.
+        parts = [f"{reading}_part", f"{reading}_axis"][: values.ndim - 1]
+        dataset[reading] = (("tick", *parts), values[: len(times)], meaning)
+    return dataset.assign_coords(tick_time=ticks)
+
+
+def _channel_labels(name: str) -> dict[str, str]:
+    return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
+
+
+def coordinates_of(
+    arm: Arm, times: FloatArray, stations: int = 0, contacts: int = 0
+) -> dict[str, Any]:
+    """Return the coordinates of a result at ``times`` (samples,), s, with their labels.
+
+    Args:
+        stations: number of sections of each link; contacts: number of contacts.
+    """
+    coordinates: dict[str, Any] = {
+        "time": ("time", times, {"units": "s", "long_name": "time"}),
+        "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
+        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
+        "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
+        "coordinate": (
+            "coordinate",
+            list(_coordinate_names(arm)),
+            {"long_name": "generalised coordinate"},
+        ),
+    }
+    if arm.gauges:
+        coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
+    if stations:
+        coordinates |= _stations(arm, stations)
+    if contacts:
+        numbers = np.arange(1, contacts + 1)
+        meaning = "contact, counted as given"
+        coordinates["contact"] = ("contact", numbers, {"long_name": meaning})
+    return coordinates
+
+
+def _coordinate_names(arm: Arm) -> tuple[str, ...]:
+    names = [""] * arm.dof
+    for seat in arm.assembly.seats:
+        names[seat.angle] = f"joint_{seat.link + 1}"
+        if seat.twist is not None:
+            names[seat.twist] = f"joint_{seat.link + 1}_twist"
+    for piece in arm.assembly.pieces:
+        label = f"link_{piece.link + 1}"
+        if arm.spec.links[piece.link].segments > 1:
+            label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
+        for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
+            names[place] = f"{label}_mode_{mode}"
+    return tuple(names)
+
+
+def _gauge_names(arm: Arm) -> tuple[str, ...]:
+    return tuple(f"link {link + 1} at {station:g} m" for link, station, _ in arm.gauges)
+
+
+def _stations(arm: Arm, count: int) -> dict[str, Any]:
+    """Return the coordinates of section forces: fraction of the link, and position in metres."""
+    fraction = np.linspace(0.0, 1.0, count)
+    position = arm.lengths[:, None] * fraction
+    meaning = "place on the link, as a fraction of its length"
+    return {
+        "station": ("station", fraction, {"units": "1", "long_name": meaning}),
+        "position": (
+            ("link", "station"),
+            position,
+            {"units": "m", "long_name": "distance from the root of the link"},
+        ),
+    }

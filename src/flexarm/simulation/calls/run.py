@@ -1,0 +1,360 @@
+"""Simulation of an arm over a given duration: ``flexarm.simulate``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_kind, check_mapping, check_positive
+from flexarm.base.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    UnstableLoopWarning,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
+from flexarm.integrate import Integrator
+from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.model.plausible import warn_of
+from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.simulation.calls.channels import channels_of_run
+from flexarm.simulation.calls.interrupted_runs import computed_until_failure
+from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
+from flexarm.simulation.calls.plausible_run import implausible_run
+from flexarm.simulation.calls.preparation import (
+    Torque,
+    between_samples,
+    run_options,
+    start_of,
+    torque_history,
+)
+from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.prescribed import Prescribed
+from flexarm.simulation.loop.closed_loop import ClosedLoop
+from flexarm.simulation.loop.stability import instability
+from flexarm.simulation.run.changes.schedule import change_variables
+from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.events import Event, event_log, event_variables
+from flexarm.simulation.run.impacts import Beginning, compare_loops
+from flexarm.simulation.run.new_run import RTOL
+from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.small_motion import run_accurately
+from flexarm.simulation.run.stepping import Run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@computed_until_failure
+@public_call
+def simulate(
+    arm: Arm,
+    duration: float,
+    *,
+    torque: Torque | None = None,
+    controller: Controller | None = None,
+    reference: Reference | None = None,
+    plant: Arm | None = None,
+    hardware: Hardware | None = None,
+    prescribed: Prescribed | None = None,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: BaseAcceleration | None = None,
+    events: Sequence[Event] = (),
+    contacts: Sequence[Contact] = (),
+    changes: Sequence[Change] = (),
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    stations: int = 0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
+    specialized: bool | None = None,
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Simulate an arm and return its motion as a labelled dataset.
+
+    Args:
+        arm: the arm; with ``plant`` given, the controller's model of the arm.
+        duration: s, positive.
+        torque: joint torques, zero by default. An array (samples, joints) at ``rate``, N m, from
+            time zero, with the last row constant to the end of the run; or a function of time that
+            returns (joints,). A function is approximated within the run's tolerance, except for
+            features shorter than ``1 / rate`` that ``breaks`` does not contain.
+        controller: evaluated at its sample time, with the torque constant in between (see
+            ``flexarm.Controller``); instead of ``torque``.
+        reference: motion for the controller; the arm starts at its beginning.
+        plant: simulated arm, if it differs from ``arm``.
+        hardware: instruments and motors between controller and arm; None for exact sensors of joint
+            angles, rates and strain, and motors that apply the commanded torque exactly.
+        prescribed: joints, by number from 1, that follow a prescribed motion exactly; ``torque`` of
+            the result is the torque that this requires. Cannot be combined with a controller.
+        initial: q (dof,), by default straight links at the start of the reference, or of
+            ``torque`` if that is computed from a motion, else all angles zero.
+        initial_rate: qd (dof,), zero by default. Bristles of friction start without deflection:
+            with them, q and qd at the end of a run do not continue it. A `Plant` does.
+        tip_force: constant (Fx, Fy) or (Fx, Fy, Mz) on the tip, world axes.
+        loads: forces and moments anywhere on the simulated arm; no controller includes them in its
+            model.
+        base_acceleration: (ax, ay) of the base joint, m/s^2, a function of time that returns it, or
+            a table ``(times, values)``; positions stay relative to the base.
+        events: events to locate during the run (``Event``, ``joint_event``, ``tip_event``). The
+            search compares samples, so two crossings within ``1 / rate`` may be missed. A terminal
+            event ends the run and is its last sample.
+        contacts: surfaces for contact with points of the arm, fixed relative to the base.
+        changes: numbers of the simulated arm that change during the run (``Change``); the
+            controller's model does not. Samples and readings at the time of a change are before it,
+            also at the start; only a terminal event in its jump records the state after it.
+        integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
+        rate: samples recorded per second, Hz; the last one may lie before the end of the run.
+        stations: sections of each link, evenly spaced from root to tip, at which to record axial
+            force, shear force and bending moment; 0 for none.
+        step: fixed step, or first step of a method with step control, s; an integrator object has
+            its own. If the step is too long for "rk4", "auto" uses another method and warns. A
+            fixed-step method without a step halves it until the tip differs by at most 1e-4 of
+            the reach from the motion at twice the step.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
+            A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
+            in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
+            the error requires it. Runs with a controller are not repeated.
+        torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
+            samples that jump; the other two never exceed them.
+        breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
+            prescribed motion) jumps or has a kink, in addition to its own ``breaks``. Needed for
+            features shorter than the attribute ``shortest_feature``. They also split the cubic of
+            ``torque`` samples, which is linear between the samples before and after a break.
+        specialized: True compiles the hot loop for the sizes of this arm (several seconds, once per
+            size and machine; a third faster); None does so in the middle of a long run.
+        progress: True or False shows or hides the progress bar of long runs; None shows it on a
+            terminal.
+
+    Returns:
+        Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
+        ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
+        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is "duration",
+        "failure" or the name of the event that ended the run. With ``changes`` also
+        ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
+        (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
+
+    Raises:
+        InputError: if an argument has the wrong shape, is not finite, or contradicts another, the
+            initial state is deep inside a surface, a reference presses away from one, or the run
+            would take hours, or far longer than with another integrator. An integrator object is
+            not refused.
+        SimulationError: if the run stops early, or a function of time raises an exception;
+            ``.time`` is the time, ``.result`` the result up to then.
+
+    Warns:
+        LargeDeflectionWarning: if a link exceeds the linear beam theory.
+        AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
+            stops amplify errors to more than 1e-5 of the reach and ten times ``rtol``, or with a
+            fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors of 1 % of
+            the motion. Runs with a controller and a fixed step are not checked; see the attribute
+            ``impact_steps``.
+        UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
+            or after a change of the arm, with growth by a factor of ten or more within the run.
+        LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
+            instrument is at its limit for a tenth of its frames, or a joint stop or a contact is
+            implausibly deep.
+        ImplausibleValueWarning: if initial angles look like degrees, times like milliseconds,
+            ``rate`` like a time, or limits of motors like those in another unit.
+        FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
+    """
+    check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
+    options = run_options(
+        duration,
+        rate=rate,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        breaks=breaks,
+        torque_interpolation=torque_interpolation,
+        integrator=integrator,
+        stations=stations,
+        specialized=specialized,
+    )
+    simulated = plant if plant is not None else arm
+    if simulated.joints != arm.joints:
+        rule = f"have the number of joints of the arm ({arm.joints})"
+        raise InputError(Problem("plant", rule, shown(simulated.joints)))
+    state = start_of(simulated, initial, initial_rate, reference, torque)
+    angles = None if initial is None else simulated.joint_angles(initial)
+    given = angles, controller, reference, hardware
+    warn_of(implausible_run(simulated, options.duration, options.rate, *given))
+    log = event_log(simulated, events)
+    acting = tip_force, loads, base_acceleration, contacts
+    environment = Environment.of(simulated, *acting)
+    with Meter("simulating", progress) as meter:
+        run = options.new_run(simulated, state, environment, log, meter, changes, prescribed)
+        placed = run.loads.placed.contacts
+        refuse_deep_start(simulated, state, placed)
+        refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
+        if controller is not None:
+            beginning = Beginning.of(run)
+            loop = ClosedLoop(run, controller, reference, hardware)
+            q = simulated.unpadded(state[0])
+            checked = controller, reference, hardware, contacts, q, options.duration
+            stability = partial(instability, arm, simulated, *checked, {})
+            compare = partial(compare_loops, run, beginning, loop.execute_again)
+            result = _closed_loop(run, loop, stability, compare)
+        else:
+            history_of = partial(
+                torque_history, simulated, torque, prescribed or {}, state, options
+            )
+            result = _open_loop(run, history_of, between_samples(torque, options))
+    for text, category in run.notices:
+        warn_caller(text, category)
+    if left := exceeded_bound(result.attrs):
+        warn_caller(left, FlexarmWarning)
+    return result
+
+
+def _open_loop(
+    run: Run, history_of: Callable[[float], PiecewiseCubic], interpolation: str
+) -> xr.Dataset:
+    started = time.perf_counter()
+    failure: SimulationError | None = None
+    try:
+        run_accurately(run, history_of)
+    except SimulationError as error:
+        if run.history is None:  # a function of time failed before the run began
+            raise
+        failure = error
+    assert run.history is not None
+    result = _result(run, run.history, started, interpolation, str(failure or ""))
+    if failure is not None:
+        failure.result = result
+        raise failure
+    return result
+
+
+def _closed_loop(
+    run: Run, loop: ClosedLoop, stability: Callable[..., str], compare: Callable[[], None]
+) -> xr.Dataset:
+    """Execute a run with a controller.
+
+    Args:
+        stability: `instability`, with all arguments but ``changed``.
+        compare: `compare_loops`, with all arguments.
+    """
+    unstable = stability()
+    if unstable and run.changes is None:
+        warn_caller(unstable, UnstableLoopWarning)
+    started = time.perf_counter()
+    failure: SimulationError | None = None
+    try:
+        loop.execute()
+    except SimulationError as error:
+        failure = error
+    if run.changes is not None:  # the times of changes at events are known now
+        unstable = stability(changed=run.changed_arms())
+        if unstable:
+            warn_caller(unstable, UnstableLoopWarning)
+    if failure is None:
+        compare()
+        return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+    # A bound that does not hold, or an instability, is the cause of every later failure.
+    causes = filter(None, [exceeded_bound(loop.report()), unstable])
+    failure.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or failure.hint
+    if loop.times:
+        result = _result(run, loop, started, "hold", str(failure), unstable)
+        failure.result = add_loop(result, loop)
+    raise failure
+
+
+def _result(
+    run: Run,
+    drive: PiecewiseCubic | ClosedLoop,
+    started: float,
+    interpolation: str,
+    failure: str = "",
+    unstable: str = "",
+) -> xr.Dataset:
+    count = run.progress.sample
+    times = run.sample_times[:count]
+    integrator, progress = run.integrator, run.progress
+    log = run.watch.log if run.watch is not None else None
+    ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
+    reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
+    law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
+    attributes: dict[str, Any] = {
+        "integrator": integrator.name,
+        "integrator_reason": reason,
+        "rtol": run.tolerance.relative,
+        "atol": run.tolerance.absolute * run.tolerance.scale,
+        "steps": progress.steps,
+        "rejected_steps": progress.rejected,
+        "impact_steps": progress.impacts,
+        "torque_interpolation": interpolation,
+        "evaluations": progress.evaluations + run.discarded,
+        "shortest_feature": max(
+            run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
+        ),
+        "wall_seconds": time.perf_counter() - started,
+        "references": " ".join([*integrator.reference, *law]),
+        "failure": failure,
+        "ended_by": ended_by,
+        "unstable_loop": unstable,
+    }
+    loop = drive if isinstance(drive, ClosedLoop) else None
+    given = drive.torque_at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
+    channels = channels_of_run(run, given)
+    numbers, texts = limits_of_run(run, loop, channels)
+    run.notices = notices_of(run, texts, failure)
+    attributes["warning"] = " ".join(text for text, _ in run.notices)
+    if loop is not None and log is None:  # otherwise add_loop appends it
+        channels["torque_command"] = loop.command_at(times)
+    result = make_result(run.first_arm, times, channels, attributes)
+    result = add_limits(result, numbers, loop.sensors() if loop is not None else ())
+    if log is not None:
+        result = result.assign(event_variables(run.first_arm, log))
+    return result if run.changes is None else result.assign(change_variables(run.changes))
+
+
+def check_objects(
+    arm: object,
+    plant: object | None,
+    controller: object | None,
+    reference: object | None,
+    hardware: object | None,
+    torque: Torque | None,
+    prescribed: Prescribed | None,
+) -> None:
+    """Validate objects before their attributes are used, and that one thing drives the joints.
+
+    Raises:
+        InputError: if an object has the wrong type, or two arguments cannot be combined.
+    """
+    check_kind("arm", arm, Arm)
+    if plant is not None:
+        check_kind("plant", plant, Arm)
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+        if controller is None:
+            raise InputError(Problem("hardware", "requires a controller"))
+    if controller is not None:
+        check_controller("controller", controller)
+        check_positive("controller.sample_time", getattr(controller, "sample_time", None))
+    if reference is not None:
+        check_reference(reference)
+    if prescribed is not None:
+        check_mapping("prescribed", prescribed, "joint numbers and motions")
+    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
+        if given and controller is not None:
+            raise InputError(Problem(name, "cannot be combined with a controller"))

@@ -1,0 +1,165 @@
+"""A run in dual numbers: the steps of ``simulate``, with derivatives in eight directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.integrate.base import FloatArray, Progress, Status, System
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
+from flexarm.simulation.derivatives.inputs import ArmInputs, Inputs
+from flexarm.simulation.run.stepping import Run
+
+#: Steps in one compiled call, after which Ctrl-C is noticed.
+_STEPS = 4096
+
+
+class DualRun(NamedTuple):
+    """Samples of a run and the numbers of its arm, as dual numbers."""
+
+    samples: DualArray  # (samples, 2, n, 1 + m)
+    constants: ArmConstants
+    gauges: DualArray  # (gauges, m)
+    steps: int
+    events: DualArray = None  # (events, 2, n, 1 + m)
+
+
+class DualStepper:
+    """Repetition of a run that has been simulated, with derivatives in up to eight directions.
+
+    The steps are chosen by the values alone, so that they are those of the run.
+
+    Args:
+        inputs: numbers of the run.
+        by: derivatives of ``inputs`` in each direction.
+    """
+
+    def __init__(self, run: Run, inputs: Inputs, by: Sequence[Inputs]) -> None:
+        assert run.history is not None
+        numbers = dual_inputs(inputs, by)
+        self._run, self._gauges = run, numbers.arm.gauges
+        self.system = dual_system(run.system(run.history), numbers)
+        step = run.progress.step if run.default_step is not None else 0.0
+        self.progress = self._progress(0.0, numbers.state, step)
+        self._samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
+        self._waiting = event_times(run).tolist()
+        self._events: list[DualArray] = []
+
+    def _progress(self, time: float, state: DualArray, step: float) -> Progress:
+        entry = Entry(self._run.integrator.stepper, often=1)
+        return Progress(time, state, step, entry=entry)
+
+    def advance(self, until: float) -> None:
+        """Advance to a time (s), and compute the states at the events up to it.
+
+        Raises:
+            SimulationError: if the run fails.
+        """
+        seen = bool(self._waiting) and self._waiting[0] <= until
+        start = (self.progress.time, self.progress.state.copy()) if seen else None
+        self._carry(self.progress, until, self._run.sample_times, self._samples)
+        while start is not None and self._waiting and self._waiting[0] <= until:
+            self._events.append(self._at_event(self._waiting.pop(0), *start))
+
+    def _carry(
+        self, progress: Progress, until: float, times: FloatArray, samples: DualArray
+    ) -> None:
+        run, status = self._run, Status.PAUSED
+        while status == Status.PAUSED:
+            status = run.integrator.advance(
+                self.system, run.tolerance, progress, until, times, samples, _STEPS
+            )
+        if status != Status.DONE:
+            raise run.failure(status)
+
+    def _at_event(self, time: float, since: float, start: DualArray) -> DualArray:
+        """Return the state at an event, from the last sample or ``start``, as ``simulate`` does."""
+        # Unlike in the search of the run, the step is that after the interval, not before it: the
+        # samples of the interval are needed to know where to begin. The derivatives of the state
+        # at a given time depend on it only within the tolerance of the steps.
+        place = int(np.searchsorted(self._run.sample_times, time)) - 1
+        begin, state = since, start.copy()
+        if place >= 0 and self._run.sample_times[place] >= since:
+            begin = float(self._run.sample_times[place])
+            state = Duals(self._samples.array[place].copy())
+        progress = self._progress(begin, state, self.progress.step)
+        self._carry(progress, time, np.zeros(0), Duals.zeros(0, *state.shape))
+        return progress.state
+
+    def result(self) -> DualRun:
+        """Return the samples, and the states at the events."""
+        found = [event.array for event in self._events]
+        events = np.array(found).reshape(len(found), *self._samples.array.shape[1:])
+        log = None if self._run.watch is None else self._run.watch.log
+        if log is not None and log.ended_by is not None:
+            self._samples.array[-1] = events[-1]
+        return self.at(self._samples)._replace(events=Duals(events))
+
+    def at(self, states: DualArray) -> DualRun:
+        """Return states (k, 2, n, 1 + m) as samples of the run."""
+        return DualRun(states, self.system.constants, self._gauges, self.progress.steps)
+
+
+def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
+    """Repeat a run without a controller; see `DualStepper`.
+
+    Raises:
+        SimulationError: if the run fails.
+    """
+    stepper = DualStepper(run, inputs, by)
+    stepper.advance(run.duration)
+    return stepper.result()
+
+
+def event_times(run: Run) -> FloatArray:
+    """Return the times (events,) of the events of a run, s."""
+    found = run.watch.log.found if run.watch is not None else []
+    return np.array([one.time for one in found])
+
+
+def dual_inputs(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
+    """Return the numbers of a run as dual numbers."""
+    arm = zip(inputs.arm, *(one.arm for one in by), strict=True)
+    rest = zip(inputs[1:], *(one[1:] for one in by), strict=True)
+    return Inputs(ArmInputs(*_joined(arm)), *_joined(rest))
+
+
+def _joined(columns: Any) -> Iterator[Any]:
+    for value, *slopes in columns:
+        yield Duals.of(value, np.stack(slopes))
+
+
+def dual_system(system: System, numbers: Inputs) -> System:
+    """Return a system with dual numbers; integers and step control keep their type."""
+    drive, own = system.drive, numbers.arm
+    work: Any = {
+        name: Duals.zeros(*array.shape)
+        for name, array in new_workspace(system.constants)._asdict().items()
+    }
+    contacts: Any = drive.loads.contacts._replace(
+        rows=own.point_rows,
+        shortening=own.point_shortening,
+        law=own.point_law,
+        seen=drive.loads.contacts.seen.copy(),
+    )
+    loads: Any = drive.loads._replace(
+        weight=own.load_weight,
+        lever=own.load_lever,
+        rows=own.load_rows,
+        slopes=own.load_slopes,
+        shortening=own.load_shortening,
+        value=numbers.load_value.copy(),
+        base_acceleration=drive.loads.base_acceleration.copy(),
+        contacts=contacts,
+    )
+    moved: Any = drive._replace(
+        breaks=drive.breaks.copy(),  # a closed loop writes them
+        coefficients=numbers.torque,
+        loads=loads,
+        amplitude=numbers.load_value,
+    )
+    return System(run_time_sizes(system.constants), own.constants, moved, Workspace(**work))

@@ -1,0 +1,252 @@
+"""Derivatives of a run with respect to parameters: ``flexarm.sensitivities``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, Never
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.actions.environment import BaseAcceleration
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_flag, check_kind, check_list_of
+from flexarm.base.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
+from flexarm.base.processes import usable_cores
+from flexarm.control.contract.base import Controller, Reference
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.model import Contact, Hardware, Load
+from flexarm.simulation.calls.preparation import RunOptions, Torque, run_options
+from flexarm.simulation.calls.result import coordinates_of
+from flexarm.simulation.calls.second_run import second_run, state_errors
+from flexarm.simulation.derivatives.channels import channel_derivatives
+from flexarm.simulation.derivatives.dual_run import DualRun, run_in_duals
+from flexarm.simulation.derivatives.event_derivatives import (
+    EVENTS,
+    crossings,
+    event_slopes,
+    moved_to,
+)
+from flexarm.simulation.derivatives.inputs import Inputs
+from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
+from flexarm.simulation.derivatives.parameters import Parameters, has_samples
+from flexarm.simulation.derivatives.preparation import check_channels, refuse_unsupported, simulated
+from flexarm.simulation.histories.prescribed import Prescribed
+from flexarm.simulation.run.channels import CHANNELS
+from flexarm.simulation.run.events import Event
+from flexarm.simulation.run.new_run import RTOL
+from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.stepping import Run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@public_call
+def sensitivities(
+    arm: Arm,
+    duration: float,
+    parameters: Sequence[str],
+    *,
+    channels: Sequence[str] | None = None,
+    torque: Torque | None = None,
+    controller: Controller | None = None,
+    reference: Reference | None = None,
+    hardware: Hardware | None = None,
+    prescribed: Prescribed | None = None,
+    initial: ArrayLike | None = None,
+    initial_rate: ArrayLike | None = None,
+    tip_force: ArrayLike | None = None,
+    loads: Sequence[Load] = (),
+    base_acceleration: BaseAcceleration | None = None,
+    events: Sequence[Event] = (),
+    contacts: Sequence[Contact] = (),
+    integrator: str | Integrator = "auto",
+    rate: float = 1000.0,
+    step: float | None = None,
+    rtol: float = RTOL,
+    atol: float | None = None,
+    torque_interpolation: str = "cubic",
+    breaks: ArrayLike = (),
+    error_estimate: bool = True,
+    progress: bool | None = None,
+    **unsupported: Never,
+) -> xr.Dataset:
+    """Compute the derivatives of a run with respect to parameters.
+
+    They are the derivatives of the steps of the integrator, exact to rounding at constant lengths.
+    They differ from those of the motion by the error of the steps.
+
+    Args:
+        arm: the arm.
+        duration: s, positive.
+        parameters: paths of numbers of the arm, ``links[0].flexural_rigidity``,
+            ``joints[1].friction.coulomb``, ``payload.mass``; entries of the initial state,
+            ``initial[0]`` (of q) and ``initial_rate[0]`` (of qd); and numbers of other arguments:
+            ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
+            ``loads[0].force[0]``, ``contacts[0].stiffness``.
+        channels: names of channels that follow from q and qd; None: all of them.
+        error_estimate: whether a run that meets a contact or a joint stop is repeated at a second
+            tolerance, a hundredth of the first one (with a given step: half of it). The derivatives
+            are then those of the more accurate run, and their largest difference is the coordinate
+            ``relative_error``.
+
+    The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
+    has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
+    an arm, that arm does not change. The updates of a controller are differentiated with respect to
+    its readings and its ``memory``, which it must declare. Changes of the arm and section forces
+    are not supported.
+
+    Returns:
+        Dataset with the derivatives of the channels over ``parameter`` and ``time``, in the unit of
+        the channel per unit of the parameter. The coordinate ``relative_error`` over ``parameter``
+        exists if the error was estimated.
+
+    Raises:
+        InputError: if an argument has the wrong type or value or is not supported, or a parameter
+            does not exist or is not one on which the equations depend smoothly, or a controller is
+            not differentiable, reads rounded signals or keeps undeclared numbers.
+        SimulationError: if the run stops early, or a function of time raises an exception.
+
+    Warns:
+        AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
+            1e-2 (with a given step: 1e-3).
+
+    Theory page "separation", section 7.
+    """
+    refuse_unsupported(unsupported)
+    check_kind("arm", arm, Arm)
+    paths = check_list_of("parameters", parameters, str)
+    names = check_channels(arm, "channels", channels)
+    if not paths:
+        raise InputError(Problem("parameters", "must not be empty"))
+    given = {
+        "torque": torque,
+        "controller": controller,
+        "reference": reference,
+        "hardware": hardware,
+        "prescribed": prescribed,
+        "initial": initial,
+        "initial_rate": initial_rate,
+        "tip_force": tip_force,
+        "loads": loads,
+        "base_acceleration": base_acceleration,
+        "events": events,
+        "contacts": contacts,
+    }
+    options = run_options(
+        duration,
+        rate=rate,
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        breaks=breaks,
+        torque_interpolation=torque_interpolation,
+        integrator=integrator,
+        stations=0,
+        specialized=None,
+    )
+    check_flag("error_estimate", error_estimate)
+    with Meter("differentiating", progress) as meter:
+
+        def differentiated(options: RunOptions) -> _Derivatives:
+            known = simulated(arm, options, given, has_samples(paths), meter)
+            return _derivatives(known, paths, names)
+
+        found = differentiated(options)
+        doubt = found.run.doubt
+        second = second_run(found.run, options) if error_estimate else None
+        errors = None
+        if second is not None:
+            other = differentiated(second.options)
+            errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
+            found = other if second.tighter else found
+            doubt = doubt or second.doubt(errors.max())
+    if doubt:
+        warn_caller(doubt, AccuracyWarning)
+    return _dataset(found, paths, errors)
+
+
+class _Derivatives(NamedTuple):
+    """Derivatives of a run by each parameter."""
+
+    run: Run
+    channels: list[dict[str, FloatArray]]
+    states: FloatArray  # (parameters, samples, 2, n, 1 + m)
+
+
+def _derivatives(known: Parameters, paths: Sequence[str], names: Sequence[str]) -> _Derivatives:
+    """Return the derivatives of the channels by each parameter."""
+    by = known.derivatives(paths)
+    run, arm = known.run, known.run.arm
+    events = crossings(known, paths)
+    blocks = [by[first : first + DIRECTIONS] for first in range(0, len(by), DIRECTIONS)]
+    found: list[dict[str, FloatArray]] = []
+    states: list[FloatArray] = []
+    for block, one in zip(blocks, _runs_in_duals(known, blocks), strict=True):
+        first, count = len(found), len(block)
+        if run.watch is not None and run.watch.log.ended_by is not None:
+            moved_to(one.samples, arm, events[-1], first, count)
+        channels = channel_derivatives(arm, one, count, names)
+        if run.watch is not None:
+            at_events = arm.unpadded(one.events.slopes[:count])
+            both = zip(channels, event_slopes(events, at_events, first), strict=True)
+            channels = [{**channel, **event} for channel, event in both]
+        found += channels
+        states += list(one.samples.slopes[:count])
+    return _Derivatives(run, found, np.array(states))
+
+
+def _runs_in_duals(known: Parameters, blocks: Sequence[Sequence[Inputs]]) -> list[DualRun]:
+    """Return the run in dual numbers for each block of directions, each in a thread.
+
+    A closed loop is Python for most of its time, which threads would only interrupt.
+    """
+    if known.loop is not None:
+        return loop_in_duals(known.run, known.inputs, blocks, known.loop)
+    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
+        return list(pool.map(partial(run_in_duals, known.run, known.inputs), blocks))
+
+
+def _dataset(
+    derivatives: _Derivatives, paths: Sequence[str], errors: FloatArray | None
+) -> xr.Dataset:
+    import xarray as xr
+
+    run, found = derivatives.run, derivatives.channels
+    variables = {}
+    for name in found[0]:
+        unit, meaning, axes = _label(name)
+        labels = {
+            "units": f"{unit} per unit of the parameter",
+            "long_name": f"derivative of: {meaning}",
+        }
+        variables[name] = (("parameter", *axes), np.stack([one[name] for one in found]), labels)
+    coordinates = coordinates_of(run.arm, run.sample_times) | {
+        "parameter": ("parameter", list(paths), {"long_name": "path of the parameter"})
+    }
+    if run.watch is not None:
+        log = run.watch.log
+        events = [log.names[one.place] for one in log.found]
+        coordinates["event_name"] = ("event", events, {"long_name": "name of the event"})
+    used = {"parameter", "time", "event_name"}.union(
+        *(variable[0] for variable in variables.values())
+    )
+    coordinates = {name: value for name, value in coordinates.items() if name in used}
+    if errors is not None:
+        labels = {"units": "1", "long_name": "estimated relative error of the derivatives"}
+        coordinates["relative_error"] = ("parameter", errors, labels)
+    attributes = {"integrator": run.integrator.name, "steps": run.progress.steps}
+    return xr.Dataset(variables, coords=coordinates, attrs=attributes)
+
+
+def _label(name: str) -> tuple[str, str, tuple[str, ...]]:
+    """Return unit, meaning and axes of a channel, or of a variable of the events."""
+    if name in EVENTS:
+        return EVENTS[name]
+    channel = CHANNELS[name]
+    return channel.unit, channel.meaning, ("time", *channel.dims)

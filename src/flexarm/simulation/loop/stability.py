@@ -1,0 +1,305 @@
+"""Stability of the sampled loop of a run, with the arms that changes lead to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning
+from flexarm.arm.observe import channels_of, contact_forces
+from flexarm.control.analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
+from flexarm.control.analysis.margins import without_friction
+from flexarm.control.analysis.plant_model import (
+    PlantModel,
+    Signal,
+    instruments_of,
+    loop_of,
+    signals_of,
+    sliding,
+)
+from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.hardware.measurement import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.model import Contact, Hardware, Instrument, Sensor
+from flexarm.simulation.run.changes.schedule import ChangedArm
+from flexarm.simulation.run.tolerance import reach_of, tip_units
+
+#: Growth over the run below which an instability is ignored.
+_NOTICED = 10.0
+#: Least growth in a sample time that is certain. The differences, with their error of 1e-9, move
+#: the double pole of a joint that is damped only by up to 3e-5 in a sample time.
+_CERTAIN = 5e-5
+_OF_CONTACTS = ("contact_force", "contact_gap")
+#: Step of the differences of coordinates and rates, relative to those that move the tip by the
+#: reach; for a smooth function their error is then about 1e-9.
+_STEP = 1e-5
+
+#: Time in which rates of a rigid arm have effect, in sample times.
+_TIMES_LONGER = 1000.0
+
+
+#: Growth (1/s), frequency (Hz) and magnitude of dominant poles, by the number of the arm, the time
+#: of the posture (s) and its angles at the start.
+Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
+
+
+class LoopPole(NamedTuple):
+    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture.
+
+    Attributes:
+        when: the time of the posture, in words.
+        growth: 1/s; negative for a decay.
+        frequency: Hz.
+        magnitude: of the pole of the sampled loop.
+        begin, end: s, of the part of the run in which the arm is simulated.
+    """
+
+    when: str
+    growth: float
+    frequency: float
+    magnitude: float
+    begin: float
+    end: float
+
+
+def loop_poles(
+    arm: Arm,
+    plant: Arm,
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    duration: float,
+    known: Poles | None = None,
+    changed: Sequence[ChangedArm] = (),
+) -> list[LoopPole]:
+    """Return the dominant pole of the sampled loop at the start and at the end of a motion.
+
+    With ``changed`` also at the beginning of each changed arm. Equal arms are analysed once at
+    each posture.
+
+    Not analysed, and left out, are controllers that do not declare their memory, cannot be copied
+    or fail in the analysis, and instruments that read a `Sensor` or a torque.
+
+    Args:
+        arm: the controller's model of the plant.
+        initial: q (dof,) of the plant at the start.
+        duration: of the run, s.
+        known: results of earlier calls that differ in the initial state alone, for reuse.
+        changed: arms after changes, in the order of their begin.
+
+    Raises:
+        MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
+    """
+    if memory_of(controller) is None:
+        return []
+    instruments = instruments_of(plant, hardware, len(contacts))
+    signals = signals_of(instruments)
+    if any(isinstance(item, Sensor) or item == "torque" for item in signals):
+        return []
+    bare = without_friction(contacts)
+    end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
+    first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
+    found, known, plants = [], {} if known is None else known, [plant]
+    for part in (first, *changed):
+        same = [k for k, other in enumerate(plants) if other.spec == part.plant.spec]
+        number = same[0] if same else len(plants)
+        plants += [] if same else [part.plant]
+        for t, when in _times(part, end):
+            # After the start, the posture is that of the reference, which rests after its end.
+            t = 0.0 if reference is None else min(t, end) if end > 0.0 else t
+            key = number, t, b"" if t > 0.0 else plant.joint_angles(initial).tobytes()
+            arms = arm, plants[number]
+            try:
+                if key not in known:
+                    with one_warning():  # the run itself warns of its states
+                        known[key] = _worst(
+                            arms, controller, reference, hardware, bare, initial, t, instruments
+                        )
+            except MemoryNameError:
+                raise
+            except (
+                Exception
+            ):  # the run itself reports a missing equilibrium or a failing controller
+                continue
+            found.append(LoopPole(when, *known[key], part.begin, part.end))
+    return found
+
+
+def instability(
+    arm: Arm,
+    plant: Arm,
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    duration: float,
+    known: Poles | None = None,
+    changed: Sequence[ChangedArm] = (),
+) -> str:
+    """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
+
+    See `loop_poles` for the arguments and errors.
+    """
+    loop = controller, reference, hardware, contacts
+    poles = loop_poles(arm, plant, *loop, initial, duration, known, changed)
+    return describe_instability(poles, controller.sample_time)
+
+
+def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
+    """Describe the first unstable one of the poles of `loop_poles`; empty if none is.
+
+    An instability that grows less than tenfold is ignored. Its growth counts over the time of the
+    arm, and that of changed arms in a row together.
+
+    Args:
+        sample_time: of the controller, s.
+    """
+    grown, until = 0.0, 0.0  # exponents of the parts before, up to a time
+    for (begin, end), poles_of_arm in groupby(poles, lambda pole: (pole.begin, pole.end)):
+        poles_here = list(poles_of_arm)
+        grown *= begin == until
+        for pole in poles_here:
+            if pole.growth > 0.0 and grown + pole.growth * (end - begin) > np.log(_NOTICED):
+                return (
+                    f"the sampled loop is unstable {pole.when}: a pole of magnitude "
+                    f"{pole.magnitude:.4g} at {pole.frequency:.3g} Hz grows tenfold every "
+                    f"{np.log(10.0) / pole.growth:.2g} s. Lower the gains or the sample time of "
+                    f"{sample_time:g} s, or design for this arm; see docs/how-to/robust-loops.md."
+                )
+        most = max(pole.growth for pole in poles_here) * (end - begin)
+        grown, until = max(grown + most, 0.0), end
+    return ""
+
+
+def describe_slow_instability(
+    poles: Sequence[LoopPole], sample_time: float, duration: float
+) -> str:
+    """Describe the first pole that grows less than tenfold in a run; empty if none does.
+
+    A run shows little of it, but a machine that works all day does.
+
+    Args:
+        sample_time, duration: of the controller and of the run, s.
+    """
+    for pole in poles:
+        growth = pole.growth
+        if growth * sample_time > _CERTAIN and growth * duration <= np.log(_NOTICED):
+            return (
+                f"the sampled loop is slowly unstable {pole.when}: a pole at "
+                f"{pole.frequency:.3g} Hz grows tenfold every "
+                f"{np.log(_NOTICED) / pole.growth:.2g} s, longer than the run of "
+                f"{duration:g} s. Check the signs of gains and gauges; see "
+                "docs/how-to/robust-loops.md."
+            )
+    return ""
+
+
+def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
+    """Return the times (s) of the postures to analyse an arm at, with their description.
+
+    Args:
+        end: s, of the motion; 0 without one.
+    """
+    times = [(part.begin, part.cause or "at the start")]
+    if part.begin < end <= part.end:
+        cause = f", {part.cause}" if part.cause else ""
+        times.append((end, f"at the end of the motion{cause}"))
+    return times
+
+
+def _worst(
+    arms: tuple[Arm, Arm],
+    controller: Controller,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: Sequence[Contact],
+    initial: FloatArray,
+    t: float,
+    instruments: list[Instrument],
+) -> tuple[float, float, float]:
+    """Return growth (1/s), frequency (Hz) and magnitude of the fastest growing pole."""
+    rate, (arm, plant) = sliding(controller, reference, *arms)
+    still = FrozenReference(reference, t) if reference is not None else None
+    presses = bool(contacts) and hasattr(reference, "contact_force")
+    angle = plant.joint_angles(initial)
+    if reference is not None and (presses or t > 0.0):
+        angle = np.asarray(reference.joint_angle(t))
+    touched = contacts if presses else ()
+    # Straight links under gravity are not in equilibrium: the sagged links have another stiffness.
+    bends = presses or any(plant.spec.gravity)
+    signals = signals_of(instruments)
+
+    def model_of(one: Arm) -> PlantModel:
+        q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
+        free = [name for name in signals if touched or name not in _OF_CONTACTS]
+        model = differenced(one, q, free, touched, _TIMES_LONGER * controller.sample_time)
+        for name in set(signals) - set(free):  # without contact these signals are zero
+            size = len(contacts) * (2 if name == "contact_force" else 1)
+            none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
+            model.signals[name] = Signal(np.zeros(size), *none)
+        return model
+
+    believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
+    loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)
+    z = loop.multipliers()[0]
+    pole = np.log(z) / loop.sample_time
+    return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
+
+
+def differenced(
+    arm: Arm,
+    q: FloatArray,
+    signals: Sequence[Any],
+    contacts: Sequence[Contact],
+    horizon: float,
+) -> PlantModel:
+    """Linearize by central differences of the functions that a run evaluates anyway.
+
+    ``linearize`` computes the same to rounding accuracy, but needs kernels for complex numbers that
+    a run does not use. Compiling them would double the time of the first run on a machine.
+
+    Args:
+        q: (dof,), where the arm is at rest under some torque.
+        signals: channels of results.
+        horizon: time (s) in which a rate moves a joint of a rigid arm noticeably.
+    """
+    dof, joints = arm.dof, arm.joints
+    still = np.zeros(dof)
+    hold = arm.inverse_dynamics(q, still, still, contacts=contacts)[arm.joint_index]
+    whole = np.concatenate([q, still, hold])
+
+    def accelerations(x: FloatArray) -> FloatArray:
+        place, rate, torque = np.split(x, [dof, 2 * dof])
+        return arm.forward_dynamics(place, rate, torque, contacts=contacts)
+
+    moving = arm.unpadded(tip_units(arm, reach_of(arm), horizon)).ravel()
+    # The dynamics is linear in the torques, so their steps may be large.
+    held = np.full(joints, np.abs(hold).max(initial=0.0) or 1.0)
+    size = np.concatenate([_STEP * moving, held])
+    steps = np.diag(size)
+    slope = np.array([accelerations(whole + s) - accelerations(whole - s) for s in steps]).T
+    slope /= 2.0 * size
+    A, B = np.zeros((2 * dof, 2 * dof)), np.zeros((2 * dof, joints))
+    A[:dof, dof:] = np.eye(dof)
+    A[dof:], B[dof:] = slope[:, : 2 * dof], slope[:, 2 * dof :]
+    moved = whole[: 2 * dof] + np.vstack([np.zeros(2 * dof), steps[: 2 * dof, : 2 * dof]])
+    moved = np.vstack([moved, 2.0 * moved[0] - moved[1:]])
+    states = arm.padded(moved.reshape(-1, 2, dof))
+    channels = channels_of(arm, states)
+    if contacts:
+        placed = place_contacts(arm, contacts)
+        channels["contact_force"] = contact_forces(arm, placed, states)
+    found = {}
+    for name in signals:
+        values = channels[name].reshape(len(moved), -1)
+        C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * size[: 2 * dof])
+        found[name] = Signal(values[0], C, np.zeros((len(C), joints)))
+    return PlantModel(A, B, found)

@@ -1,0 +1,203 @@
+"""The controller of a plant: an object in the same process, or another process over UDP."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from typing import Any, Protocol
+
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, check_array
+from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.simulation.real_time.clock import Clock
+from flexarm.simulation.real_time.packets import (
+    END,
+    START,
+    Layout,
+    Packet,
+    WrongPacketError,
+    head_of,
+    new_token,
+    packed_head,
+    torque_layout,
+)
+from flexarm.simulation.real_time.sockets import Address, Datagrams
+
+#: Time (s) after which an unanswered packet is sent again, and for which the last one is.
+_AGAIN, _FAREWELL = 0.05, 0.5
+
+
+class PartnerError(Exception):
+    """The other side failed.
+
+    Attributes:
+        reason, hint: as in `SimulationError`.
+    """
+
+    def __init__(self, reason: str, hint: str = "") -> None:
+        super().__init__(reason, hint)
+        self.reason, self.hint = reason, hint
+
+
+class Partner(Protocol):
+    """Controller, as a plant calls it.
+
+    Attributes:
+        name: name or address.
+        counts: numbers of packets, by the name of their attribute in the result.
+    """
+
+    name: str
+    counts: dict[str, int]
+
+    def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
+        """Return the torques (joints,) for the values of a sample, N m; None if it is too late.
+
+        Args:
+            seconds: time for the answer.
+            repeat: whether the packet is sent again until it is answered.
+
+        Raises:
+            PartnerError: if the controller failed.
+        """
+
+    def close(self, time: float) -> None:
+        """End the run."""
+
+
+class OwnController:
+    """Controller in this process, which is always in time."""
+
+    def __init__(self, controller: Controller, reference: Reference | None, joints: int) -> None:
+        self.name, self.counts = type(controller).__name__, dict[str, int]()
+        self._controller, self._reference, self._joints = controller, reference, joints
+        controller.reset()
+
+    def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
+        """Return the torques of the controller."""
+        measurement = Measurement(**packet.values)
+        return updated(self._controller, packet.time, measurement, self._reference, self._joints)
+
+    def close(self, time: float) -> None:
+        """Do nothing."""
+
+
+def updated(
+    controller: Controller,
+    t: float,
+    measurement: Measurement,
+    reference: Reference | None,
+    joints: int,
+) -> FloatArray:
+    """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1.
+
+    Raises:
+        PartnerError: if it raises, or does not return finite torques.
+    """
+    try:
+        given: Any = controller.update(t, measurement, reference)
+    except Exception as error:
+        reason = f"the controller failed with {type(error).__name__}: {error}"
+        raise PartnerError(reason) from error
+    try:
+        return check_array("torque", given, (joints,))
+    except InputError as error:
+        reason = f"the controller returned an unusable value: {error.at('controller')}"
+        raise PartnerError(reason) from None
+
+
+class UdpController:
+    """Controller in another process.
+
+    The first sample is also the handshake: the request for a run is repeated with its packet until
+    the controller answers the packet, because a controller may be restarted in between.
+
+    Args:
+        address: at which it listens.
+        sent: layout of the packets of the plant.
+    """
+
+    def __init__(self, address: Address, sent: Layout, joints: int, clock: Clock) -> None:
+        self.name = str(address)
+        self.counts = {"packets_repeated": 0, "packets_discarded": 0, "packets_foreign": 0}
+        self._sent, self._answers, self._clock = sent, torque_layout(joints), clock
+        self._datagrams, self._ended = Datagrams(address, listen=False), False
+        # Tokens of the request, and of the run, which the controller draws.
+        self._request, self._token = new_token(), math.nan
+        self._begun = False
+
+    def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
+        """Send a packet and return the torques that answer it."""
+        answer = self._exchange(packet, seconds, repeat)
+        if answer is None:
+            return None
+        if answer.number == END:
+            self._ended = True
+            reason = f"the controller at {self.name} ended the run."
+            raise PartnerError(reason, "See the output of the other program.")
+        self._begun = True
+        try:
+            return check_array("torque", answer.values["torque"], answer.values["torque"].shape)
+        except InputError as error:
+            reason = f"the controller at {self.name} sent an unusable value: {error}"
+            raise PartnerError(reason) from None
+
+    def _exchange(self, packet: Packet, seconds: float, repeat: bool) -> Packet | None:
+        """Send a packet; return its answer, or the packet that ends the run."""
+        now = self._clock.now()
+        until, again = now + seconds, now + _AGAIN
+        self._send(packet)
+        while now < until:
+            data = self._datagrams.receive((min(until, again) if repeat else until) - now)
+            now = self._clock.now()
+            answer = None if data is None else self._read(data, packet)
+            if answer is not None:
+                return answer
+            if repeat and now >= again:
+                self._send(packet)
+                self.counts["packets_repeated"] += 1
+                again = now + _AGAIN
+        return None
+
+    def _send(self, packet: Packet) -> None:
+        """Send a packet in the run, and the request for a run before its first answer."""
+        if packet.number == END:
+            self._datagrams.send(packed_head(self._token, END, packet.time))
+            return
+        if not self._begun:
+            request = packet._replace(number=START)
+            self._datagrams.send(self._sent.packed(request, self._request))
+        if not math.isnan(self._token):
+            self._datagrams.send(self._sent.packed(packet, self._token))
+
+    def _read(self, data: bytes, packet: Packet) -> Packet | None:
+        """Return the packet of bytes if it answers a packet or ends the run.
+
+        Raises:
+            PartnerError: if it is an answer in this run, but has another layout.
+        """
+        head = head_of(data)
+        if head is not None and (head.token, head.number) == (self._request, START):
+            if not self._begun and head.time != self._token:
+                self._token = head.time
+                self._datagrams.send(self._sent.packed(packet, self._token))
+        elif head is None or head.token != self._token:
+            self.counts["packets_foreign"] += 1
+        elif head.number == END:
+            return Packet(END, head.time, {})
+        elif (head.number, head.time) != (packet.number, packet.time):
+            self.counts["packets_discarded"] += 1
+        else:
+            try:
+                return self._answers.unpacked(data)
+            except WrongPacketError as error:
+                raise PartnerError(f"a packet from {self.name} {error}") from None
+        return None
+
+    def close(self, time: float) -> None:
+        """Send the packet that ends the run until the controller returns one."""
+        if not (self._ended or math.isnan(self._token)):
+            with suppress(PartnerError):
+                self._exchange(Packet(END, time, {}), _FAREWELL, repeat=True)
+        self._datagrams.close()

@@ -1,0 +1,296 @@
+"""Choice of the integrator of a run, with the reason for it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_positive
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.integrate import (
+    INTEGRATORS,
+    REMOVED,
+    DormandPrince8,
+    GeneralizedAlpha,
+    Integrator,
+    KennedyCarpenter5,
+    RungeKutta4,
+)
+from flexarm.integrate.base import FloatArray, Tolerance
+from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
+from flexarm.simulation.run.tolerance import TIGHT, damping_rate, friction_rate
+
+#: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
+#: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method
+#: needs fewer evaluations from a tenth of this ratio on, but at equal tolerance its error is up to
+#: ten times that of the explicit method of order 8. The default keeps the accuracy.
+_STIFF, _AT = 1300.0, 1e-5
+#: Divisor of this ratio for arms whose joints stick: steps that end at each change gain less from
+#: order 8.
+_STICKING = 30.0
+#: Rate of friction over the frequency of the fastest vibration above which "auto" is implicit, at a
+#: relative tolerance of 1e-7, where the explicit method takes two to three times the evaluations;
+#: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
+#: thousand evaluations a second.
+_STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
+#: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
+#: which rk4 is stable.
+_STABLE = 2.8
+#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below
+#: which it is less than the rate errors of implicit steps, so that a joint may not stick at all.
+_SMOOTH = 1e3
+
+
+class Choice(NamedTuple):
+    """Chosen integrator and the reason for the choice."""
+
+    integrator: Integrator
+    reason: str
+    by_drive: bool = False  # "auto" with a step: the drive may still change the choice
+    doubt: str = ""  # warning about the choice
+    fastest: float = 1.0  # rad/s, which limits the steps of an explicit method
+    open: bool = False  # "auto" without a step: the work of the run may still change the choice
+    insisted: bool = False  # an integrator object, which is used whatever its work
+    work: float = 0.0  # estimated evaluations of an open-loop run
+
+
+def check_integrator(
+    requested: str | Integrator, step: float | None, touching: bool = False
+) -> None:
+    """Validate the requested integrator and step, independently of the arm.
+
+    Args:
+        touching: whether the run has contacts.
+
+    Raises:
+        InputError: if no integrator has that name, the integrator does not support contacts and
+            there are some, the step is not positive, or a step is combined with an integrator
+            object, which has its own.
+    """
+    if step is not None:
+        check_positive("step", step)
+    known = isinstance(requested, str) and requested in ("auto", *INTEGRATORS)
+    if not known and not isinstance(requested, Integrator):
+        names = ", ".join(repr(name) for name in ("auto", *INTEGRATORS))
+        gone = isinstance(requested, str) and requested in REMOVED
+        hint = f"It was removed; use {REMOVED[str(requested)]!r}." if gone else ""
+        raise InputError(Problem("integrator", f"be one of {names}", shown(requested), hint))
+    if step is not None and not isinstance(requested, str):
+        rule = "cannot be combined with an integrator object"
+        hint = f"Use integrator={type(requested).__name__}(step={shown(step)})."
+        raise InputError(Problem("step", rule, hint=hint))
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if touching and kind is not None and not kind.follows_contacts:
+        followers = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_contacts]
+        rule = f"be one of 'auto', {', '.join(followers)} for an arm with contacts"
+        raise InputError(Problem("integrator", rule, shown(kind.name)))
+
+
+def choose_integrator(
+    requested: str | Integrator,
+    step: float | None,
+    arm: Arm,
+    tolerance: Tolerance,
+    touch: float = 0.0,
+    prescribed: tuple[int, ...] = (),
+) -> Choice:
+    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
+
+    The duration of the run, its drive and its sample time count in ``engine.work``.
+
+    Args:
+        touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
+        prescribed: joints, by number from 1, whose motion is prescribed.
+
+    Raises:
+        InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
+            bristles or holds and the requested integrator does not support that.
+    """
+    check_integrator(requested, step, touch > 0.0)
+    _refuse_with_bristles(requested, step, arm)
+    _refuse_with_sticking(requested, arm)
+    choice = _choose(requested, step, arm, tolerance, touch, prescribed)
+    # Strong damping limits an explicit step in the same way as a vibration.
+    damping = float(arm.assembly.constants.damping.max(initial=0.0))
+    return choice._replace(fastest=max(tolerance.fastest, damping, damping_rate(arm, prescribed)))
+
+
+def _choose(
+    requested: str | Integrator,
+    step: float | None,
+    arm: Arm,
+    tolerance: Tolerance,
+    touch: float,
+    prescribed: tuple[int, ...],
+) -> Choice:
+    if isinstance(requested, Integrator):
+        return Choice(requested, "given by the user", insisted=True)
+    if requested == "auto":
+        if step is not None:
+            return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
+        if arm.assembly.has_bristles:
+            return Choice(
+                KennedyCarpenter5(),
+                "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
+                "fast for an explicit method",
+                open=True,
+            )
+        choice = _by_stiffness(arm, tolerance, touch, prescribed)
+        return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
+    method = INTEGRATORS[requested](step=step)
+    doubt = _smoothing_doubt(method, arm, tolerance)
+    return Choice(method, "named by the user", doubt=doubt)
+
+
+def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
+    """Raise if friction has bristles and a requested integrator does not support them."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if kind is None and step is not None:
+        hint = "Bristles of a sliding joint need step control; use rtol and atol."
+        refuse_bristles(arm, "step", hint=hint)
+    if kind is not None and not kind.follows_bristles:
+        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
+        hint = f"Bristles of a sliding joint need step control; use one of {', '.join(names)}."
+        refuse_bristles(arm, "integrator", shown(kind.name), hint)
+
+
+def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
+    """Raise if friction holds a joint and a requested integrator does not let joints stick."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if kind is not None and not kind.follows_sticking:
+        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
+        hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
+        refuse_sticking(arm, "integrator", shown(kind.name), hint)
+
+
+def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:
+    """Return the integrator of an open-loop run from the times at which its drive is not smooth.
+
+    Args:
+        choice: choice without the drive; returned unchanged without a fixed step.
+        stops: (k,) times (s) at which torques and loads jump or have a kink: steps end there.
+        duration: s.
+    """
+    if choice.integrator.adaptive or choice.integrator.step is None:
+        return choice
+    inside = stops[(stops > 0.0) & (stops < duration)]
+    longest = float(np.diff(np.unique([0.0, *inside, duration])).max())
+    choice = _choose_by_longest(choice, arm, longest) if choice.by_drive else choice
+    doubt = friction_doubt(choice.integrator, arm, longest)
+    return choice._replace(doubt=f"{choice.doubt} {doubt}".strip()) if doubt else choice
+
+
+def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
+    """Return a warning if a fixed step is too long to follow friction; otherwise empty text.
+
+    Unlike a vibration, friction cannot grow beyond bounds: the joint shakes instead of sticking,
+    and the result looks plausible.
+
+    Args:
+        longest: upper limit (s) of steps, whatever the integrator's own: the sample time of a loop.
+    """
+    if integrator.adaptive or integrator.step is None:
+        return ""
+    step, rate = min(integrator.step, longest), friction_rate(arm)
+    if step * rate <= _STABLE:
+        return ""
+    return (
+        f"a step of {step:.3g} s is too long for friction, which stops a joint at a rate of "
+        f"{rate:.3g} 1/s: above {_STABLE / rate:.2g} s, {integrator.name} shakes a joint that "
+        "should stick, and the motion is wrong. Use integrator='auto' without a step, or raise "
+        "smoothing_rate."
+    )
+
+
+def _smoothing_doubt(integrator: Integrator, arm: Arm, tolerance: Tolerance) -> str:
+    """Return a warning if friction is smoothed over less than the rate errors of its steps."""
+    if not isinstance(integrator, KennedyCarpenter5):
+        return ""
+    least = _SMOOTH * tolerance.relative
+    for i, joint in enumerate(arm.spec.joints):
+        rubs = joint.friction
+        rate = None if rubs is None else rubs.smoothing_rate
+        if rubs is None or rate is None:
+            continue
+        if rate < least * rubs.stribeck_rate * (1.0 - 1e-9):
+            return (
+                f"arm.joints[{i}].friction.smoothing_rate ({rate:.3g} rad/s) is "
+                f"below the errors that rtol={tolerance.relative:.3g} permits, so that the joint "
+                "may slide where it should stick. Leave it out: friction then holds."
+            )
+    return ""
+
+
+def _choose_by_longest(choice: Choice, arm: Arm, longest: float) -> Choice:
+    """Return the integrator of "auto" with a fixed step, of which the longest takes ``longest``."""
+    step = float(choice.integrator.step or 0.0)
+    angle = min(step, longest) * choice.fastest
+    if angle <= _STABLE:
+        return choice
+    reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
+    if arm.assembly.has_sticking:
+        doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
+        reason = f"order 5 with bending implicit: {reason}"
+        return choice._replace(integrator=KennedyCarpenter5(step=step), reason=reason, doubt=doubt)
+    doubt = (
+        f"{reason}: generalized_alpha damps such vibrations instead of resolving them. A fixed "
+        "step has no error estimate: halve it once and compare."
+    )
+    method = GeneralizedAlpha(step=step)
+    reason = f"order 2 with bending implicit: {reason}"
+    return choice._replace(integrator=method, reason=reason, doubt=doubt)
+
+
+def _by_stiffness(
+    arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]
+) -> Choice:
+    """Choose an explicit method, or for stiff arms one that is implicit in bending.
+
+    Contacts are always explicit: if a contact is faster than every vibration, an implicit method
+    has no advantage.
+    """
+    if _is_steep(arm, tolerance, touch, prescribed):
+        return Choice(
+            KennedyCarpenter5(),
+            "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
+            "method",
+        )
+    c = arm.assembly.constants
+    real = c.w2 > 0.0
+    if real.any():
+        # Strong damping limits an explicit step in the same way as a vibration.
+        fastest = max(tolerance.fastest, float(c.damping.max()))
+        ratio = fastest / float(np.sqrt(c.w2[real].min()))
+        limit = _STIFF / (_STICKING if arm.assembly.has_sticking else 1.0)
+        stiff = ratio > limit * np.sqrt(_AT / tolerance.relative)
+        if stiff and touch > tolerance.fastest:
+            return Choice(
+                DormandPrince8(),
+                "order 8 with step control: a touch is faster than any vibration and has to be "
+                "followed",
+            )
+        if stiff:
+            return Choice(
+                KennedyCarpenter5(),
+                f"order 5 with bending implicit: the fastest vibration ({ratio:.0f} times the "
+                "slowest) need not be followed at the tolerances in use",
+            )
+    return Choice(
+        DormandPrince8(),
+        "order 8 with step control: fewest evaluations at the tolerances in use",
+        open=touch <= tolerance.fastest,
+    )
+
+
+def _is_steep(arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]) -> bool:
+    """Return whether friction limits the steps of an explicit method far more than vibrations."""
+    rate = friction_rate(arm, prescribed)
+    if rate < _LEAST_STEEP:
+        return False
+    relative = tolerance.relative
+    if np.any(arm.assembly.constants.limits[:, 2]):
+        relative *= TIGHT
+    limit = _STEEP * (_STEEP_AT / relative) ** 0.2
+    return bool(rate > limit * max(tolerance.fastest, touch))

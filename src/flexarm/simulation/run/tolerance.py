@@ -1,0 +1,182 @@
+"""Error tolerances of the coordinates, measured by displacements of the tip of the arm."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.integrate.base import FloatArray, Tolerance
+from flexarm.kernels.layout import ArmConstants
+from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
+from flexarm.simulation.histories.prescribed import constants_with
+
+#: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
+_INTERIOR = 0.1
+#: Default relative tolerance: tip errors are near 1e-6 of the reach over the durations of the
+#: examples. The default absolute tolerance is this share of it, times the reach.
+RTOL, _SHARE = 1e-7, 1e-2
+#: Factor from the default tolerances to those of the second run through impacts on joint stops.
+TIGHT = 1e-5
+
+#: ``Tolerance.unit`` of each arm, its rates of joints by prescribed joints, and the frequency
+#: computed last, with its posture.
+_units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
+_friction: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
+_damping: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
+_frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
+
+
+def absolute_tolerance(arm: Arm, atol: float | None, rtol: float) -> tuple[float, float]:
+    """Return the absolute tolerance of a run as a fraction of a length, and this length (m).
+
+    By default it is a hundredth of the relative one, and the length is the reach of the arm. Runs
+    of arms of different sizes then have one fraction, and step control is free of units.
+
+    Args:
+        atol: as requested, m at the tip; None for the default.
+    """
+    return (_SHARE * rtol, reach_of(arm)) if atol is None else (atol, 1.0)
+
+
+def tolerance_of(
+    arm: Arm, state: FloatArray, atol: float | None, rtol: float, horizon: float
+) -> Tolerance:
+    """Return the tolerance of a run that starts at ``state`` (2, n, 1 + m).
+
+    A joint angle moves the tip by the outboard reach; a mode moves it by its tip deflection and by
+    its tip slope times the reach beyond. Rates are scaled to displacements by the mode's own
+    frequency, those of joints by the lowest one or, without any, by the duration.
+
+    Args:
+        atol: absolute tolerance, m at the tip; None for the default.
+        horizon: duration of the run (s), or a duration of its order.
+    """
+    absolute, scale = absolute_tolerance(arm, atol, rtol)
+    tolerance = Tolerance(absolute, rtol, tip_units(arm), 0.0, scale)
+    return for_arm(tolerance, arm, state, horizon)
+
+
+def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -> Tolerance:
+    """Return a tolerance with the units and the highest frequency of another arm or state."""
+    fastest = max(fastest_frequency(arm, state), 1.0 / horizon)
+    return tolerance._replace(unit=tip_units(arm, tolerance.scale, horizon), fastest=fastest)
+
+
+def reach_of(arm: Arm) -> float:
+    """Return the distance (m) from the base to the tip of the straight arm."""
+    return 1.0 / float(tip_units(arm)[0, :, 0].min())
+
+
+def tip_units(arm: Arm, scale: float = 1.0, horizon: float = 1.0) -> FloatArray:
+    """Return coordinates and rates (2, n, 1 + m) per displacement of the tip by ``scale`` (m).
+
+    Args:
+        horizon: time (s) over which the rate of a joint counts, for an arm without bending.
+    """
+    unit = _units.get(arm)
+    if unit is None:
+        unit = _units[arm] = _unit(arm)
+    unit = scale * unit
+    if not arm.assembly.constants.w2.any():
+        unit[1, :, 0] = unit[0, :, 0] / horizon
+    return unit
+
+
+def _unit(arm: Arm) -> FloatArray:
+    """Return coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
+    c = arm.assembly.constants
+    n, m = c.S.shape
+    reach = np.cumsum(c.length[::-1])[::-1]
+    beyond = np.append(reach[1:], 0.0)
+    unit = np.ones((2, n, 1 + m))
+    unit[0, :, 0] = 1.0 / np.maximum(reach, 1e-3 * reach[0])
+    real = c.w2 > 0.0
+    # A massless body (a lever, or the motor side of an elastic joint) has no modes.
+    interior = _INTERIOR / np.sqrt(np.where(c.mass > 0.0, c.mass, 1.0))
+    amplitude = np.abs(c.P) + np.abs(c.dP) * beyond[:, None] + interior[:, None]
+    unit[0, :, 1:] = np.where(real, 1.0 / amplitude, 1.0)
+    frequency = np.sqrt(np.where(real, c.w2, 1.0))
+    unit[1, :, 1:] = unit[0, :, 1:] * frequency
+    if real.any():
+        unit[1, :, 0] = unit[0, :, 0] * float(frequency[real].min())
+    if arm.assembly.has_bristles:  # a deflection has the tolerance of the joint angle
+        root = c.bristles[:, 1]
+        unit[0, :, -1] = np.inf
+        unit[1, :, -1] = np.where(root > 0.0, root * unit[0, :, 0], np.inf)
+    return unit
+
+
+def fastest_frequency(arm: Arm, state: FloatArray) -> float:
+    """Estimate the highest frequency (rad/s) at a posture, from below, within a few per cent.
+
+    It is zero for an arm that cannot vibrate. A run that starts at the same posture as the previous
+    run of the arm reuses its frequency.
+    """
+    posture = state[0].tobytes()
+    known = _frequencies.get(arm)
+    if known is None or known[0] != posture:
+        frequency = float(fastest_frequencies(arm, state[None])[0])
+        known = _frequencies[arm] = posture, frequency
+    return known[1]
+
+
+def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> FloatArray:
+    """Return ``fastest_frequency`` (k,), or ``least``, at postures of states (k, 2, n, 1 + m)."""
+    c = arm.assembly.constants
+    found = np.zeros(len(states))
+    if np.any(c.w2) or np.any(c.joint_stiffness):
+        kernels, torque = KernelView(c), np.zeros(c.mass.size)
+        moved, change = kernels.zeros(2), kernels.zeros(2)
+        kernels.call(
+            fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
+        )
+    return np.maximum(found, least)
+
+
+def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
+    """Return the rate (1/s) at which friction stops the joint that it stops fastest.
+
+    It is that of small motions of one joint from rest, with straight links and all joint angles
+    zero; 0 without friction of a joint that is free.
+
+    Args:
+        prescribed: joints, by number from 1, whose motion is prescribed.
+    """
+    rates = _friction.setdefault(arm, {})
+    if prescribed not in rates:
+        rates[prescribed] = _friction_rate(constants_with(arm, prescribed))
+    return rates[prescribed]
+
+
+def _friction_rate(c: ArmConstants) -> float:
+    coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
+    slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+    return _fastest_decay(c, slope)
+
+
+def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
+    """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest.
+
+    The conditions and ``prescribed`` are those of ``friction_rate``.
+    """
+    rates = _damping.setdefault(arm, {})
+    if prescribed not in rates:
+        c = constants_with(arm, prescribed)
+        rates[prescribed] = _fastest_decay(c, c.joint_damping) if c.joint_damping.any() else 0.0
+    return rates[prescribed]
+
+
+def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
+    """Return the largest rate (1/s) of single joints under torques of ``slope`` (n,) per rate."""
+    kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
+    state = kernels.zeros(2)
+    still = kernels.forward_dynamics(state, torque)[:, 0].copy()
+    # Friction that holds does not settle: runs lock a joint that sticks.
+    for i in np.flatnonzero(slope * c.free * (1.0 - c.holds)):
+        torque[i] = 1.0
+        rates.append(float(slope[i] * (kernels.forward_dynamics(state, torque)[i, 0] - still[i])))
+        torque[i] = 0.0
+    return max(rates)

@@ -1,0 +1,3 @@
+"""Pictures, reports and the studio."""
+
+from flexarm.view import plot as plot

@@ -1,0 +1,209 @@
+"""Animations of results: the arm to scale, and time histories with a cursor at the current time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.base.arguments import (
+    check_count,
+    check_dataset,
+    check_flag,
+    check_number,
+    check_positive,
+)
+from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.writing.places import AnyPath, write_text, write_whole
+from flexarm.model import Contact
+from flexarm.view.plot.animation.page import inline, page
+from flexarm.view.plot.animation.scene import Scene, SceneOptions, scene_of, thin
+from flexarm.view.plot.animation.surroundings import surroundings
+from flexarm.view.plot.animation.video import (
+    check_animation_place,
+    find_ffmpeg,
+    gif,
+    gif_delay,
+    mp4,
+)
+from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
+from flexarm.view.plot.selection import named_results, several
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from flexarm.view.plot.animation.frames import Picture
+
+_MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
+#: Intervals of a history whose extreme values are drawn, about one for two columns of a screen.
+_INTERVALS = 450
+
+
+class Animation:
+    """Animation of one or several results, from `animate`; notebooks display it as a player.
+
+    Attributes:
+        scenes: drawn scenes, one for each result.
+        fps: frames per second.
+        speed: seconds of the run per second of the animation.
+        width: of pictures, pixels.
+    """
+
+    def __init__(self, scenes: Sequence[Scene], fps: float, speed: float, width: int) -> None:
+        self.scenes, self.fps, self.speed, self.width = tuple(scenes), fps, speed, width
+
+    def __repr__(self) -> str:
+        frames = len(self.scenes[0].times)
+        return f"<flexarm.Animation: {frames} frames, {frames / self.fps:.3g} s>"
+
+    def html(self) -> str:
+        """Return an HTML page that plays the animation without a network."""
+        return page(self.scenes, self.fps, self.speed, self.scenes[0].title or "flexarm")
+
+    def _repr_html_(self) -> str:
+        histories = len(self.scenes[0].histories)
+        height = 650 if len(self.scenes) == 1 else 510 + 175 * histories
+        return inline(self.html(), height)
+
+    def pictures(self) -> Iterator[Picture]:
+        """Yield the frames, (height, width, 4) RGBA from 0 to 255, in one array that is reused."""
+        from flexarm.view.plot.animation.frames import Stage
+
+        return Stage(self.scenes, self.width).pictures()
+
+    @public_call
+    def save(self, path: AnyPath) -> None:
+        """Write the animation to an .mp4, .gif or .html file, completely or not at all.
+
+        Raises:
+            InputError: if the file cannot be written, or is an .mp4 and ffmpeg is not installed.
+        """
+        place = check_animation_place("path", path)
+        suffix = place.suffix.lower()
+        if suffix == ".html":
+            write_text(self.html(), place)
+            return
+        from flexarm.view.plot.animation.frames import Stage
+
+        stage = Stage(self.scenes, self.width)
+        if suffix == ".gif":
+            write_whole(place, [gif(stage.pictures(), self.fps)])
+            return
+        ffmpeg = find_ffmpeg()
+        write_whole(place, mp4(stage.pictures(), stage.size, self.fps, ffmpeg))
+
+
+@public_call
+def animate(
+    results: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset],
+    path: AnyPath | None = None,
+    *,
+    channels: str | Sequence[str] | None = None,
+    magnify: float = 1.0,
+    rigid: bool | xr.Dataset = False,
+    reference: Any = None,
+    contacts: Sequence[Contact] | None = None,
+    trace: bool = True,
+    torque: bool = True,
+    speed: float = 1.0,
+    fps: float = 30.0,
+    width: int = 1120,
+) -> Animation:
+    """Create an animation of an arm's motion as a video, a GIF, or an HTML page.
+
+    Args:
+        results: a result of ``simulate``, ``run_scenario`` or ``read_result``; or up to four, by
+            name or as a list, side by side.
+        path: of an .mp4, .gif or .html file to write; None for none. An .mp4 requires ffmpeg, which
+            ``pip install 'flexarm[animation]'`` includes.
+        channels: channels to draw over time beside the arm, as in ``plot.history``; at most six,
+            ``[]`` for none.
+        magnify: factor on the bending of the links. Joint angles do not change; path, tip and view
+            are those of the drawn arm.
+        rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
+            that of ``arm.rigid()`` with the same torques, adds the arm of that result.
+        reference: motion that contains the reference path of the tip. By default that of the
+            scenario, for results of a scenario.
+        contacts: contacts whose surfaces to draw. By default those of the scenario, for results of
+            a scenario.
+        trace: whether to draw the path of the tip.
+        torque: whether to draw the joint torques as arrows; the longest is the largest torque of
+            the run.
+        speed: seconds of the run per second of the animation: 0.1 is slow motion.
+        fps: frames per second. For a GIF the nearest rate of its format: 50, 33.3, 25, 20, ...
+        width: of the pictures of a video or GIF, pixels.
+
+    Returns:
+        An `Animation`, with ``save(path)``, ``html()`` and ``pictures()``; a notebook displays it
+        as a player.
+
+    Raises:
+        InputError: if an argument has the wrong type or is out of range, the file cannot be
+            written, or an .mp4 is requested and ffmpeg is not installed.
+    """
+    named = _named(results)
+    place = None if path is None else check_animation_place("path", path)
+    fps = check_number("fps", fps, lambda rate: 1.0 <= rate <= 240.0, "be from 1 to 240")
+    speed = check_positive("speed", speed)
+    if place is not None and place.suffix.lower() == ".gif":
+        fps = 100.0 / gif_delay(fps)
+    options = SceneOptions(
+        check_magnify(magnify), check_flag("trace", trace), check_flag("torque", torque)
+    )
+    width = check_count("width", width, 320, 7680)
+    times = _times(named, fps, speed)
+    scenes = []
+    for name, result in named.items():
+        arm = arm_of("results", result)
+        histories = [] if _empty(channels) else several("channels", channels, result)
+        if len(histories) > _MOST_HISTORIES:
+            rule = f"be at most {_MOST_HISTORIES} channels"
+            raise InputError(Problem("channels", rule, shown(len(histories))))
+        desired, touched = surroundings(arm, result, reference, contacts)
+        scenes.append(
+            scene_of(
+                name,
+                arm,
+                result,
+                float(result["time"].values[0]) + times,
+                options,
+                rigid_result(rigid, arm, result),
+                desired,
+                touched,
+                [thin(signals, _INTERVALS) for signals in histories],
+            )
+        )
+    if len({len(scene.histories) for scene in scenes}) > 1:
+        rule = "are required, because the results have different ones"
+        raise InputError(Problem("channels", rule))
+    animation = Animation(scenes, fps, speed, width - width % 2)
+    if place is not None:
+        animation.save(place)
+    return animation
+
+
+def _named(results: object) -> dict[str, xr.Dataset]:
+    """Return the results by title, which is empty for a single result."""
+    if isinstance(results, Mapping | list | tuple) and not hasattr(results, "data_vars"):
+        named = named_results(results, _MOST_RESULTS)
+    else:
+        named = {"": check_dataset("results", results)}
+    return {name: check_drawable("results", result) for name, result in named.items()}
+
+
+def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndarray:
+    """Return the times of the frames since the start, up to the end of the longest run, s."""
+    spans = [float(np.ptp(result["time"].values)) for result in named.values()]
+    frames = max(spans) / speed * fps
+    if frames > _MOST_FRAMES:
+        rule = f"give at most {_MOST_FRAMES} frames"
+        hint = "Use a larger speed or a smaller fps."
+        raise InputError(Problem("results", rule, f"{frames:.0f} frames", hint))
+    # The last frame is always the end of the run.
+    times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)
+    return times if times[-1] > max(spans) - 1e-9 * speed / fps else np.append(times, max(spans))
+
+
+def _empty(channels: object) -> bool:
+    return isinstance(channels, list | tuple) and not channels

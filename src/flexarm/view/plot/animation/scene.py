@@ -1,0 +1,200 @@
+"""Data of an animation of one result, frame by frame, as plain arrays; without Matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.model import Contact
+from flexarm.simulation.calls.metrics import tip_reference
+from flexarm.view.plot.animation.solid import Solid, solid_of
+from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
+from flexarm.view.plot.selection import Signals
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Points along a link, enough for a smooth curve on a screen.
+STATIONS = 17
+#: Points of a history or a path, enough for the columns of a screen.
+_MOST_POINTS = 900
+#: Free margin around the motion, as a fraction of the view.
+_MARGIN = 0.1
+#: Largest sweep of a torque's arrow, rad, and its radius as a fraction of the width of the view.
+_SWEEP, _RADIUS = 1.6 * np.pi, 0.055
+#: Fraction of the largest torque below which a torque has no arrow.
+_NO_ARROW = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Motion of one arm in F frames; lengths in m, world axes.
+
+    Attributes:
+        title: above the arm, or empty.
+        times: (F,) of the run, s.
+        links: (F, links, stations, 2) as drawn, with magnified bending.
+        depths: (links,) depths of the links in the plane, zero if the model has none.
+        bends: (links,) whether a link is flexible.
+        joints: (F, movable joints, 2).
+        payload: whether the arm carries one.
+        arrows: (F, movable joints, points, 2) of torques, NaN without an arrow; or None.
+        ghost: (F, links, stations, 2) of the rigid counterpart, or None.
+        path: (P, 2) of the drawn tip, at times (P,) ``path_times``; or None.
+        reference: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None.
+        solids: surfaces of the contacts.
+        histories: beside the arm.
+        view: (4,) smallest and largest x, smallest and largest y of everything that moves.
+    """
+
+    title: str
+    times: FloatArray
+    links: FloatArray
+    depths: tuple[float, ...]
+    bends: tuple[bool, ...]
+    joints: FloatArray
+    payload: bool
+    arrows: FloatArray | None
+    ghost: FloatArray | None
+    path: FloatArray | None
+    path_times: FloatArray
+    reference: tuple[FloatArray, FloatArray] | None
+    solids: tuple[Solid, ...]
+    histories: tuple[Signals, ...]
+    view: FloatArray
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """Options of the drawing; see `animate`."""
+
+    magnify: float
+    trace: bool
+    torque: bool
+
+
+def scene_of(
+    title: str,
+    arm: Arm,
+    result: xr.Dataset,
+    times: FloatArray,
+    options: SceneOptions,
+    ghost: RigidMotion | None,
+    reference: Any,
+    contacts: Sequence[Contact],
+    histories: Sequence[Signals],
+) -> Scene:
+    """Create the scene of a result at times (F,) s, which may exceed those of the result."""
+    time = result["time"].values
+    now = np.clip(times, time[0], time[-1])
+    q = at_times(time, result["q"].values, now)
+    links = shapes_of(arm, q, options.magnify, stations_of(arm.links))
+    path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
+    if options.magnify == 1.0 and "tip" in result:
+        path = at_times(time, result["tip"].values, path_times)
+    else:
+        q = at_times(time, result["q"].values, path_times)
+        path = shapes_of(arm, q, options.magnify, 2)[:, -1, -1]
+    straight = None if ghost is None else ghost.shapes(now, 2)
+    desired = None
+    if reference is not None:
+        twice = np.concatenate([path_times, now])
+        tips = tip_reference(arm, reference, twice)
+        desired = tips[: len(path_times)], tips[len(path_times) :]
+    shown = [links.reshape(-1, 2), path]
+    shown += [] if straight is None else [straight.reshape(-1, 2)]
+    shown += [] if desired is None else [desired[0]]
+    view = _view(np.concatenate(shown))
+    # A joint is at the tip before it; the root of its link may be at a hub radius from there.
+    tips = np.concatenate([np.zeros((len(links), 1, 2)), links[:, :-1, -1]], axis=1)
+    joints = tips[:, [seat.link for seat in arm.assembly.seats]]
+    arrows = None
+    if options.torque and "torque" in result and joints.shape[1]:
+        torque = at_times(time, result["torque"].values, now)
+        scale = float(np.abs(result["torque"].values).max(initial=0.0))
+        # The arrow starts at the link, so that its direction is clear in any posture.
+        first = links[:, [seat.link for seat in arm.assembly.seats], 1] - joints
+        if scale > 0.0:
+            radius = _RADIUS * float(view[1] - view[0])
+            angle = np.arctan2(first[..., 1], first[..., 0])
+            arrows = _arrows(joints, angle, torque / scale, radius)
+    spec = arm.spec
+    return Scene(
+        title=title,
+        times=now,
+        links=links,
+        depths=tuple(0.0 if k.section is None else float(k.section.depth) for k in spec.links),
+        bends=tuple(link.flexible for link in spec.links),
+        joints=joints,
+        payload=spec.payload.mass > 0.0,
+        arrows=arrows,
+        ghost=straight,
+        path=path if options.trace else None,
+        path_times=path_times,
+        reference=desired,
+        solids=tuple(solid_of(contact.surface, view) for contact in contacts),
+        histories=tuple(histories),
+        view=view,
+    )
+
+
+def stations_of(links: int) -> int:
+    """Return the number of points drawn along each link, fewer for arms with many links."""
+    return min(STATIONS, max(5, 4 * STATIONS // links))
+
+
+def _view(points: FloatArray) -> FloatArray:
+    """Return a square around points (k, 2) and the base: left, right, bottom, top."""
+    low = np.minimum(points.min(axis=0), 0.0)
+    high = np.maximum(points.max(axis=0), 0.0)
+    half = (0.5 + _MARGIN) * max(float((high - low).max()), 1e-9)
+    middle = 0.5 * (low + high)
+    return np.array([middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half])
+
+
+def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: float) -> FloatArray:
+    """Return arcs with a head, (F, joints, points, 2): counter-clockwise for positive torques.
+
+    Args:
+        centers: (F, joints, 2).
+        start: (F, joints) rad.
+        part: (F, joints) torques as fractions of the largest one.
+    """
+    sweep = _SWEEP * part
+    fraction = np.linspace(0.0, 1.0, 25)
+    angle = start[..., None] + sweep[..., None] * fraction
+    arc = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    end, sign = angle[..., -1], np.sign(sweep)
+    head = np.minimum(0.5, np.abs(sweep))  # angle of the head, rad, at most that of the arc
+
+    def barb(side: float) -> FloatArray:
+        back = end - sign * head
+        reach = 1.0 + 0.56 * side * head
+        place: FloatArray = reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1)
+        return place
+
+    tip = arc[..., -1, :]
+    points = [arc, barb(1.0)[..., None, :], tip[..., None, :], barb(-1.0)[..., None, :]]
+    drawn: FloatArray = centers[..., None, :] + radius * np.concatenate(points, axis=-2)
+    drawn[np.abs(part) < _NO_ARROW] = np.nan
+    return drawn
+
+
+def thin(signals: Signals, intervals: int) -> Signals:
+    """Return a history with few enough points for a picture, including all peaks.
+
+    For each interval the first sample and the extreme values of every line are kept.
+    """
+    count, lines = signals.values.shape
+    if count <= intervals * (1 + 2 * lines):
+        return signals
+    keep = {0, count - 1}
+    for chunk in np.array_split(np.arange(count), intervals):
+        values = signals.values[chunk]
+        keep |= {int(chunk[0]), *chunk[values.argmin(axis=0)], *chunk[values.argmax(axis=0)]}
+    chosen = np.array(sorted(keep))
+    return replace(signals, time=signals.time[chosen], values=signals.values[chosen])

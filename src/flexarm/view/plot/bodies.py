@@ -1,0 +1,222 @@
+"""Plots of the arm: postures, deflections of the links, bending moments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_count
+from flexarm.base.errors import InputError, Problem, public_call_as
+from flexarm.view.plot.canvas import WIDTH, panels, rows
+from flexarm.view.plot.drawn_arm import (
+    STATIONS,
+    FloatArray,
+    arm_of,
+    at_times,
+    check_drawable,
+    check_magnify,
+    deflections,
+    rigid_result,
+    shapes_of,
+)
+from flexarm.view.plot.selection import readable_unit
+from flexarm.view.plot.style import BLUE, GREY, INK, RIGID, SKY, VERMILLION, legend_above
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Colours by time: early postures light, late ones dark.
+AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
+_MOST = 200
+_SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
+
+
+@public_call_as("plot.postures")
+def postures(
+    result: xr.Dataset,
+    count: int = 10,
+    *,
+    rigid: bool | xr.Dataset = False,
+    magnify: float = 1.0,
+    axes: Any = None,
+) -> Axes:
+    """Draw the arm at evenly spaced times, early ones light, and the path of its tip.
+
+    Args:
+        result: of ``simulate``, ``run_scenario`` or ``read_result``.
+        count: number of postures, from the first sample to the last.
+        rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
+            that of ``arm.rigid()`` with the same torques, adds the arm of that result.
+        magnify: factor on the bending of the links. The path is that of the drawn tip.
+        axes: Matplotlib axes to draw into; None for a new figure.
+
+    Returns:
+        The Matplotlib axes.
+
+    Raises:
+        InputError: if the result does not contain the motion of an arm, ``count`` is not an
+            integer from 2 to 200, ``magnify`` is not from 0 to 10,000, or ``rigid`` is neither a
+            bool nor a result.
+    """
+    result = check_drawable("result", result)
+    count = check_count("count", count, 2, _MOST)
+    magnify = check_magnify(magnify)
+    arm = arm_of("result", result)
+    ghost = rigid_result(rigid, arm, result)
+    time = result["time"].values
+    times = np.linspace(time[0], time[-1], count)
+    shapes = shapes_of(arm, at_times(time, result["q"].values, times), magnify)
+    with panels(axes, 1, (4.8, 4.4), rows(1)) as (panel,):
+        if ghost is not None:
+            look = {**RIGID, "linewidth": 0.6}
+            _draw_arms(panel, ghost.shapes(times), [look] * count, "rigid")
+        looks = [{"color": AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)]
+        name = "flexible" if magnify == 1.0 else f"bending × {magnify:g}"
+        _draw_arms(panel, shapes, looks, name)
+        panel.plot(*_tip_path(arm, result, magnify).T, color=VERMILLION, linewidth=1.2, label="tip")
+        panel.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
+        for words, links in (("start", shapes[0]), ("end", shapes[-1])):
+            _name_tip(panel, words, links[-1])
+        panel.set(title="Postures", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.grid(True, axis="both")
+        legend_above(panel)
+    return panel
+
+
+def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], name: str) -> None:
+    """Draw shapes (k, links, stations, 2) with inner joints as dots; the last one has a label."""
+    for k, (links, look) in enumerate(zip(shapes, looks, strict=True)):
+        label = name if k == len(shapes) - 1 else "_"
+        panel.plot(*links.reshape(-1, 2).T, **{**look, "label": label})
+        if "linestyle" not in look:
+            panel.plot(*links[:-1, -1].T, "o", color=look["color"], markersize=3.2, label="_")
+
+
+def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:
+    """Label the tip of the last link (stations, 2) on the side that faces away from the link."""
+    tip, right = link[-1], link[-1, 0] >= link[0, 0]
+    near: dict[str, Any] = {"textcoords": "offset points", "ha": "left" if right else "right"}
+    place = (float(tip[0]), float(tip[1]))
+    panel.annotate(words, place, xytext=(4 if right else -4, 3), **near)
+
+
+def _tip_path(arm: Arm, result: xr.Dataset, magnify: float) -> FloatArray:
+    if magnify == 1.0:
+        path: FloatArray = result["tip"].values
+        return path
+    time = result["time"].values
+    fine = np.linspace(time[0], time[-1], min(len(time), 400))
+    q = at_times(time, result["q"].values, fine)
+    return shapes_of(arm, q, magnify, stations=2)[:, -1, -1]
+
+
+@public_call_as("plot.deflection")
+def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
+    """Draw the deflection of the links from their root tangents: range of the run and some times.
+
+    Args:
+        result: as in `postures`.
+        count: number of times at which the links are drawn, from the first sample to the last.
+        axes: Matplotlib axes to draw into; None for a new figure.
+
+    Returns:
+        The Matplotlib axes. Horizontal: the distance from the base along the arm, m. For runs with
+        more than 4000 samples the range is that of 4000 of them.
+
+    Raises:
+        InputError: if the result does not contain the motion of an arm, or ``count`` is not an
+            integer from 1 to 200.
+    """
+    result = check_drawable("result", result)
+    count = check_count("count", count, 1, _MOST)
+    arm = arm_of("result", result)
+    found = deflections(arm, result)
+    scale, unit = readable_unit("m", found)
+    chosen = np.linspace(0, len(found) - 1, count).round().astype(int)
+    shown_times = np.linspace(result["time"].values[0], result["time"].values[-1], count)
+    along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
+    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+        low, high = scale * found.min(axis=0), scale * found.max(axis=0)
+        for link in range(arm.links):
+            label = "range of the run" if link == 0 else "_"
+            panel.fill_between(along[link], low[link], high[link], label=label, **_SPAN)
+        ages = np.linspace(0.0, 1.0, count)
+        for k, time, age in zip(chosen, shown_times, ages, strict=True):
+            for link in range(arm.links):
+                named = link == 0 and k in (chosen[0], chosen[-1])
+                label = f"{time:.3g} s" if named else "_"
+                look = {"color": AGES(age), "linewidth": 1.1, "label": label}
+                panel.plot(along[link], scale * found[k, link], **look)
+        _finish_along(panel, arm, "Deflection from the root tangent", f"deflection [{unit}]")
+    return panel
+
+
+@public_call_as("plot.bending_moment")
+def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
+    """Draw the envelope of the bending moment along the arm, and mark its largest value.
+
+    Args:
+        result: of a run with, for example, ``stations=11``, which records section forces.
+        axes: Matplotlib axes to draw into; None for a new figure.
+
+    Returns:
+        The Matplotlib axes. Horizontal: the distance from the base along the arm, m.
+
+    Raises:
+        InputError: if the result does not contain bending moments.
+    """
+    result = check_drawable("result", result)
+    if "bending_moment" not in result:
+        hint = "Simulate with stations=11, for example, to record it."
+        raise InputError(Problem("result", "has no 'bending_moment'", hint=hint))
+    arm = arm_of("result", result)
+    moment = result["bending_moment"].values
+    scale, unit = readable_unit("N m", moment)
+    low, high = scale * moment.min(axis=0), scale * moment.max(axis=0)
+    along = _along(arm, result["station"].values)
+    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+        for link in range(arm.links):
+            names = ("range of the run", "largest", "smallest") if link == 0 else ("_",) * 3
+            panel.fill_between(along[link], low[link], high[link], label=names[0], **_SPAN)
+            panel.plot(along[link], high[link], color=BLUE, linewidth=1.1, label=names[1])
+            panel.plot(along[link], low[link], color=VERMILLION, linewidth=1.1, label=names[2])
+        _name_peak(panel, result, scale * moment, along, unit)
+        _finish_along(panel, arm, "Bending moment", f"moment [{unit}]")
+    return panel
+
+
+def _name_peak(
+    panel: Axes, result: xr.Dataset, moment: FloatArray, along: FloatArray, unit: str
+) -> None:
+    """Mark the largest absolute moment with its value and its time."""
+    k, link, station = np.unravel_index(int(np.abs(moment).argmax()), moment.shape)
+    value, place = float(moment[k, link, station]), float(along[link, station])
+    panel.plot(place, value, "o", color=INK, markersize=4.0, label="_", clip_on=False)
+    words = f"{value:.4g} {unit} at {result['time'].values[k]:.4g} s".replace("-", "−", 1)
+    left = place < along.mean()
+    near: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
+    near["ha"] = "left" if left else "right"
+    outward = 9 if value > 0.0 else -9  # beyond the largest value there is no line
+    panel.annotate(words, (place, value), xytext=(4 if left else -4, outward), **near)
+    panel.margins(y=0.2)
+
+
+def _along(arm: Arm, fraction: FloatArray) -> FloatArray:
+    """Return distances from the base along the arm, (links, stations) m."""
+    roots = np.cumsum(arm.lengths) - arm.lengths
+    distances: FloatArray = roots[:, None] + arm.lengths[:, None] * fraction
+    return distances
+
+
+def _finish_along(panel: Axes, arm: Arm, title: str, label: str) -> None:
+    panel.axhline(0.0, color=GREY, linewidth=0.7, zorder=1.0, label="_")
+    for place in np.cumsum(arm.lengths)[:-1]:
+        panel.axvline(place, color=GREY, linewidth=0.6, linestyle=":", zorder=0.5, label="_")
+    panel.set(title=title, xlabel="distance from the base along the arm [m]", ylabel=label)
+    panel.locator_params(nbins=7)
+    legend_above(panel)

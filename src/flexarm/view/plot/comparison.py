@@ -1,0 +1,177 @@
+"""Plots of a comparison: a panel for each metric, a line for each controller, a mark per plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+from flexarm.base.arguments import check_dataset
+from flexarm.base.errors import InputError, Problem, public_call_as
+from flexarm.view.plot.canvas import AxesArray, array_of, panels
+from flexarm.view.plot.palette import series_colors
+from flexarm.view.plot.style import GREY, Sheet, margins, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from flexarm.arm.assembly.assemble import FloatArray
+
+#: Metrics to draw if available: name, title, factor to the displayed unit.
+_PANELS = (
+    ("tip_error_rms", "tip error, RMS [mm]", 1e3),
+    ("residual_vibration", "residual vibration [mm]", 1e3),
+    ("force_error_rms", "force error, RMS [N]", 1.0),
+    ("torque_rms", "torque, RMS [N m]", 1.0),
+)
+#: Ratio of the ends of an axis below which it has evenly spaced labels.
+_NARROW = 8.0
+#: Value drawn instead of zero on the logarithmic axis.
+_LEAST = 1e-9
+_MARKS = "os^Dv<>ph*"
+_WIDTH, _LINE, _EDGES = 8.27, 0.27, 0.8  # inches
+
+
+@public_call_as("plot.study")
+def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
+    """Draw the metrics of ``flexarm.compare`` or ``run_study``, a row of panels per reference.
+
+    A line is a controller, a mark a plant. A cross at the right edge marks a run that stopped
+    early. Metrics without a finite value, such as a force without contact, have no panel.
+
+    Args:
+        table: as returned by these functions.
+        axes: Matplotlib axes to draw into, one for each reference and metric; None for a new
+            figure.
+
+    Returns:
+        An array (references, metrics) of Matplotlib axes.
+
+    Raises:
+        InputError: if the table is not one of `compare`, has no finite number, or ``axes`` does
+            not have one item for each panel.
+    """
+    drawing = _Numbers(table)
+    shape = (len(drawing.references), len(drawing.chosen))
+    count = shape[0] * shape[1]
+    with panels(axes, count, drawing.size, drawing.arrange) as made:
+        drawing.draw(made)
+    return array_of(made, *shape)
+
+
+@public_call_as("plot.comparison_figure")
+def comparison_figure(table: xr.Dataset) -> Sheet:
+    """Draw the metrics as `study` does, in a figure that is not registered with pyplot.
+
+    Raises:
+        InputError: if the table is not one of `compare`, or has no finite number.
+    """
+    drawing = _Numbers(table)
+    sheet = Sheet(*drawing.size)
+    with styled():
+        drawing.draw(drawing.arrange(sheet))
+    return sheet
+
+
+class _Numbers:
+    """Metrics of a table to draw, and their panels."""
+
+    def __init__(self, table: xr.Dataset) -> None:
+        needed = ("controller", "plant", "reference", "failure", *(name for name, *_ in _PANELS))
+        self.table = check_dataset("table", table, needed, "a table of compare")
+        if "sample" in table.dims:
+            hint = "Draw it with plot.samples, or select one: table.isel(sample=0)."
+            raise InputError(Problem("table", "has samples", hint=hint))
+        self.chosen = [panel for panel in _PANELS if np.isfinite(table[panel[0]].values).any()]
+        if not self.chosen:
+            raise InputError(Problem("table", "contains only runs that failed"))
+        self.names = [str(name) for name in table["controller"].values]
+        self.references = table["reference"].values
+        height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)
+        self.size = (_WIDTH, height)
+
+    def arrange(self, sheet: Sheet) -> list[Axes]:
+        """Add the axes, row by row."""
+        grid = sheet.add_gridspec(len(self.references), len(self.chosen))
+        left = 0.35 + 0.068 * max(map(len, self.names))
+        margins(sheet, left=left, bottom=0.3, right=0.2, top=0.5, wspace=0.12, hspace=0.55)
+        count = len(self.references) * len(self.chosen)
+        return [sheet.add_subplot(grid[k]) for k in range(count)]
+
+    def draw(self, made: Sequence[Axes]) -> None:
+        """Draw every metric, and a legend of the plants if there are several."""
+        columns = len(self.chosen)
+        for k, axes in enumerate(made):
+            reference, (name, title, factor) = (
+                self.references[k // columns],
+                self.chosen[k % columns],
+            )
+            values = factor * self.table[name].sel(reference=reference)
+            _draw(axes, values, self.table["failure"].sel(reference=reference))
+            _scale(axes, factor * self.table[name].values)
+            first = k % columns == 0
+            axes.set_yticks(range(len(self.names)), self.names if first else [])
+            axes.set_ylim(len(self.names) - 0.4, -0.6)
+            along = f" along {reference}" if len(self.references) > 1 and first else ""
+            axes.set_title(title + along)
+        if self.table.sizes["plant"] > 1 and isinstance(made[0].figure, Figure):
+            handles, labels = made[columns - 1].get_legend_handles_labels()
+            columns_of_legend = min(len(labels), 6)
+            corner = made[columns - 1].get_position().x1, 1.0
+            made[0].figure.legend(
+                handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=columns_of_legend
+            )
+
+
+def _scale(axes: Axes, values: FloatArray) -> None:
+    """Make the axis logarithmic, wide enough for the marks, and equal for all references."""
+    seen = np.maximum(values[np.isfinite(values)], _LEAST)
+    low, high = seen.min() / 1.5, seen.max() * 1.5
+    axes.set_xscale("log")
+    axes.set_xlim(low, high)
+    steps = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+    # Within less than a decade the locator would place labels on each other.
+    narrow = high < _NARROW * low
+    locator = MaxNLocator(4) if narrow else LogLocator(subs=steps, numticks=8)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.grid(axis="x", visible=True)
+
+
+def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
+    """Draw one metric of every controller (lines) on every plant (marks)."""
+    plants = [str(name) for name in values["plant"].values]
+    lines = np.arange(values.sizes["controller"])
+    for k, (plant, color) in enumerate(zip(plants, series_colors(len(plants)), strict=True)):
+        numbers = values.sel(plant=plant).values
+        axes.plot(
+            np.maximum(numbers, _LEAST),
+            lines,
+            linestyle="none",
+            marker=_MARKS[k % len(_MARKS)],
+            markersize=5,
+            markerfacecolor="none",  # marks at the same value remain visible
+            markeredgewidth=1.2,
+            color=color,
+            label=plant,
+        )
+        for line in lines[failure.sel(plant=plant).values != ""]:
+            axes.plot(
+                1.0,
+                line,
+                marker="x",
+                markersize=5,
+                color=color,
+                transform=axes.get_yaxis_transform(),
+                clip_on=False,
+            )
+    for line in lines:
+        numbers = values.isel(controller=line).values
+        numbers = numbers[np.isfinite(numbers)]
+        if numbers.size:
+            axes.hlines(line, numbers.min(), numbers.max(), color=GREY, linewidth=0.7, zorder=1)

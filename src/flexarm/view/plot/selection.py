@@ -1,0 +1,176 @@
+"""Selection of the lines in a plot: channels by name, their parts, units and labels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexarm.base.arguments import check_dataset
+from flexarm.base.errors import InputError, Problem, nearest, shown
+from flexarm.simulation.run.channels import CHANNELS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+
+#: Default channels of `history` and `animate`.
+USUAL = ("joint_angle", "link_tip_deflection", "torque")
+_READING = "measured_"
+_MOST_RESULTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Lines of one channel.
+
+    Attributes:
+        name: of the channel.
+        time: (T,) s.
+        values: (T, k) in ``unit``, the unit of the axis.
+        labels: (k,) of the lines.
+        keys: (k,) selectors of the lines, such as ``y`` in ``tip[y]``.
+    """
+
+    name: str
+    time: FloatArray
+    values: FloatArray
+    unit: str
+    labels: tuple[str, ...]
+    keys: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """The name as a title."""
+        return self.name.replace("_", " ").capitalize()
+
+    @property
+    def axis_label(self) -> str:
+        """The quantity and its unit."""
+        quantity = "position" if self.name == "tip" else self.name.split("_")[-1]
+        return f"{quantity} [{self.unit}]" if self.unit else quantity
+
+
+def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
+    """Return the lines of a channel: all for ``"tip"``, one for ``"tip[y]"``.
+
+    Args:
+        name: name of its argument.
+        result: as returned by ``simulate``; readings of instruments are also channels.
+        channel: name of a channel of the result, with a part in brackets to select one line: the
+            number of a joint, link or contact, the axis, or the name of a coordinate.
+
+    Raises:
+        InputError: if the result has no such channel, or the channel has no such part.
+    """
+    if not isinstance(channel, str):
+        raise InputError(Problem(name, "be the name of a channel", shown(channel)))
+    plain, bracket, part = channel.partition("[")
+    known = [str(key) for key in result.data_vars if _plottable(result.variables[key])]
+    if plain not in known:
+        hint = nearest(plain, known) or f"It has {', '.join(known[:8])}, ..."
+        if plain in CHANNELS:
+            hint = _missing_hint(plain)
+        raise InputError(Problem(name, "be a channel of the result", shown(channel), hint))
+    found = _all(result, plain)
+    if not bracket:
+        return found
+    component = "".join(part.rstrip("]").split())
+    if component not in found.keys:
+        keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
+        hint = f"Its components are {keys}{', ...' if len(found.keys) > 4 else ''}."
+        raise InputError(Problem(name, "be a component of its channel", shown(channel), hint))
+    k = found.keys.index(component)
+    values = found.values[:, k : k + 1]
+    label, key = found.labels[k : k + 1], found.keys[k : k + 1]
+    return Signals(plain, found.time, values, found.unit, label, key)
+
+
+def _missing_hint(name: str) -> str:
+    if name in ("bending_moment", "shear_force", "axial_force"):
+        return "Simulate with stations=11, for instance, to record it."
+    if name.startswith("contact"):
+        return "Only results with contacts have it."
+    return "This result was made without it."
+
+
+def _plottable(data: xr.Variable) -> bool:
+    return bool(data.dims) and data.dims[0] in ("time", "tick") and data.dtype.kind == "f"
+
+
+def _all(result: xr.Dataset, name: str) -> Signals:
+    data = result[name]
+    time = result["time"] if data.dims[0] == "time" else result["tick_time"]
+    parts = [_labels(result, str(dim), size) for dim, size in data.sizes.items()][1:]
+    labels = tuple(" ".join(label for label, _ in each) for each in product(*parts))
+    keys = tuple(",".join(key for _, key in each) for each in product(*parts))
+    values = data.values.reshape(len(data), len(keys))
+    known = CHANNELS.get(name.removeprefix(_READING))
+    unit = str(data.attrs.get("units", "")) or (known.unit if known else "")
+    scale, unit = (1.0, unit) if name.startswith("tip") else readable_unit(unit, values)
+    return Signals(name, time.values, scale * values, unit, labels, keys)
+
+
+def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
+    """Return label and key of each entry of a dimension."""
+    if dim in ("joint", "link", "contact"):
+        numbers = result[dim].values if dim in result.coords else range(1, size + 1)
+        return [(f"{dim} {number}", str(number)) for number in numbers]
+    if dim == "station" and dim in result.coords:
+        return [(f"at {place:.3g} of its length", f"{place:.3g}") for place in result[dim].values]
+    if dim in ("axis", "coordinate") and dim in result.coords:
+        return [(str(name), str(name)) for name in result[dim].values]
+    stem = "part" if dim.startswith(_READING) else dim  # the names of gauges are too long
+    return [(f"{stem} {number}", str(number)) for number in range(1, size + 1)]
+
+
+def several(name: str, given: object, result: xr.Dataset) -> list[Signals]:
+    """Return the lines of one channel or of a list of channels.
+
+    Raises:
+        InputError: if ``given`` is neither, is empty, or contains a channel the result lacks.
+    """
+    if given is None:
+        given = [usual for usual in USUAL if usual in result and result[usual].size]
+    if isinstance(given, str):
+        given = [given]
+    if not isinstance(given, Sequence) or not given:
+        raise InputError(Problem(name, "be the name of a channel or a list of names", shown(given)))
+    return [signals_of(name, result, channel) for channel in given]
+
+
+def named_results(results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
+    """Return results by name, from a mapping or a list; the names of a list are 1, 2, ....
+
+    Raises:
+        InputError: if there are none or more than ``most``, or an item is not a result.
+    """
+    import xarray as xr
+
+    # A dataset is also a mapping, of its channels.
+    if isinstance(results, Mapping) and not isinstance(results, xr.Dataset):
+        named = dict(results)
+    elif isinstance(results, list | tuple):
+        named = {str(number): item for number, item in enumerate(results, start=1)}
+    else:
+        named = {}
+    if not 1 <= len(named) <= most or not all(isinstance(name, str) for name in named):
+        rule = f"be 1 to {most} results, as a list or by name"
+        raise InputError(Problem("results", rule, shown(results)))
+    return {name: check_dataset(f"results[{name!r}]", d) for name, d in named.items()}
+
+
+def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:
+    """Return the factor to a unit with short numbers on an axis, and that unit."""
+    if unit == "m":
+        return 1e3, "mm"
+    if unit == "1":
+        return 1e6, "µm/m"  # strain
+    if unit in ("J", "N m") and values.size and np.max(np.abs(values)) >= 1e4:
+        return 1e-3, f"k{unit}"
+    return 1.0, unit

@@ -1,0 +1,222 @@
+"""Style of all figures, with colours that are distinct for colour-blind readers.
+
+The user's own Matplotlib settings do not change: a `Sheet` applies the style while it is created,
+drawn and saved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+from cycler import cycler
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexarm.base.arguments import check_choice
+from flexarm.base.errors import public_call_as
+from flexarm.view.plot.palette import BLUE as BLUE
+from flexarm.view.plot.palette import GREEN as GREEN
+from flexarm.view.plot.palette import GREY as GREY
+from flexarm.view.plot.palette import INK as INK
+from flexarm.view.plot.palette import ORANGE as ORANGE
+from flexarm.view.plot.palette import PURPLE as PURPLE
+from flexarm.view.plot.palette import SERIES as SERIES
+from flexarm.view.plot.palette import SKY as SKY
+from flexarm.view.plot.palette import VERMILLION as VERMILLION
+
+#: Lines of the flexible arm, the rigid arm (dashed, as in the paper) and the second-order theory.
+FLEXIBLE: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "label": "flexible"}
+RIGID: dict[str, Any] = {
+    "color": INK,
+    "linewidth": 0.8,
+    "linestyle": (0, (4.0, 2.2)),
+    "label": "rigid",
+}
+SECOND_ORDER: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "label": "second order"}
+
+#: Dots per inch of bitmaps, sufficient for print at the width of a column.
+DPI = 200
+#: Dots per inch of windows and notebooks.
+SCREEN_DPI = 110
+
+#: Distances of axis labels from their axes by medium, to the left and below, inches.
+_LABELS = {"print": (0.41, 0.22), "screen": (0.5, 0.26)}
+
+_STYLE: Any = {
+    # Times, the usual font of journals. It comes with Matplotlib, so figures look the same on all
+    # machines, and makes a PDF twice as fast as the default font, whose tables are far larger.
+    "font.family": ["STIXGeneral"],
+    "mathtext.fontset": "stix",
+    "font.size": 9.0,
+    "axes.prop_cycle": cycler(color=SERIES),
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # a fixed position, because computing one takes as long as the lines
+    "axes.titlepad": 5.0,
+    "axes.labelsize": 9.0,
+    "axes.labelpad": 3.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.xmargin": 0.0,
+    "axes.ymargin": 0.07,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.5,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "legend.borderpad": 0.0,
+    "legend.borderaxespad": 0.65,
+    "legend.columnspacing": 1.0,
+    # Room at the edges and between panels, for figures with this layout (inches, and a fraction).
+    "figure.constrained_layout.w_pad": 0.09,
+    "figure.constrained_layout.h_pad": 0.09,
+    "figure.constrained_layout.wspace": 0.04,
+    "lines.linewidth": 1.0,
+    "lines.solid_capstyle": "round",
+    "text.color": INK,
+    "pdf.fonttype": 42,  # complete fonts, because journals reject Matplotlib's default Type 3
+    "svg.fonttype": "none",
+}
+
+
+#: Larger text without serifs for slides and videos, legible at low resolution.
+_SCREEN: Any = {
+    **_STYLE,
+    "font.family": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "font.size": 9.5,
+    "axes.titlesize": 10.0,
+    "axes.labelsize": 9.5,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "legend.fontsize": 9.0,
+    "axes.linewidth": 0.8,
+}
+#: Settings by medium.
+MEDIA = {"print": _STYLE, "screen": _SCREEN}
+
+_medium: ContextVar[str] = ContextVar("medium", default="print")
+
+
+@public_call_as("plot.styled")
+def styled(medium: str | None = None) -> AbstractContextManager[None]:
+    """Create and save figures in this package's style; the previous settings return at the end.
+
+    Args:
+        medium: "print" for papers, "screen" for slides and videos; None for that of the enclosing
+            ``with`` block, or "print".
+
+    Raises:
+        InputError: if ``medium`` is not one of these.
+    """
+    if medium is not None:
+        check_choice("medium", medium, MEDIA)
+    return _styled(medium)
+
+
+@contextmanager
+def _styled(medium: str | None) -> Iterator[None]:
+    chosen = _medium.get() if medium is None else medium
+    before = _medium.set(chosen)
+    try:
+        with rc_context(MEDIA[chosen]):
+            yield
+    finally:
+        _medium.reset(before)
+
+
+class Sheet(Figure):
+    """Figure in the style of this package, on screen and in files.
+
+    The style is applied several times, because Matplotlib reads some settings when a figure is
+    created and others when it is drawn or saved.
+
+    Args:
+        width, height: inches.
+        options: of ``Figure``.
+    """
+
+    def __init__(self, width: float, height: float, **options: Any) -> None:
+        self._medium = _medium.get()
+        options = {**options, "figsize": (width, height), "dpi": options.get("dpi") or DPI}
+        with styled(self._medium):
+            super().__init__(**options)
+
+    def draw(self, renderer: Any) -> None:
+        """See ``Figure.draw``."""
+        with styled(self._medium):
+            super().draw(renderer)
+
+    def savefig(self, fname: Any, *, format: str | None = None, **options: Any) -> None:
+        """See ``Figure.savefig``; the output does not depend on the date."""
+        if format in ("pdf", "svg"):
+            date = {"pdf": "CreationDate", "svg": "Date"}[format]
+            options = {"metadata": {date: None}, **options}
+        if format == "png":
+            # For line art the fastest compression increases the size by a few per cent.
+            options = {"pil_kwargs": {"compress_level": 1}, **options}
+        with styled(self._medium):
+            super().savefig(fname, format=format, **{"dpi": DPI, **options})
+
+
+def margins(
+    sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
+) -> None:
+    """Set the margins around all axes, in inches, for a sheet of any size.
+
+    Margins are fixed instead of computed by a layout engine, so that figures of a series are
+    aligned and drawn twice as fast.
+    """
+    width, height = sheet.get_size_inches()
+    sheet.subplots_adjust(
+        left=left / width,
+        bottom=bottom / height,
+        right=1.0 - right / width,
+        top=1.0 - top / height,
+        **spacing,
+    )
+
+
+def place_labels(axes: Axes) -> None:
+    """Put the axis labels at fixed distances, so that they are aligned in a column of plots."""
+    width, height = axes.figure.get_size_inches() * axes.get_position().size  # type: ignore[union-attr]
+    left, below = _LABELS[_medium.get()]
+    axes.yaxis.set_label_coords(-left / width, 0.5)
+    axes.xaxis.set_label_coords(0.5, -below / height)
+
+
+def legend_above(
+    axes: Axes,
+    handles: Sequence[Any] | None = None,
+    labels: Sequence[str] | None = None,
+    columns: int | None = None,
+) -> None:
+    """Put the legend above the axes, at the right, where it covers no line.
+
+    Args:
+        handles, labels: of the legend; by default those of all labelled lines.
+        columns: by default as many as entries, in one row.
+    """
+    if handles is None or labels is None:
+        handles, labels = axes.get_legend_handles_labels()
+    columns = len(handles) if columns is None else columns
+    axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)

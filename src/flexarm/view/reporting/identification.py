@@ -1,0 +1,197 @@
+"""Report of an identification: one HTML page with tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flexarm.cases.scenario.summary import about_arm
+from flexarm.identification.result import (
+    FIT_HEADS,
+    HEADS,
+    SIGNIFICANT,
+    Identification,
+    fit_rows,
+)
+from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
+from flexarm.model.file_format.files import file_text
+from flexarm.simulation.calls.result import package_version
+from flexarm.view.plot.animation.page import style
+from flexarm.view.plot.fits import (
+    Correlation,
+    FittedChannel,
+    correlations_picture,
+    fit_picture,
+    matrix_picture,
+)
+from flexarm.view.reporting.document import clean, file_item, text_of
+from flexarm.view.reporting.measures import Table, number
+
+#: Factor on a standard deviation: 99 % of normal numbers.
+_BAND = 2.576
+#: Magnitude from which the correlation of two estimates is listed.
+_RELATED = 0.9
+#: Most estimates whose correlations are drawn.
+_MOST_DRAWN = 24
+
+
+def identification_page(engine: Any, found: Identification, title: str, notes: str) -> str:
+    """Return the page of an identification.
+
+    Args:
+        engine: from `template_engine`.
+    """
+    names = found.parameters["parameter"].values.tolist()
+    drawn = 1 < len(names) <= _MOST_DRAWN
+    matrix = found.parameters["correlation"].values
+    files = [("identified.yaml", file_text(found.arm.spec))]
+    page: str = engine.get_template("identification.html").render(
+        title=clean(title),
+        notes=clean(notes.strip()),
+        style=style() + text_of("report.css"),
+        version=clean(found.flexarm_version),
+        writer=package_version(),
+        warnings=[clean(text) for text in _warnings(found)],
+        figures=_figures(found),
+        estimates=_estimates(found),
+        matrix=matrix_picture([clean(name) for name in names], matrix) if drawn else "",
+        fits=_fits(found),
+        explained=_explained(found),
+        records=[_record(found, name, table) for name, table in found.histories.items()],
+        about=about_arm(found.arm),
+        files=[file_item(*each) for each in files],
+    )
+    return page
+
+
+def _warnings(found: Identification) -> list[str]:
+    texts = list(found.remarks)
+    bound = found.parameters["parameter"].values[found.parameters["at_bound"].values].tolist()
+    if bound:
+        texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")
+    failed = [
+        f"{channel} of {record} ({test})"
+        for table in (found.fit, found.validation)
+        for record, channel, *_, white, independent in fit_rows(table)
+        for test, passed in (("whiteness", white), ("independence", independent))
+        if passed == "failed"
+    ]
+    if failed:
+        texts.append(
+            f"Tests of residuals failed: {', '.join(failed)}. The model lacks something that the "
+            "data show; the standard deviations do not contain it."
+        )
+    return texts
+
+
+def _figures(found: Identification) -> list[tuple[str, str, str]]:
+    rows = [("Method", found.method.replace("_", " "), "")]
+    rows.append(("Smallest fit", number(float(np.nanmin(found.fit["fit"].values))), "%"))
+    if found.validation.sizes["record"]:
+        smallest = float(np.nanmin(found.validation["fit"].values))
+        rows.append(("Smallest fit, validation", number(smallest), "%"))
+    rows.append(("Parameters", str(found.parameters.sizes["parameter"]), ""))
+    rows.append(("Statements on what is not determined", str(len(found.undetermined)), ""))
+    return rows
+
+
+def _estimates(found: Identification) -> list[Table]:
+    tables = [_values("Parameters", found.rows(), found.parameters)]
+    if found.initial.sizes["parameter"]:
+        rows = [
+            (name, number(0.0), number(value), number(deviation), "")
+            for name, value, deviation in zip(
+                *(found.initial[k].values for k in ("parameter", "estimate", "standard_deviation")),
+                strict=True,
+            )
+        ]
+        tables.append(_values("Initial states: changes from the start", rows, found.initial))
+    related = _related(found.parameters)
+    if related:
+        tables.append(Table("Estimates with a large correlation", ("", "", "correlation"), related))
+    noise = [(name, number(value)) for name, value in found.noise.items()]
+    if found.torque_noise is not None:
+        noise += [
+            (f"torque of joint {joint} (N m, in each sample)", number(float(value)))
+            for joint, value in zip(found.arm.joint_numbers, found.torque_noise, strict=True)
+        ]
+    tables.append(Table("Noise", ("", "std. deviation"), tuple(noise)))
+    return tables
+
+
+def _values(title: str, rows: Any, table: xr.Dataset) -> Table:
+    """Return estimates with their 95 % intervals."""
+    made = []
+    for (name, start, estimate, deviation, remark), value, own in zip(
+        rows, table["estimate"].values, table["standard_deviation"].values, strict=True
+    ):
+        half = 1.96 * own
+        interval = f"{number(value - half)} to {number(value + half)}" if np.isfinite(own) else "–"
+        made.append((clean(str(name)), start, estimate, deviation, interval, remark))
+    return Table(title, (*HEADS[:4], "95 % interval", ""), tuple(made))
+
+
+def _related(parameters: xr.Dataset) -> tuple[tuple[str, str, str], ...]:
+    names, matrix = parameters["parameter"].values, parameters["correlation"].values
+    pairs = np.argwhere(np.triu(np.abs(matrix) >= _RELATED, 1))
+    return tuple(
+        (clean(str(names[i])), clean(str(names[j])), f"{matrix[i, j]:.4f}") for i, j in pairs
+    )
+
+
+def _fits(found: Identification) -> list[Table]:
+    tables = [("Fitted records", found.fit)]
+    if found.validation.sizes["record"]:
+        tables.append(("Validation: records that were not fitted", found.validation))
+    return [Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables]
+
+
+def _explained(found: Identification) -> str:
+    what = "simulated channels"
+    if found.method == "prediction_error":
+        what = "predictions from the samples before"
+    return (
+        f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
+        "Whiteness: residuals are not correlated over time. Independence: residuals are not "
+        f"correlated with past inputs. A test fails if its probability is below {SIGNIFICANT:g}."
+    )
+
+
+def _record(found: Identification, name: str, table: xr.Dataset) -> dict[str, str]:
+    fitted = name in found.fit["record"].values
+    word = "predicted" if found.method == "prediction_error" else "simulated"
+    times = np.asarray(table["time"].values, dtype=np.float64)
+    channels, rows = [], []
+    for channel in table["channel"].values.tolist():
+        one = table.sel(channel=channel)
+        measured, simulated = one["measured"].values, one["simulated"].values
+        unit = str(one["unit"].values)
+        channels.append(FittedChannel(clean(channel), unit, times, measured, simulated))
+        rows.append(_correlations(clean(channel), times, measured - simulated, table))
+    return {
+        "title": clean(name) + ("" if fitted else ", not fitted"),
+        "fit": fit_picture(channels, word),
+        "correlations": correlations_picture(rows),
+    }
+
+
+def _correlations(
+    channel: str, times: np.ndarray, missed: np.ndarray, table: xr.Dataset
+) -> list[Correlation]:
+    """Return the correlations of the residuals of a channel with themselves and with inputs."""
+    valid = np.isfinite(missed)
+    residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
+    lags = times[: LAGS + 1] - times[0]
+    own, _ = correlation_of(residuals, valid, lags.size - 1)
+    bound = _BAND / np.sqrt(valid.sum())
+    panels = [Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
+    inputs: Mapping[str, np.ndarray] = {
+        str(name): table["driven"].sel(input=name).values for name in table["input"].values
+    }
+    for name, signal in inputs.items():
+        crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
+        panels.append(Correlation(f"with {name}", lags, crossed, _BAND * deviation))
+    return panels

@@ -1,0 +1,202 @@
+"""What a window shows of a project: picture, frequencies and margins, warnings, or a failure."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import orjson
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.bending import one_warning
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, printable
+from flexarm.cases.scenario.scenario import Prepared, prepare
+from flexarm.control.analysis.margins import loop_margins
+from flexarm.linear import modes
+from flexarm.model import PlantSpec
+from flexarm.model.arm.plausibility import implausible
+from flexarm.simulation.calls.compare import warnings_of
+from flexarm.view.plot.animation.page import player_data
+from flexarm.view.plot.animation.scene import SceneOptions, scene_of, thin
+from flexarm.view.plot.drawn_arm import rigid_result
+from flexarm.view.plot.selection import Signals, several
+from flexarm.view.reporting import clock, report
+from flexarm.view.reporting.panels import error_panel, few_lines
+from flexarm.view.studio.state import Project
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
+_MOST_COORDINATES, _INTERVALS = 40_000, 200
+_MOST_ARROWS = 8
+_MOST_FREQUENCIES = 6
+
+
+@dataclass(frozen=True)
+class Request:
+    """Work for the computing process.
+
+    Attributes:
+        project: what to simulate.
+        purpose: what to compute.
+    """
+
+    project: Project
+    purpose: Literal["picture", "margins", "report"] = "picture"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A finished run.
+
+    Attributes:
+        data: of the player, as JSON. warnings: of the arm and of the result.
+        frequencies: with locked joints at the start, Hz.
+        seconds: computing time.
+    """
+
+    data: bytes
+    warnings: tuple[str, ...]
+    frequencies: tuple[float, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of the loop at the start of the motion.
+
+    Attributes:
+        rows: joint, gain margin, phase margin (degrees) and delay margin (ms), as text.
+        note: why there are none, or a statement about all of them.
+    """
+
+    rows: tuple[tuple[str, str, str, str], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Report:
+    """Text of a report, an HTML page."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that is not possible, or did not reach its end.
+
+    Attributes:
+        problems: path of a value, or empty, and the statement about it.
+    """
+
+    problems: tuple[tuple[str, str], ...]
+
+
+Part = Picture | Margins | Report | Failure
+
+
+def parts_of(request: Request) -> Iterator[Part]:
+    """Yield what a request asks for, or a failure."""
+    try:
+        with warnings.catch_warnings():  # results carry them
+            warnings.simplefilter("ignore", FlexarmWarning)
+            yield _part(request)
+    except InputError as error:
+        yield Failure(tuple((problem.name, problem.statement) for problem in error.problems))
+    except (FlexarmError, MemoryError) as error:
+        yield Failure((("", printable(str(error) or "out of memory")),))
+
+
+def _part(request: Request) -> Part:
+    project, began = request.project, time.perf_counter()
+    prepared, plant = _prepared(project)
+    if request.purpose == "margins":
+        return _margins(prepared, plant)
+    result = _run(project, prepared, plant)
+    if request.purpose == "report":
+        return Report(report(result, title=project.name, rigid=True))
+    return _picture(prepared, plant, result, began)
+
+
+@lru_cache(maxsize=1)
+def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
+    """Return the scenario, ready to run, and the simulated arm if it differs.
+
+    The last one is kept, because the margins follow the picture.
+    """
+    prepared = prepare(project.scenario)
+    arm = project.simulated_arm
+    return prepared, None if arm == project.scenario.arm else Arm(arm)
+
+
+def _run(project: Project, prepared: Prepared, plant: Arm | None) -> xr.Dataset:
+    own = project.plant or PlantSpec()
+    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
+
+
+def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
+    arm = plant or prepared.arm
+    reference = prepared.followed.motion
+    times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
+    wishes = SceneOptions(1.0, trace=True, torque=arm.links <= _MOST_ARROWS)
+    scene = scene_of(
+        "",
+        arm,
+        result,
+        float(result["time"].values[0]) + times,
+        wishes,
+        rigid_result(True, arm, result),
+        reference,
+        prepared.options.get("contacts", ()),
+        [thin(few_lines(each), _INTERVALS) for each in _histories(result, arm, reference)],
+    )
+    data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
+    frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
+    texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
+    found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
+    spent = time.perf_counter() - began
+    return Picture(data, texts, found, spent)
+
+
+def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
+    found = several("channels", None, result)
+    return [*found, error_panel(result, arm, reference)] if reference is not None else found
+
+
+def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
+    """Return the margins at the start; controllers without a declared memory have none."""
+    controller, options = prepared.options.get("controller"), prepared.options
+    if controller is None:
+        return Margins((), "The drive has no feedback loop.")
+    presses = hasattr(prepared.motion, "contact_force")
+    place: dict[str, Any] = {"postures": prepared.arm.joint_angles(options["initial"])}
+    if presses:
+        place = {"reference": prepared.motion, "contacts": options.get("contacts", ())}
+    try:
+        with one_warning():  # the run itself warns of its states
+            table = loop_margins(
+                controller, plant or prepared.arm, hardware=options.get("hardware"), **place
+            )
+    except FlexarmError as error:
+        return Margins((), f"Margins are not analysed: {printable(str(error))}")
+    names = ("gain_margin", "phase_margin", "delay_margin")
+    factors = (1.0, 180.0 / np.pi, 1e3)
+    columns = [
+        factor * table[f"worst_{name}"].values for name, factor in zip(names, factors, strict=True)
+    ]
+    rows = tuple(
+        (f"joint {joint}", *(_number(value) for value in row))
+        for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
+    )
+    unstable = float(table["growth"].max()) > 0.0
+    return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "∞"
