@@ -147,8 +147,8 @@ def simulate(
     Returns:
         Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
-        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is "duration",
-        "failure" or the name of the event that ended the run. With ``changes`` also
+        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
+        "duration", "failure" or the name of the event that ended the run. With ``changes`` also
         ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
         (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
 
