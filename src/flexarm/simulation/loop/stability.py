@@ -29,6 +29,8 @@ from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes.schedule import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units
 
+#: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
+_SHARES = (0.02, 0.1, 0.5)
 #: Growth over the run below which an instability is ignored.
 _NOTICED = 10.0
 #: Least growth in a sample time that is certain. The differences, with their error of 1e-9, move
@@ -150,7 +152,50 @@ def instability(
     """
     loop = controller, reference, hardware, contacts
     poles = loop_poles(arm, plant, *loop, initial, duration, known, changed)
-    return describe_instability(poles, controller.sample_time)
+    text = describe_instability(poles, controller.sample_time)
+    if not text:
+        return ""
+    for share in _SHARES:
+        cured, cure = _with_inertia(plant, share)
+        if cured is None:
+            break
+        poles = loop_poles(arm, cured, *loop, initial, duration)
+        if poles and max(pole.growth for pole in poles) <= 0.0:
+            return f"{text} {cure}"
+    return text
+
+
+def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
+    """Return the arm with inertia at its joints without any, and a sentence that names it.
+
+    A torque on a flexible link without inertia of rotor or housing excites its fastest modes, which
+    no sampled feedback of the joint damps. None if every joint has both.
+
+    Args:
+        share: inertia to add, relative to that of the link about its joint.
+    """
+    joints, places, sizes = list(plant.spec.joints), [], []
+    for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
+        beam = link.beam()
+        inertia = share * float(
+            np.trapezoid(np.array(beam.mass_per_length) * np.square(beam.x), beam.x)
+        )
+        added = {}
+        if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
+            added["hub_inertia"] = inertia
+        if i > 0 and not (joint.fixed or joint.housing_inertia):
+            added["housing_inertia"] = inertia
+        if added and inertia > 0.0:
+            joints[i] = joint.replace(**added)
+            places.append(f"joints[{i}] {' and '.join(added)}")
+            sizes.append(f"{inertia:.2g}")
+    if not places:
+        return None, ""
+    text = (
+        f"The arm has no inertia of motors: with {', '.join(places)} of {', '.join(sizes)} kg m^2 "
+        "the loop is stable."
+    )
+    return Arm(plant.spec.replace(joints=joints)), text
 
 
 def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
