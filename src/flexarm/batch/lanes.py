@@ -20,6 +20,7 @@ from flexarm.batch.variations import Variations
 from flexarm.bending import BendingErrors, theory_error
 from flexarm.engine.contact_setup import contact_frequency, contacts_of_run
 from flexarm.engine.contact_start import refuse_deep_start
+from flexarm.engine.impacts import returns_to_surface
 from flexarm.engine.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.engine.stepping import system_of
 from flexarm.engine.tolerance import fastest_frequencies, tip_units
@@ -30,7 +31,15 @@ from flexarm.histories.piecewise import PiecewiseCubic
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
-from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, SAMPLES, STEP, STEPS
+from flexarm.integrate.memory import (
+    CLOCK_PLACES,
+    COUNT_PLACES,
+    EVALUATIONS,
+    SAMPLES,
+    STEP,
+    STEPS,
+    TOUCHES,
+)
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
@@ -227,10 +236,23 @@ class Lanes(ABC):
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero(runs.status == Status.DONE)
+        done = np.flatnonzero((runs.status == Status.DONE) & ~self._repeated(method, ready, runs))
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _repeated(
+        self, method: LaneIntegrator, ready: Sequence[Ready], runs: LaneRuns
+    ) -> NDArray[np.bool_]:
+        """Return which runs return to surfaces, so that ``alone`` estimates their errors."""
+        repeated = np.zeros(len(ready), bool)
+        if self._environment.contacts:
+            for k, run in enumerate(ready):
+                touches = int(runs.counts[k, TOUCHES]) if method.control.adaptive else None
+                samples = runs.samples[k, : runs.counts[k, SAMPLES]]
+                span = run.arm, run.loads.placed.contacts, samples
+                repeated[k] = returns_to_surface([span], touches)
+        return repeated
 
     @abstractmethod
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
