@@ -248,7 +248,7 @@ class Lanes(ABC):
         repeated = np.zeros(len(ready), bool)
         if self._environment.contacts:
             for k, run in enumerate(ready):
-                touches = int(runs.counts[k, TOUCHES]) if method.control.adaptive else None
+                touches = int(runs.counts[k, TOUCHES]) if method.adaptive else None
                 samples = runs.samples[k, : runs.counts[k, SAMPLES]]
                 span = run.arm, run.loads.placed.contacts, samples
                 repeated[k] = returns_to_surface([span], touches)

@@ -48,6 +48,9 @@ _PROMISED, _VISIBLE = 10.0, 1e-5
 #: contacts it is the fourth one: while a point chatters, a difference does not grow beyond the
 #: height of its rebounds, so that it says nothing about the power of the tolerance.
 _POWER, _SHARE, _PARTED, _CHATTERED = 0.9, 0.1, 1e-2, 1e-3
+#: The same with contacts, if nothing else is known: some of 100 random arms lost a short contact at
+#: both tolerances, with errors of half the difference.
+_AT_MOST = 0.5
 #: Ratio of the tolerances of a run and one that only verifies it, or of the later repetitions.
 _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
@@ -106,8 +109,16 @@ def _tighten(
         before = run.samples, run.sample_times, run.progress.sample
         factor = max(factor, _TIGHTEST / tight)
         tight *= factor
+        completed = dict(vars(run))
         beginning.repeat(run, tight / requested)
-        run_open_loop(run, history_of(tight), checkpoints)
+        try:
+            run_open_loop(run, history_of(tight), checkpoints)
+        except SimulationError:
+            if run.watch is not None or run.changes is not None or checkpoints is not None:
+                raise
+            vars(run).update(completed)
+            _compare_with_looser(run, beginning, allowed)
+            return
         apart = difference(run, *before)
         error = _error_of_finer(apart, factor, _parted(run))
         if not np.any(error > allowed):
@@ -324,7 +335,7 @@ def _compare_with_looser(run: Run, beginning: Beginning, allowed: float) -> None
 def _agrees_with_looser(run: Run, beginning: Beginning, allowed: float) -> bool:
     """Return whether a run differs little from one with looser tolerances."""
     apart = _verify(run, beginning, tolerance=scaled(run.tolerance, _RATIO))
-    return apart.size > 0 and bool(np.all(_SHARE * apart <= allowed))
+    return apart.size > 0 and bool(np.all(_AT_MOST * apart <= allowed))
 
 
 def _verify(run: Run, beginning: Beginning, **changed: Any) -> FloatArray:

@@ -131,8 +131,8 @@ def simulate(
             the reach from the motion at twice the step.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip; with a
             fixed step only the tolerance for functions of time. A run in which joints meet their
-            stops is repeated with tolerances smaller by 1e-5, or more if the error requires it; a
-            run with a controller is not.
+            stops is repeated with tolerances smaller by 1e-5, or more if the error requires it, and
+            one that returns to a surface if it requires it; a run with a controller is not.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
@@ -163,9 +163,9 @@ def simulate(
     Warns:
         LargeDeflectionWarning: if a link exceeds the linear beam theory.
         AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
-            stops amplify errors to more than 1e-5 of the reach and ten times ``rtol``, or with a
-            fixed step to 1e-3 of the reach. Runs with a controller and a fixed step are not
-            checked; see the attribute ``impact_steps``.
+            stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
+            or with a fixed step to 1e-3 of the reach. Runs with a controller and a fixed step are
+            not checked; see the attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             with growth by a factor of ten or more within the run.
         ImplausibleValueWarning: if initial angles look like degrees, times like milliseconds,
