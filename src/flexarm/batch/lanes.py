@@ -236,22 +236,19 @@ class Lanes(ABC):
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero((runs.status == Status.DONE) & ~self._repeated(method, ready, runs))
+        repeated = self._repeated(method.adaptive, ready, runs)
+        done = np.flatnonzero((runs.status == Status.DONE) & np.logical_not(repeated))
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
 
-    def _repeated(
-        self, method: LaneIntegrator, ready: Sequence[Ready], runs: LaneRuns
-    ) -> NDArray[np.bool_]:
+    def _repeated(self, adaptive: bool, ready: Sequence[Ready], runs: LaneRuns) -> list[bool]:
         """Return which runs return to surfaces, so that ``alone`` estimates their errors."""
-        repeated = np.zeros(len(ready), bool)
-        if self._environment.contacts:
-            for k, run in enumerate(ready):
-                touches = int(runs.counts[k, TOUCHES]) if method.adaptive else None
-                samples = runs.samples[k, : runs.counts[k, SAMPLES]]
-                span = run.arm, run.loads.placed.contacts, samples
-                repeated[k] = returns_to_surface([span], touches)
+        repeated = []
+        for run, counts, samples in zip(ready, runs.counts, runs.samples, strict=True):
+            touches = int(counts[TOUCHES]) if adaptive else None
+            contacts, computed = run.loads.placed.contacts, samples[: counts[SAMPLES]]
+            repeated.append(returns_to_surface(run.arm, contacts, computed, touches))
         return repeated
 
     @abstractmethod

@@ -11,7 +11,7 @@ to surfaces is therefore compared with a cheaper one of looser tolerances first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -147,35 +147,27 @@ def meets_stops(run: Run) -> bool:
 
 def returns(run: Run) -> bool:
     """Return whether a point has left a surface and met it again; see ``returns_to_surface``."""
-    if not run.loads.placed.contacts.body.size:
-        return False
     touches = run.progress.touches if run.integrator.adaptive else None
-    spans = [
-        (part.arm, part.loads.placed.contacts, part.samples[: part.progress.sample])
-        for _, part in run.parts()
-    ]
-    return returns_to_surface(spans, touches)
+    samples = run.samples[: run.progress.sample]
+    return returns_to_surface(run.arm, run.loads.placed.contacts, samples, touches)
 
 
 def returns_to_surface(
-    spans: Sequence[tuple[Arm, Contacts, FloatArray]], touches: int | None
+    arm: Arm, contacts: Contacts, samples: FloatArray, touches: int | None
 ) -> bool:
     """Return whether a point has left a surface by more than ``_LIFTED`` and met it again.
 
-    Args:
-        spans: arm, contacts and samples (samples, 2, n, 1 + m) of a run between its changes.
-        touches: number of openings and closings; None with a fixed step, which does not count them.
+    ``touches``: number of openings and closings; None with a fixed step, which does not count them.
     """
-    if touches is not None and touches < _TWICE:
+    if not contacts.body.size or (touches is not None and touches < _TWICE):
         return False
-    gaps = [contact_values(*span)[..., GAP] / span[0].lengths.sum() for span in spans]
-    gap = np.concatenate(gaps)
+    gap = contact_values(arm, contacts, samples)[..., GAP]
     inside = gap < 0.0
     if touches is not None and inside.sum() < 2:  # shorter than the time between two samples
         return True
     before = np.logical_or.accumulate(inside)
     after = np.logical_or.accumulate(inside[::-1])[::-1]
-    return bool(np.any(before & after & (gap > _LIFTED)))
+    return bool(np.any(before & after & (gap > _LIFTED * arm.lengths.sum())))
 
 
 def allowed_error(relative: float) -> float:
@@ -298,9 +290,8 @@ def compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None]
         execute: function that executes the loop again, with the same controller from its start.
     """
     tolerance = beginning.tolerance
-    if not run.integrator.adaptive or run.changes is not None:
-        return
-    if not meets_stops(run) and not returns(run):
+    compared = run.integrator.adaptive and run.changes is None
+    if not compared or not (meets_stops(run) or returns(run)):
         return
     # Steps end at sample times, so that tolerances that differ little lead to the same steps.
     factor, share = max(TIGHT, _TIGHTEST / tolerance.relative), 1.0
