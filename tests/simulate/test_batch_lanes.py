@@ -245,6 +245,20 @@ def test_each_lane_has_the_contacts_of_its_arm(executed):
     assert (batch["contact_force"] != 0.0).any(dim=("time", "axis", "contact")).all()
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")
+def test_runs_that_return_to_a_surface_are_repeated_alone(executed):
+    """Their errors are estimated by a second run; the others stay in lanes."""
+    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1)])
+    starts = [arm.rest([angle]) for angle in (0.0, 0.05, -3.0, 0.1)]
+    wall = fa.Contact(fa.Wall((0.0, 0.4), (0.0, -1.0)), stiffness=1e4, damping=0.1)
+    how = {"contacts": [wall], "torque": np.ones((100, 1)), "rate": 100.0, "duration": 1.0}
+    how["integrator"] = "kennedy_carpenter_5"
+    batch = compare(arm, starts, range(4), **how)
+    assert executed == [2]
+    assert batch["evaluations"].values[0] > 5 * batch["evaluations"].values[2]
+
+
 def test_runs_that_contacts_end_are_repeated_alone(executed):
     """A start deep inside a surface, and a fixed step that is too long for an impact."""
     arm, starts, rates = falling()

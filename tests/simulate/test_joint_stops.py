@@ -230,7 +230,7 @@ def test_warning_begins_at_a_hundred_thousandth_of_the_reach(share, warns, monke
     links = [fa.Link(length=2.0, mass_per_length=1.0, flexible=False)]
     long = fa.Arm(links=links, joints=[fa.Joint(limits=limits)])
     module = sys.modules["flexarm.simulation.run.impacts"]
-    monkeypatch.setattr(module, "_error_of_finer", lambda apart, factor: np.full(len(apart), share))
+    monkeypatch.setattr(module, "_error_of_finer", lambda apart, *_: np.full(len(apart), share))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         result = fa.simulate(long, 0.1, initial_rate=[1.0])

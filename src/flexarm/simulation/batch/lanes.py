@@ -20,7 +20,15 @@ from flexarm.base.errors import InputError, SimulationError
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
-from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, EVALUATIONS, SAMPLES, STEP, STEPS
+from flexarm.integrate.memory import (
+    CLOCK_PLACES,
+    COUNT_PLACES,
+    EVALUATIONS,
+    SAMPLES,
+    STEP,
+    STEPS,
+    TOUCHES,
+)
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.model.scenarios.events import DURATION
@@ -34,6 +42,7 @@ from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
 from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.impacts import returns_to_surface
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
@@ -240,14 +249,20 @@ class Lanes(ABC):
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
         done = np.flatnonzero(runs.status == Status.DONE)
-        done = done[[self._counts(method, runs, int(place)) for place in done]]
+        done = done[[self._counts(method, ready[k], runs, int(k)) for k in done]]
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
 
-    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
-        """Return whether a completed run is the result, and not to be repeated by ``alone``."""
-        return True
+    def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
+        """Return whether a completed run is the result, and not to be repeated by ``alone``.
+
+        Runs that return to surfaces are repeated: ``alone`` estimates their errors.
+        """
+        touches = int(runs.counts[place, TOUCHES]) if method.adaptive else None
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        contacts = run.loads.placed.contacts
+        return not returns_to_surface(run.arm, contacts, samples, touches)
 
     @abstractmethod
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
@@ -351,7 +366,9 @@ class OpenLanes(Lanes):
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
-    def _counts(self, method: LaneIntegrator, runs: LaneRuns, place: int) -> bool:
+    def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
+        if not super()._counts(method, run, runs, place):
+            return False
         if not method.adaptive:
             return True
         tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])

@@ -132,7 +132,8 @@ def simulate(
             ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
             A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
             in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
-            the error requires it. Runs with a controller are not repeated.
+            the error requires it, and one that returns to a surface if it requires it. Runs with a
+            controller are not repeated.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
@@ -163,10 +164,10 @@ def simulate(
     Warns:
         LargeDeflectionWarning: if a link exceeds the linear beam theory.
         AccuracyWarning: if a fixed step is too long for vibrations or friction, or impacts on joint
-            stops amplify errors to more than 1e-5 of the reach and ten times ``rtol``, or with a
-            fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors of 1 % of
-            the motion. Runs with a controller and a fixed step are not checked; see the attribute
-            ``impact_steps``.
+            stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
+            or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
+            of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
+            attribute ``impact_steps``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
