@@ -37,16 +37,19 @@ APPLICATIONS: dict[str, Area] = {
                 ),
             ),
             Group(
-                sources=("simulation/compare.py", "simulation/metrics.py"),
+                sources=("simulation/calls/compare.py", "simulation/calls/metrics.py"),
                 tests=("simulate/test_compare.py",),
             ),
-            Group(sources=("simulation/separated.py",), tests=("simulate/test_separated.py",)),
+            Group(
+                sources=("simulation/calls/separated.py",),
+                tests=("simulate/test_separated.py",),
+            ),
             Group(
                 sources=("simulation/run/section_forces.py",),
                 tests=("simulate/test_section_channels.py",),
             ),
             Group(
-                sources=("simulation/run/**/*.py", "simulation/**/*.py"),
+                sources=("simulation/run/**/*.py", "simulation/calls/**/*.py"),
                 tests=(
                     "simulate/test_results.py",
                     "simulate/test_hardware.py",

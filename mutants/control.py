@@ -35,14 +35,14 @@ CONTROL = Area(
             tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
         ),
         Group(
-            sources=("control*/**/posture_grid.py",),
+            sources=("control/**/posture_grid.py",),
             tests=(
                 f"{_NOMINAL}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
                 f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
             ),
         ),
         Group(
-            sources=("control*/**/loop_shaping.py",),
+            sources=("control/**/loop_shaping.py",),
             tests=("unit/control/test_loop_shaping.py",),
         ),
         Group(
@@ -54,21 +54,21 @@ CONTROL = Area(
             tests=("unit/control/test_repetitive.py",),
         ),
         Group(
-            sources=("control*/**/gravity_compensation.py",),
+            sources=("control/**/gravity_compensation.py",),
             tests=("unit/control/test_position_laws.py",),
         ),
         Group(
-            sources=("control*/**/input_shaping.py",),
+            sources=("control/**/input_shaping.py",),
             tests=("simulate/test_input_shaping.py",),
         ),
         Group(
             sources=(
-                "control*/**/lqg.py",
-                "control*/**/mpc.py",
-                "control*/**/composite.py",
-                "control*/**/linear_design.py",
-                "control*/**/nominal.py",
-                "control*/**/flexible_model.py",
+                "control/**/lqg.py",
+                "control/**/mpc.py",
+                "control/**/composite.py",
+                "control/**/linear_design.py",
+                "control/**/nominal.py",
+                "control/**/flexible_model.py",
             ),
             tests=(
                 "unit/control/test_lqg.py",
@@ -79,9 +79,9 @@ CONTROL = Area(
         ),
         Group(
             sources=(
-                "control*/**/*adaptive.py",
-                "control*/**/sliding*.py",
-                "control*/**/rigid_parameters.py",
+                "control/**/*adaptive.py",
+                "control/**/sliding*.py",
+                "control/**/rigid_parameters.py",
             ),
             tests=(
                 "unit/control/test_adaptive.py",
@@ -90,7 +90,7 @@ CONTROL = Area(
             ),
         ),
         Group(
-            sources=("control/**/*.py",),
+            sources=("control/contract/**/*.py",),
             tests=(
                 "unit/control/test_feedforward.py",
                 "unit/control/test_parametrised.py",
@@ -98,7 +98,7 @@ CONTROL = Area(
             ),
         ),
         Group(
-            sources=("control*/**/*.py",),
+            sources=("control/design/**/*.py", "control/laws/**/*.py"),
             tests=(
                 "unit/control/test_position_laws.py",
                 "unit/control/test_force_laws.py",

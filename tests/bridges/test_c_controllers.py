@@ -26,7 +26,9 @@ def heavy():
     """The arm with gravity, friction and a payload, so that every term of a law acts."""
     spec = two_links().spec
     joints = [
-        fa.Joint(hub_inertia=0.05, damping=0.02, friction=fa.Friction(coulomb=0.02)),
+        fa.Joint(
+            hub_inertia=0.05, damping=0.02, friction=fa.Friction(coulomb=0.02, smoothing_rate=0.01)
+        ),
         fa.Joint(hub_inertia=0.03),
     ]
     payload = fa.Payload(mass=0.05)

@@ -101,7 +101,8 @@ def test_observed_force_follows_the_contact_law(law):
         wanted = push * normal - 0.2 * push * np.tanh(slide / 1e-3) * tangent
         # Observations have single precision.
         np.testing.assert_allclose(seen, wanted, rtol=0, atol=3e-7 * push + 1e-9)
-        assert info["force"] == pytest.approx(push, rel=1e-9)
+        # The corner of the law is rounded over a billionth of the reach.
+        assert info["force"] == pytest.approx(push, rel=1e-8)
         compared, fastest = compared + 1, max(fastest, law["damping"] * abs(speed))
     assert compared > 200
     assert fastest > 0.02  # the damping has an effect

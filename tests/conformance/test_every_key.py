@@ -85,6 +85,7 @@ def equal(one, other):
     return one.keys() == other.keys() and all(np.array_equal(one[k], other[k]) for k in one)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # intended
 def test_two_runs_of_one_scenario_are_equal():
     """Otherwise every key would seem to have an effect."""
     scenario = with_key("hardware")

@@ -250,6 +250,7 @@ _UPDATE = {
     "update": {"t": 0.0, "measurement": measurement, "reference": motion},
 }
 _TIMES = {key: {"t": 0.2} for key in ("joint_angle", "joint_rate", "joint_acceleration")}
+_MOTION = {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}}
 METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     "Arm": (wound, ARM),
     **RESULT,
@@ -333,18 +334,11 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
     ),
     **{REGISTRY[name].__name__: (make, _UPDATE) for name, make in EXAMPLES.items()},
     # Objects that functions return and whose classes are not public names.
-    "joint_motion()": (
-        motion,
-        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
-    ),
-    "line_motion()": (
-        lambda: fa.line_motion(arm(), [1.0, 0.2], [1.0, 0.4], 1.0),
-        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
-    ),
-    "sampled()": (
-        lambda: motion().sampled(100.0),
-        {**_TIMES, "state": {"t": 0.2}, "tip": {"t": 0.2}, "sampled": {"rate": 100.0}},
-    ),
+    "joint_motion()": (motion, _MOTION),
+    "line_motion()": (lambda: fa.line_motion(arm(), [1.0, 0.2], [1.0, 0.4], 1.0), _MOTION),
+    "sampled()": (lambda: motion().sampled(100.0), _MOTION),
+    "shaped()": (lambda: fa.shaped(motion(), arm()), _MOTION),
+    "smoothed()": (lambda: fa.smoothed(motion(), 0.1), _MOTION),
     "animate()": (
         lambda: fa.animate(result(), fps=2.0, width=320),
         {"save": {"path": lambda: folder() / "arm.gif"}},

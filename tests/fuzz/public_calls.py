@@ -11,7 +11,7 @@ import flexarm as fa
 import flexarm.view.plot
 from flexarm.model.checks import Record
 from fuzz.base_calls import CONTROLLERS, FUNCTIONS, MADE_BY_FLEXARM, METHODS, RECORDS, arm
-from fuzz.export_calls import EXPORTS
+from fuzz.export_calls import EXPORT_METHODS, EXPORTS
 from fuzz.figure_calls import FIGURES
 from fuzz.motion_calls import MOTIONS
 from fuzz.study_calls import STUDIES, STUDY_METHODS
@@ -44,7 +44,7 @@ def calls() -> dict[str, Callable[[], Call]]:
             METHODS.setdefault(name, (partial(_record, name, made[name]), {}))[1].setdefault(
                 "replace", {} if first is None else {first: made[name][first]}
             )
-    for owner, (make, methods) in (METHODS | STUDY_METHODS).items():
+    for owner, (make, methods) in (METHODS | STUDY_METHODS | EXPORT_METHODS).items():
         for method, given in methods.items():
             found[f"{owner}.{method}"] = lambda make=make, method=method, given=given: (
                 getattr(make(), method),
@@ -110,5 +110,6 @@ def methods_without_a_call(name: str, value: Any) -> list[str]:
         return []
     if getattr(fa, kind.__name__, None) is kind or kind.__name__ in _INNER:
         return []
-    covered = {type(make()): set(methods) for make, methods in METHODS.values()}
+    of_returned = [*METHODS.values(), *EXPORT_METHODS.values()]
+    covered = {type(make()): set(methods) for make, methods in of_returned}
     return sorted({*methods_of(kind)} - covered.get(kind, set()) - _INNER_METHODS)

@@ -38,7 +38,7 @@ def test_objects_that_flexarm_returns_are_public():
 
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_base_calls_are_accepted(name):
-    if name == "to_jax":
+    if name.startswith("to_jax"):
         pytest.importorskip("jax", reason="JAX is not installed: fa.to_jax was not tried")
     if name.startswith("MuSynthesis"):
         pytest.importorskip(

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 import flexarm as fa
+from fuzz.call_cases import check_message
 from fuzz.public_calls import calls, parameters
-from fuzz.test_calls import check_message
 from fuzz.wrong_values import WRONG
 
 CALLS = calls()

@@ -244,7 +244,8 @@ def outcome(case, units: Units) -> SimpleNamespace:
     arm = kinds.get(result.q.shape[1]) or two_links(units, **ARMS["elastic"])
     for name, values in result.data_vars.items():
         if values.dtype.kind == "f" and name not in ("event_q", "event_qd"):
-            numbers[name] = values.values / units.channel(arm, values.units)
+            # Joints without stops have no depth in them: NaN in all units.
+            numbers[name] = np.nan_to_num(values.values) / units.channel(arm, values.units)
     texts += [result.integrator, re.sub(r"[\d.e+-]+", "", result.warning)]
     numbers["steps"] = np.array(float(result.steps if "event" not in result.sizes else 0.0))
     return SimpleNamespace(numbers=numbers, texts=texts)

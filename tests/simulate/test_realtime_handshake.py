@@ -47,7 +47,7 @@ def test_packets_of_others_before_the_run_are_ignored():
     assert_same(run, simulated(12))
     answered = other.result()
     assert answered.sizes["tick"] == 12
-    assert answered.packets_foreign > 20
+    assert answered.packets_foreign > 0
     assert answered.failure == ""
 
 

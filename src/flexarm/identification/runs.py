@@ -335,7 +335,9 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
     for k, run in enumerate(runs):
         case = space.case(k, space.start)
         arm = Arm(case.spec)
-        frequency = modes(arm).frequency_hz
+        with warnings.catch_warnings():  # the fit does not use this model
+            warnings.simplefilter("ignore", FlexarmWarning)
+            frequency = modes(arm).frequency_hz
         frequency = frequency[frequency > 0.0]
         if not frequency.size:
             continue

@@ -64,6 +64,7 @@ def test_compensation_removes_a_disturbance():
     assert ends[1] < 0.02 * ends[0]
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # intended
 def test_measured_torque_is_used_instead_of_the_command():
     """Motors with less than the requested torque do not cause a disturbance estimate."""
     arm = rigid_arm(gravity=(0.0, 0.0))

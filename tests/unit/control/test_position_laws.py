@@ -72,6 +72,7 @@ def test_pid_with_a_limit():
     assert 10 < saturated < 70  # both cases occur
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # intended
 def test_integral_does_not_wind_up():
     """The motor is too weak at first: if the limit is known, there is no overshoot."""
     plant = arm(gravity=(0.0, 0.0)).rigid()

@@ -39,7 +39,10 @@ def frequency_response(
     B, C = B / scale[:, None], C * scale
     dynamic = np.asarray(1j * omega[:, None, None] * np.eye(len(A)) - A, dtype=np.complex128)
     states = _solved(dynamic, B)
-    growth = np.linalg.norm(dynamic, axis=(1, 2)) * np.linalg.norm(states, axis=(1, 2))
+    # Norms of the scaled matrices, because squares of huge frequencies overflow.
+    least = np.finfo(float).tiny
+    size = np.abs(dynamic).max(axis=(1, 2), keepdims=True, initial=least)
+    growth = np.linalg.norm(dynamic / size, axis=(1, 2)) * np.linalg.norm(states * size, axis=(1, 2))
     states[~(growth < _SINGULAR * np.linalg.norm(B))] = np.nan
     response: NDArray[np.complex128] = C @ states + D
     return response

@@ -62,8 +62,10 @@ def _judge_motors(findings: list[str], arm: Arm, limit: ArrayLike) -> None:
     """Judge the torque limits of motors by the weight of the arm, if it has any."""
     statement = "{ratio} of the torque by which the weight turns the horizontal arm"
     torques = [weights(arm.spec)[seat.link] for seat in arm.assembly.seats]
-    limits = np.broadcast_to(np.asarray(limit, dtype=np.float64), len(torques))
-    for most, torque in zip(limits, torques, strict=True):
+    limits = np.asarray(limit, dtype=np.float64)
+    if limits.ndim and limits.shape != (len(torques),):
+        return  # the run refuses them
+    for most, torque in zip(np.broadcast_to(limits, len(torques)), torques, strict=True):
         if torque > 0.0 and np.isfinite(most):
             number = Number("hardware.motors.torque_limit", float(most), "N m")
             judge(findings, float(most) / torque, _TORQUE, statement, number)
