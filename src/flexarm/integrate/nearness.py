@@ -52,8 +52,8 @@ _BACK = 0.9
 #: relative to the path, below which a cubic through the ends of the step describes the gap, also
 #: a little beyond its end. A path of 0.8 rad of a circle has that error.
 _FLAT, _STRAIGHT, _BEYOND = 0.3, 0.05, 1.2
-#: Rounding error of a gap, relative to the reach of the arm.
-_SLACK = 1e-14
+#: Rounding error of a gap, relative to the rounded corner: 1e-14 of the reach.
+_SLACK = 1e-5
 #: Maximum depth relative to the radius of a convex surface: at its centre the normal reverses.
 _DEEPEST = 0.9
 #: Path of a step inside a convex surface, relative to its radius, so that no step crosses the
@@ -176,7 +176,7 @@ def _step_within(contacts: Contacts, k: int, h: float, path: float, turning: flo
 
 
 @apart
-def step_to_contact(contacts: Contacts, clock: Array, h: float, reach: float) -> float:
+def step_to_contact(contacts: Contacts, clock: Array, h: float) -> float:
     """Return the longest step (s) that skips no contact and crosses no opening or closing.
 
     It is h if the step of length h, with step control, is accepted. The last evaluation of the
@@ -199,7 +199,8 @@ def step_to_contact(contacts: Contacts, clock: Array, h: float, reach: float) ->
                 continue
         longest = step_to_change(
             clock, h, longest, turning, g0, -contacts.seen[0, k, CLOSING], g1,
-            -contacts.seen[1, k, CLOSING], real(contacts.law[k, DAMPING]), pushing, _SLACK * reach,
+            -contacts.seen[1, k, CLOSING], real(contacts.law[k, DAMPING]), pushing,
+            _SLACK * real(contacts.law[k, CORNER]),
         )  # fmt: skip
     return longest
 

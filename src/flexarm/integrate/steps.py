@@ -34,7 +34,6 @@ from flexarm.integrate.nearness import (
     fix_branches,
     passed_through,
     step_allowed,
-    step_on,
     step_to_contact,
 )
 from flexarm.integrate.status import (
@@ -308,36 +307,32 @@ def judge_step(
 
 @merged
 def judge_contacts(
-    contacts: Contacts, clock: Array, counts: Array, h: float, reach: float, adaptive: bool
+    contacts: Contacts, clock: Array, counts: Array, h: float, adaptive: bool
 ) -> int:
     """Check that a step of length h skips no contact, after an evaluation at its end.
 
-    ``reach`` of the arm in m. Returns a code as ``judge_step`` does.
+    Returns a code as ``judge_step`` does.
     """
     if adaptive:
-        allowed = step_to_contact(contacts, clock, h, reach)
+        allowed = step_to_contact(contacts, clock, h)
         if allowed < h:
             return _repeat_to(clock, counts, allowed)
     elif step_allowed(contacts, h) < h:
         return CONTACT_UNSEEN
     if passed_through(contacts):
         return PRESSED_THROUGH
-    step_on(contacts)
     return DONE
 
 
 @merged
-def judge_end(
-    system: System, tolerance: Tolerance, memory: Memory, h: float, adaptive: bool
-) -> int:
+def judge_end(system: System, memory: Memory, h: float, adaptive: bool) -> int:
     """Check contacts and inertia after the dynamics was evaluated at the end of a step of length h.
 
     Returns a code as ``judge_step`` does.
     """
     contacts = system.drive.loads.contacts
     if contacts.body.shape[0] > 0:
-        reach = 1.0 / tolerance.unit[0, 0, 0]
-        status = judge_contacts(contacts, memory.clock, memory.counts, h, reach, adaptive)
+        status = judge_contacts(contacts, memory.clock, memory.counts, h, adaptive)
         if status != DONE:
             return status
     return DONE if inertia_left(system) else INERTIA_LOST

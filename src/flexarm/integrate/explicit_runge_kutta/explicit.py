@@ -107,13 +107,14 @@ def advance_explicit(
         if last == s:
             slope_at(system, t_new, from_left, new, torque, stages, s, stays)
             counts[EVALUATIONS] += 1
-        status = judge_end(system, tolerance, memory, h, adaptive)
+        status = judge_end(system, memory, h, adaptive)
         if status == DONE:
             status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, adaptive)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
+        step_on(system.drive.loads.contacts)
 
         rows = record.dense.shape[0]
         extra = s + 1  # number of stages computed so far for dense output

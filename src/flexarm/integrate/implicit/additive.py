@@ -209,13 +209,14 @@ def advance_additive(
             return status
         slope_at(system, t_new, from_left, new, torque, stages, s, stays)
         counts[EVALUATIONS] += 1
-        status = judge_end(system, tolerance, memory, h, controlled)
+        status = judge_end(system, memory, h, controlled)
         if status == DONE:
             status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, controlled)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
+        step_on(system.drive.loads.contacts)
         samples_between(system, tolerance, memory, stages, t, h, t_new)
         choose_step(clock, h, record.order, lands)
         if clock[CHANGED] + clock[WHOLE] > 0.0:

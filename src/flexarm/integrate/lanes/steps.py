@@ -16,7 +16,7 @@ from flexarm.integrate.base import Tolerance
 from flexarm.integrate.lanes.contacts import contacts_of_lane, fill_contacts
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.memory import AHEAD, EVALUATIONS, NORM, REJECTED, SAMPLES, STEP, STEPS, TIME
-from flexarm.integrate.nearness import fix_branches
+from flexarm.integrate.nearness import fix_branches, step_on
 from flexarm.integrate.status import DIVERGED, DONE, INERTIA_LOST, PAUSED
 from flexarm.integrate.steps import (
     choose_step,
@@ -298,9 +298,10 @@ def judge_steps(sizes: Sizes, control: StepControl, runs: LaneRuns, memory: Lane
             status = DIVERGED
         if status == DONE and memory.loads.contacts.body.shape[0] > 0:
             own, h = contacts_of_lane(memory, lane), memory.step.array[0, lane]
-            reach = 1.0 / runs.unit[arm_of(runs, k), 0, 0, 0]
             clock, counts = runs.clock[k], runs.counts[k]
-            status = judge_contacts(own, clock, counts, h, reach, control.adaptive)
+            status = judge_contacts(own, clock, counts, h, control.adaptive)
+            if status == DONE:
+                step_on(own)
         if status == DONE and not memory.norm.array[3, lane] > 0.0:
             status = INERTIA_LOST
         if status == DONE:
