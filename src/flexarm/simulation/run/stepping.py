@@ -218,6 +218,11 @@ class Run:
         self.arm, state = changes.apply(progress.time, old, free)
         if self.arm is before:
             return system
+        if self.arm.assembly.has_sticking and not self.integrator.follows_sticking:
+            name = self.integrator.name
+            reason = f"friction holds a joint from here on, which {name} does not support."
+            hint = "Use integrator='auto', or friction that creeps: smoothing_rate=0.01."
+            raise self.failure(Status.DIVERGED, reason, hint)
         now = np.searchsorted(self.sample_times, progress.time * (1.0 + ROUNDING), side="right")
         self.samples[progress.sample : now] = old  # samples at this time are before the change
         progress.sample = max(progress.sample, int(now))
