@@ -42,7 +42,8 @@ def frequency_response(
     # Norms of the scaled matrices, because squares of huge frequencies overflow.
     least = np.finfo(float).tiny
     size = np.abs(dynamic).max(axis=(1, 2), keepdims=True, initial=least)
-    growth = np.linalg.norm(dynamic / size, axis=(1, 2)) * np.linalg.norm(states * size, axis=(1, 2))
+    growth = np.linalg.norm(dynamic / size, axis=(1, 2))
+    growth *= np.linalg.norm(states * size, axis=(1, 2))
     states[~(growth < _SINGULAR * np.linalg.norm(B))] = np.nan
     response: NDArray[np.complex128] = C @ states + D
     return response

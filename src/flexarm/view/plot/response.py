@@ -107,7 +107,7 @@ class _Responses:
     def draw(self, made: Sequence[Axes]) -> None:
         """Draw gain and phase of each output."""
         hertz = np.abs(self.omega[self.omega != 0.0]) / (2.0 * np.pi)
-        shown = (float(hertz.min()), float(hertz.max())) if hertz.size > 1 else None
+        shown = (float(hertz.min()), float(hertz.max())) if np.unique(hertz).size > 1 else None
         for row, output in enumerate(self.outputs):
             gain, phase = made[2 * row : 2 * row + 2]
             for column, name in enumerate(self.inputs):
