@@ -34,3 +34,17 @@ def test_a_record_in_milliseconds_warns_before_the_fit():
     (text,) = warned(1000.0)
     assert "lasts 3000 s with a sample every 1 s" in text
     assert text.endswith("are these in milliseconds?")
+
+
+def test_estimates_in_another_unit_warn():
+    """Times in milliseconds that the default method simulates at once: an inertia is 1e6 times."""
+    link = fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.5, elements=2, modes=2)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1, damping=0.1)])
+    times = np.arange(51) / 100.0
+    result = fa.simulate(arm, 0.5, torque=np.sin(12.0 * times)[:, None], rate=100.0)
+    record = result[["torque", "joint_angle"]].assign_coords(time=1000.0 * times)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fa.identify(arm, record, ["joints[0].hub_inertia"], progress=False)
+    texts = [str(message.message) for message in caught]
+    assert any("hub_inertia" in text and "milliseconds" in text for text in texts), texts

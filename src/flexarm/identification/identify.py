@@ -69,6 +69,8 @@ METHODS = ("output_error", "prediction_error")
 
 #: Fit (%) below which units or signs are probably wrong.
 _POOR = 5.0
+#: Ratio of an estimate and its start above which one of them is probably in another unit.
+_FAR = 1e3
 #: Relative difference of rates that counts as none.
 _SAME_RATE = 1e-6
 
@@ -149,7 +151,8 @@ def identify(
         ConvergenceWarning: if the fit has not converged.
         FlexarmWarning: if the times of a record are probably not in seconds.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
-            controller, so that the estimates may be biased; or if a channel has a fit below 5 %.
+            controller, so that the estimates may be biased; if a channel has a fit below 5 %; or
+            if an estimate differs from its start by a factor of 1000.
     """
     check_kind("arm", arm, Arm)
     if motors is not None:
@@ -212,7 +215,22 @@ def identify(
     if not result.converged:
         warn_caller(result.remarks[0], ConvergenceWarning)
     _warn_of_poor_fits(fit, fitted)
+    _warn_of_far_estimates(table)
     return result
+
+
+def _warn_of_far_estimates(parameters: xr.Dataset) -> None:
+    """Warn of estimates far from their start: of another unit, or from times of another one."""
+    start, estimate = parameters["start"].values, parameters["estimate"].values
+    ratio = np.divide(estimate, start, out=np.ones_like(start), where=start > 0.0)
+    far = np.flatnonzero((ratio > _FAR) | ((ratio > 0.0) & (ratio < 1.0 / _FAR)))
+    if far.size:
+        names = parameters["parameter"].values
+        listed = ", ".join(f"{names[k]} {ratio[k]:.1e} times its start" for k in far)
+        hint = (
+            "Check units, and that times are in seconds: milliseconds multiply an inertia by 1e6."
+        )
+        warn_caller(f"the estimates are far from the arm: {listed}. {hint}", AccuracyWarning)
 
 
 def _warn_of_poor_fits(fit: xr.Dataset, records: Mapping[str, MeasuredRecord]) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _NO_PATH = (
-    "samples near the failures of {} cannot be told from others: no metric with a limit rises "
+    "samples near the failures of {} cannot be distinguished from other samples: no metric with a limit rises "
     "towards them. Give `limits` of metrics, or use more samples."
 )
 
@@ -45,7 +45,12 @@ def rare_failures(
     meanings = {
         "probability": (value, "probability of a failure"),
         "probability_low": (
-            np.where(value > 0.0, value / spread, value),
+            # All runs of the first level may fail: then the estimate has no spread.
+            np.where(
+                value >= 1.0,
+                0.025 ** (1.0 / np.maximum(count, 1)),
+                np.where(value > 0.0, value / spread, value),
+            ),
             "low limit of its 95 % interval",
         ),
         "probability_high": (high, "high limit of its 95 % interval"),

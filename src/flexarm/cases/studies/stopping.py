@@ -71,11 +71,13 @@ class Ending:
             return
         if (width := self._width(metrics)) <= self._within:
             return
-        text = f"{len(metrics)} samples determine the {self._stop.quantile:g} quantile of "
-        text += f"{self._stop.metric} within {100.0 * width:.2g} %"
-        if not np.isfinite(width):
-            text = text.replace("determine", "do not determine").partition(" within")[0]
-        warn_caller(f"{text}, not {100.0 * self._within:g} %. Use more.", AccuracyWarning)
+        verb = "determine" if np.isfinite(width) else "do not determine"
+        precision = f" within {100.0 * width:.2g} %" if np.isfinite(width) else ""
+        text = (
+            f"{len(metrics)} samples {verb} the {self._stop.quantile:g} quantile of "
+            f"{self._stop.metric}{precision}; {100.0 * self._within:g} % were requested. Use more."
+        )
+        warn_caller(text, AccuracyWarning)
 
     @property
     def _within(self) -> float:
