@@ -73,5 +73,5 @@ def test_wrong_arguments_are_refused():
         study.rare_failures({"tip_error_peak": 1.0}, samples=10)
     with pytest.raises(fa.InputError, match="vary is required with rare_failures"):
         fa.Study({**carrying(), "vary": {}})
-    with pytest.warns(fa.AccuracyWarning, match="cannot be told from others"):
+    with pytest.warns(fa.AccuracyWarning, match="cannot be distinguished from other samples"):
         assert np.isnan(study.rare_failures(samples=100)["probability"].item())

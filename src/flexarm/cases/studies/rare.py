@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _NO_PATH = (
-    "samples near the failures of {} cannot be distinguished from other samples: no metric with a limit rises "
-    "towards them. Give `limits` of metrics, or use more samples."
+    "samples near the failures of {} cannot be distinguished from other samples: no metric with a "
+    "limit rises towards them. Give `limits` of metrics, or use more samples."
 )
 
 
