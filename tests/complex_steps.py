@@ -18,7 +18,7 @@ STEP = 1e-30
 
 def options(duration, **more):
     plain = {
-        "rate": 1000.0, "step": None, "rtol": 1e-7, "atol": 1e-9, "breaks": (),
+        "rate": 1000.0, "step": None, "rtol": 1e-7, "atol": None, "breaks": (),
         "torque_interpolation": "cubic", "integrator": "auto", "stations": 0, "specialized": None,
     }  # fmt: skip
     return run_options(duration, **(plain | more))

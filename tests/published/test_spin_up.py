@@ -36,7 +36,7 @@ def spin_up():
 def spun(theory, duration=10.0, rate=20, **link):
     beam = {"flexural_rigidity": 1.4e4, "mass_per_length": 1.2, "elements": 8, **link}
     arm = fa.Arm(links=[fa.Link(length=10.0, **beam)], theory=theory)
-    return fa.simulate(arm, duration, prescribed={1: spin_up()}, rate=rate, rtol=1e-6)
+    return fa.simulate(arm, duration, prescribed={1: spin_up()}, rate=rate)
 
 
 def deflections(result, times=TIMES):
@@ -53,7 +53,10 @@ def test_second_order_theory_stiffens():
 
 def test_linear_theory_diverges():
     """6 rad/s exceeds the first clamped frequency, 3.80 rad/s."""
-    with pytest.warns(fa.LargeDeflectionWarning, match=r"link 1 deflects by up to 72 m, 720%"):
+    with (
+        pytest.warns(fa.LargeDeflectionWarning, match=r"link 1 deflects by up to 72 m, 720%"),
+        pytest.warns(fa.LargeDeflectionWarning, match=r"link 1 carries an axial tension of 1\.6"),
+    ):
         found = deflections(spun("linear"))
     np.testing.assert_allclose(found[:2], LINEAR[:2], rtol=0, atol=1e-5)
     assert found[2] == pytest.approx(LINEAR[2], rel=1e-4)  # the mesh error grows

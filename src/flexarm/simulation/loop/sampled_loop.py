@@ -42,7 +42,7 @@ class SampleSchedule:
             run.watch = replace(run.watch, integrator=run.integrator)
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.tick = 0  # number of the current sample time
-        self._sensing = sensing_of(run, hardware, sample_time)
+        self._sensing, self._sensed = sensing_of(run, hardware, sample_time), run.arm
         self.acting = Acting(hardware, run.arm, keep)
         self._bodies = as_slice(run.arm.assembly.joint_body)
         self._system = self._new_system()
@@ -63,9 +63,14 @@ class SampleSchedule:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._sensing = sensing_of(self.run, self._hardware, self.sample_time)
-        self._sensing.recall(state["_sensing"])
+        self._sense(state["_sensing"])
         self._system = self._new_system()
+
+    def _sense(self, memory: tuple[Readings, ...]) -> None:
+        """Create the sensors of the present arm, with their states between sample times."""
+        self._sensing = sensing_of(self.run, self._hardware, self.sample_time)
+        self._sensing.recall(memory)
+        self._sensed = self.run.arm
 
     @property
     def time(self) -> float:
@@ -79,6 +84,8 @@ class SampleSchedule:
 
     def measure(self) -> Measurement:
         """Return the readings of the sensors; call once at each sample time, in order."""
+        if self._sensed is not self.run.arm:  # it has changed
+            self._sense(self._sensing.memory())
         return self._sensing.measure(self.tick, self.time, self.run.progress.state, self._system)
 
     def hold(self, torque: FloatArray) -> None:

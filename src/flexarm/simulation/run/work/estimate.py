@@ -17,7 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.simulation.run.integrator_choice import Choice
+from flexarm.simulation.run.integrator_choice import Choice, settling
 
 #: Phase (rad) of the fastest vibration per evaluation of an explicit method whose steps are limited
 #: by stability; if accuracy limits them, the phase is a third of this.
@@ -82,7 +82,7 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
             "order 5 with bending implicit: the fastest vibrations would take an explicit method "
             f"about {explicit:.0e} evaluations and need not be followed at the tolerances in use"
         )
-        choice = choice._replace(integrator=KennedyCarpenter5(), reason=reason)
+        choice = choice._replace(integrator=_implicit(start), reason=reason)
     work = _work_of(choice.integrator, start.duration, explicit, implicit)
     if not open_end:
         _refuse(choice.integrator, work, implicit, start.duration, size)
@@ -121,12 +121,16 @@ def choose_by_samples(
     return choice
 
 
+def _implicit(start: Start) -> Integrator:
+    return settling(KennedyCarpenter5(), start.arm, start.tolerance)
+
+
 def implicit_work(start: Start, explicit: float) -> float:
     """Estimate the evaluations of "kennedy_carpenter_5" over a run; infinite if its trial fails.
 
     The trial ends as soon as the estimate differs clearly from the work of an explicit method.
     """
-    system, method = start.system(), KennedyCarpenter5()
+    system, method = start.system(), _implicit(start)
     progress = Progress(0.0, start.state.copy(), 0.0)
     samples = np.zeros(0), np.zeros((0, *start.state.shape))
     steps = _FIRST_ROUND
