@@ -249,7 +249,7 @@ class Lanes(ABC):
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
         done = np.flatnonzero(runs.status == Status.DONE)
-        done = done[[self._counts(method, ready[k], runs, int(k)) for k in done]]
+        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)

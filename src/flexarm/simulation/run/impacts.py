@@ -125,7 +125,7 @@ def _tighten(
             break
         factor = 1.0 / _RATIO
     if apart.max() > _parted(run) and run.changes is None:
-        # Tolerances so different do not tell: one run may be wrong and the other right.
+        # The difference of runs with such tolerances does not show which one is wrong.
         _compare_with_looser(run, beginning, allowed)
     else:
         _doubt(run, error, allowed)
