@@ -168,7 +168,8 @@ def test_jumps_at_irregular_times(places, values, closed):
     """A function with jumps at any times, of either sign, is as accurate as with given breaks."""
     edges = np.concatenate([[0.0], np.sort(places), [1.0]])
     assume(np.all(np.diff(edges[1:-1]) > 1 / 30))  # closer ones need ``breaks``
-    values = np.array(values[: len(edges) - 1])
+    # A jump below the tolerance of the run is no jump for it.
+    values = np.round(values[: len(edges) - 1], 3)
     side = "left" if closed else "right"
 
     def torque(t):
