@@ -12,8 +12,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.integrate.transfers import held_torque_transfers
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.compilation.dual_arrays import Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.layout import Workspace
 from flexarm.linear.step_derivatives.sampled_step import classical, fastest_rate
 
