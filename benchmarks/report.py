@@ -151,7 +151,7 @@ The table contains all runs with an error of at most {1e3 * USEFUL:g} mm, the fa
 
 Two seconds of the same arm from {rollouts.RUNS} different starts, each within 0.1 rad of the first.
 The error is that of the first run. flexarm stores the tip at 100 Hz; *lanes* are runs computed
-eight at a time (decision [0027](../decisions/0027-lanes.md)). The programs were timed alternately,
+eight at a time (decision [0027](../decisions/index.md#0027-lanes)). The programs were timed alternately,
 slow ones with fewer runs. The ratio is to lanes in all threads against the same reference. The goal
 is {rollouts.GOAL:g} s for {rollouts.RUNS} runs on two idle
 cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.

@@ -23,6 +23,7 @@ from page_scripts import script
 PYTHON = "docs/reference/python-api.md"
 COMMANDS = "docs/reference/command-line.md"
 INTEGRATORS_PAGE = "docs/how-to/choose-an-integrator.md"
+ACCURACY_PAGE = "docs/performance/accuracy.md"
 
 
 def code_words(page: str) -> set[str]:
@@ -145,7 +146,7 @@ def test_separation_table_repeats() -> None:
     rows = [module.measure(case, repeats=1) for case in module.CASES]
     again = [line.split("|")[1:6] for line in module.table(rows).splitlines()]
     shown = [line.split("|")[1:6] for line in found[1].splitlines()]
-    assert again == shown, "run `python docs/how-to/measure_separation.py`"
+    assert again == shown, "run `python docs/performance/measure_separation.py`"
     assert all(ratio > 0.0 for row in rows for ratio in row.ratios)
 
 
@@ -164,7 +165,7 @@ def test_force_table_repeats(case: str) -> None:
 
 def test_integrator_table_repeats() -> None:
     module = script("measure_integrators")
-    found = part_pattern("integrators").search(text_of(INTEGRATORS_PAGE))
+    found = part_pattern("integrators").search(text_of(ACCURACY_PAGE))
     assert found is not None
     shown = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in found[1].splitlines()]
     measured = module.measure(repeats=1)

@@ -13,7 +13,7 @@ from docs_pages import ROOT
 
 from flexarm.integrate import INTEGRATORS
 
-FOLDER = ROOT / "docs" / "how-to"
+FOLDER = ROOT / "docs" / "performance"
 
 
 @pytest.fixture
