@@ -82,6 +82,9 @@ Compare ratios from the same run, because times depend on the machine and its lo
 one table were timed alternately. Times are medians, except those of the chain, which was timed
 once, and of the start-up, which are the minimum of a few runs.
 
+[Accuracy](accuracy.md) of the methods, [controllers compared](controllers.md) and the [scale](scale.md) of studies have
+pages of their own.
+
 ## Forward dynamics, two links of four modes
 
 {_comparison_table(m.comparisons)}
@@ -140,12 +143,6 @@ for every two radians of the fastest mode of the basis; other methods have to re
 A smaller error against the exact beams requires segments, whose modes are faster. Every
 integrator was tried on bases of two to five modes and one to twelve segments; the tables contain
 the best results.
-
-### All runs
-
-The table contains all runs with an error of at most {1e3 * USEFUL:g} mm, the fastest first:
-
-{_points_table(m.table_one)}
 
 ## Many runs
 

@@ -1,4 +1,4 @@
-"""Tables of docs/how-to/control-changing-arms.md: statistics of twelve controllers on random arms.
+"""Tables of docs/performance/controllers.md: statistics of twelve controllers on random arms.
 
     python docs/performance/measure_random_arms.py [samples]
 

@@ -141,7 +141,7 @@ def commands_of(group: Any, before: str = "") -> dict[str, Any]:
 def test_separation_table_repeats() -> None:
     """Deflections and errors are as shown; times depend on the machine and are only positive."""
     module = script("measure_separation")
-    found = part_pattern("separation").search(text_of("docs/how-to/separate-the-motion.md"))
+    found = part_pattern("separation").search(text_of(ACCURACY_PAGE))
     assert found is not None
     rows = [module.measure(case, repeats=1) for case in module.CASES]
     again = [line.split("|")[1:6] for line in module.table(rows).splitlines()]
@@ -154,7 +154,7 @@ def test_separation_table_repeats() -> None:
 def test_force_table_repeats(case: str) -> None:
     """Some cells are compared; a tip that bounces may do so differently on another machine."""
     module = script("measure_force")
-    page = text_of("docs/how-to/control-force.md")
+    page = text_of("docs/performance/controllers.md")
     row = next(line for line in page.splitlines() if line.startswith(f"| {case} |"))
     for cell, name in zip(row.split("|")[2:4], list(module.CONTROLLERS)[:2], strict=True):
         off, beside = module.errors(module.run(module.CONTROLLERS[name], **module.CASES[case]))
