@@ -1,4 +1,4 @@
-"""Error against time of every integrator: the figure of the page "Choose an integrator".
+"""Error against time of every integrator: the figure of the page "Accuracy".
 
 Two seconds of the arm of Table I, driven as in ``measure_integrators.py``, with three bases: the
 paper's two and one elements; four modes a link, second-order theory; sixteen elements a link, whose

@@ -1,4 +1,4 @@
-"""Table and figure of the page "Press on an unknown surface".
+"""Table and figure of the page "Controllers compared".
 
 python docs/performance/measure_adaptive_force.py [FIGURE.png]
 """

@@ -1,7 +1,7 @@
-"""Size, times and instructions of exported C code: the tables of "Export C code".
+"""Size, times and instructions of exported C code: the tables of "Accuracy".
 
-Run it in the root of the repository: ``python docs/performance/measure_c_code.py``. It needs gcc, make,
-arm-none-eabi-gcc and qemu-system-arm; the board is that of ``tests/bridges/cortex_m7``.
+Run it in the root of the repository: ``python docs/performance/measure_c_code.py``. It needs gcc,
+make, arm-none-eabi-gcc and qemu-system-arm; the board is that of ``tests/bridges/cortex_m7``.
 """
 
 import re

@@ -2,7 +2,7 @@
 
 The arm of Table I with two elements on each link, a payload, damping and viscous friction moves for
 some seconds under smooth torques, with 100 samples per second. Medians of alternating calls; of the
-gradient, the shortest ones. The tables are those of the page "Differentiate a run".
+gradient, the shortest ones. The tables are those of the page "Accuracy".
 
     python docs/performance/measure_derivatives.py
 """

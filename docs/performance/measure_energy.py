@@ -1,4 +1,4 @@
-"""Energy and tip of long runs: the second table of the page "Choose an integrator".
+"""Energy and tip of long runs: the second table of the page "Accuracy".
 
 The two-link arm of Table I with three modes a link and the second-order theory is let go under
 gravity, 50 degrees off its rest: large swings for 100 s. Errors of the energy are relative to the

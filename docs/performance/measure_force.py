@@ -1,4 +1,4 @@
-"""Table and figure of the page "Control the force on a surface".
+"""Table and figure of the page "Controllers compared".
 
 python docs/performance/measure_force.py [FIGURE.png]
 """

@@ -1,4 +1,4 @@
-"""Work against precision: the table of the page "Choose an integrator".
+"""Work against precision: the table of the page "Accuracy".
 
 The arm of Table I, two elements on link 1 and one on link 2, at rest with its links at 45 and -45
 degrees, is driven for a second by 4 sin(2 pi t) and 1.5 sin(2 pi t) N m and then left alone for

@@ -1,4 +1,4 @@
-"""Mesh refinement of the second-order theory: the table of the page "Large deflection".
+"""Mesh refinement of the second-order theory: the table of the page "Accuracy".
 
 The arm of the paper's Table I with all modes of 1 to 64 elements a link, over two seconds, against
 geometrically exact beams (tests/data/tableI_exact.csv). The finest meshes take minutes.

@@ -1,4 +1,4 @@
-"""Table of the page "Robust loops": controllers on arms that differ from their model.
+"""Table of the page "Controllers compared": controllers on arms that differ from their model.
 
 python docs/performance/measure_robustness.py [nominal]
 """

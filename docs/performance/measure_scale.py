@@ -1,4 +1,4 @@
-"""Numbers of the page "Scale": the costs of a study on this computer, and what follows from them.
+"""Numbers of the section "Scale" of docs/how-to/run-on-a-cluster.md: costs of a study.
 
 python docs/performance/measure_scale.py [check]
 

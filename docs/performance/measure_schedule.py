@@ -1,4 +1,4 @@
-"""Table of the page "Control with linear models": the gains of LQG along motions, and the optimum.
+"""Table of the page "Controllers compared": the gains of LQG along motions, and the optimum.
 
 python docs/performance/measure_schedule.py [line | elbow]
 

@@ -1,4 +1,4 @@
-"""The separation against the full model: the table of the page "Separate rigid and elastic motion".
+"""The separation against the full model: the table of the page "Accuracy".
 
 The arm of Table I, two elements on link 1 and one on link 2, goes along the paper's line under the
 rigid torques of its motion. Errors are the largest of the link tips' deflection, over the largest
