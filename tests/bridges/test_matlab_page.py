@@ -1,4 +1,4 @@
-"""The page "Export to MATLAB, MuJoCo, Exudyn and URDF", with its MATLAB blocks run by GNU Octave."""
+"""The page "Export to MATLAB, MuJoCo, Exudyn and URDF": GNU Octave runs its MATLAB blocks."""
 
 import contextlib
 import io
