@@ -10,7 +10,7 @@ from reference_tables import table_rows
 
 from page_scripts import script
 
-PAGE = "docs/how-to/choose-an-integrator.md"
+PAGE = "docs/performance/accuracy.md"
 ARMS = 3
 
 

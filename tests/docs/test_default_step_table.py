@@ -10,7 +10,7 @@ from reference_tables import table_rows
 
 from page_scripts import script
 
-PAGE = "docs/how-to/choose-an-integrator.md"
+PAGE = "docs/performance/accuracy.md"
 #: The first arms of the page, measured again with every method.
 ARMS = 3
 
