@@ -304,7 +304,7 @@ AREAS: dict[str, Area] = {
             ),
             Group(sources=("cli/**/warmup.py",), tests=("cli/test_warmup.py",)),
             Group(
-                sources=("cli/**/init.py", "cli/**/starting_files.py", "cli/**/advice.py"),
+                sources=("cli/**/init.py", "cli/**/check.py"),
                 tests=("cli/test_first_minutes.py",),
             ),
             Group(

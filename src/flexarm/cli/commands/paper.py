@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console, Group, RenderableType
 
-from flexarm.cli.drawing import Drawing, draw_figures
 from flexarm.cli.options import flag, option
 from flexarm.cli.tables import console, numbers, print_line
 
@@ -45,6 +44,7 @@ def paper(
     from importlib.resources import files
 
     from flexarm.base.writing.places import check_folder, write_text
+    from flexarm.cli.drawing import Drawing, draw_figures
 
     check_folder("--out", out)
     if report:

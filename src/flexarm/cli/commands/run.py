@@ -5,8 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib.metadata import version
-from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +36,9 @@ def run(
     quiet: Annotated[bool, flag("--quiet", "Print warnings and errors only.")] = False,
 ) -> None:
     """Simulate a scenario file."""
+    from importlib.metadata import version
+    from json import dumps
+
     from flexarm.cases.results import FIGURE_SUFFIXES, FORMATS
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.model import locate_scenario

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +24,8 @@ def schema(
     out: Annotated[Path | None, option("FILE", "Save the schema: .json.")] = None,
 ) -> None:
     """Print the JSON schema of files, from which editors complete and check."""
+    import json
+
     from flexarm.base.writing.places import check_place, write_text
     from flexarm.model.file_format.schema import json_schema
 
