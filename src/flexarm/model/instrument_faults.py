@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from pydantic import Field
-
 from flexarm.base.arguments import check_number
 from flexarm.base.errors import public_call, shown
 from flexarm.model.checks import Given, Record
@@ -21,24 +19,19 @@ class InstrumentFault(Record, kw_only=False):
     resolution and limit; a frozen reading acts last.
     """
 
-    kind: Literal["bias", "drift", "gain", "frozen"] = Field(
-        description="Added error (bias), error that grows with time (drift), factor of the value "
-        "(gain), or the reading of the last frame before the fault (frozen)."
-    )
-    size: Number | None = Field(
-        default=None,
-        description="The error in the unit of the signal (bias), the error per second (drift) or "
-        "the factor (gain): 0 for a lost signal, -1 for a wrong sign.",
-    )
-    start: NonNegative = Field(default=0.0, description="Time at which it begins (s).")
-    end: NonNegative | None = Field(
-        default=None, description="Time at which it ends (s); by default with the run."
-    )
-    channel: Count | None = Field(
-        default=None,
-        description="Number of the joint, link, gauge or component, counted from 1 in the order of "
-        "the readings; by default all of the instrument.",
-    )
+    kind: Literal["bias", "drift", "gain", "frozen"]
+    """Added error (bias), error that grows with time (drift), factor of the value (gain), or the
+    reading of the last frame before the fault (frozen)."""
+    size: Number | None = None
+    """The error in the unit of the signal (bias), the error per second (drift) or the factor
+    (gain): 0 for a lost signal, -1 for a wrong sign."""
+    start: NonNegative = 0.0
+    """Time at which it begins (s)."""
+    end: NonNegative | None = None
+    """Time at which it ends (s); by default with the run."""
+    channel: Count | None = None
+    """Number of the joint, link, gauge or component, counted from 1 in the order of the readings;
+    by default all of the instrument."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

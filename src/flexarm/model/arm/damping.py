@@ -18,12 +18,9 @@ class ModalDamping(Record):
     """Damping ratios of the modes of a link with clamped root and free tip."""
 
     kind: Literal["modal"] = "modal"
-    ratio: OneOrMany[Fraction] = Field(
-        description=(
-            "Fraction of critical damping: one for all modes, or one for each from "
-            "the lowest; the last one applies to all higher modes."
-        )
-    )
+    ratio: OneOrMany[Fraction]
+    """Fraction of critical damping: one for all modes, or one for each from the lowest; the last
+    one applies to all higher modes."""
 
     _hints: ClassVar[dict[str, str]] = {
         "ratio": "A ratio is a fraction: 0.01 is one per cent of critical damping."
@@ -52,15 +49,10 @@ class RayleighDamping(Record):
     """Rayleigh damping of a link: ``mass_coefficient * M + stiffness_coefficient * K``."""
 
     kind: Literal["rayleigh"] = "rayleigh"
-    mass_coefficient: NonNegative = Field(
-        default=0.0, description="Factor of the mass matrix (1/s)."
-    )
-    stiffness_coefficient: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Factor of the stiffness matrix (s); without mass_coefficient, Kelvin-Voigt damping."
-        ),
-    )
+    mass_coefficient: NonNegative = 0.0
+    """Factor of the mass matrix (1/s)."""
+    stiffness_coefficient: NonNegative = 0.0
+    """Factor of the stiffness matrix (s); without mass_coefficient, Kelvin-Voigt damping."""
 
 
 Damping = Annotated[ModalDamping | RayleighDamping, Field(discriminator="kind")]

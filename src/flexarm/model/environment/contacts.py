@@ -32,17 +32,22 @@ class Wall(Record, kw_only=False):
     """A straight surface; the half-plane behind it, opposite to the normal, is solid."""
 
     kind: Literal["wall"] = Field(default="wall", kw_only=True)
-    point: Pair = Field(description="Any point on it [x, y], world frame (m).")
-    normal: Direction = Field(description="Normal out of the solid [x, y], of any length.")
+    point: Pair
+    """Any point on it [x, y], world frame (m)."""
+    normal: Direction
+    """Normal out of the solid [x, y], of any length."""
 
 
 class RoundWall(Record, kw_only=False):
     """A circular surface with contact from outside (a post) or from inside (a round room)."""
 
     kind: Literal["round"] = Field(default="round", kw_only=True)
-    center: Pair = Field(description="Centre [x, y], world frame (m).")
-    radius: Positive = Field(description="Radius (m).")
-    inside: Flag = Field(default=False, description="Whether the arm is inside the circle.")
+    center: Pair
+    """Centre [x, y], world frame (m)."""
+    radius: Positive
+    """Radius (m)."""
+    inside: Flag = False
+    """Whether the arm is inside the circle."""
 
 
 class SurfaceTable(Record, kw_only=False):
@@ -54,11 +59,12 @@ class SurfaceTable(Record, kw_only=False):
     """
 
     kind: Literal["table"] = Field(default="table", kw_only=True)
-    x: Listed[Number] = Field(description="x of at least three points (m).")
-    y: Listed[Number] = Field(description="y of each point (m); consecutive points differ.")
-    closed: Flag = Field(
-        default=False, description="Whether the last point is connected to the first."
-    )
+    x: Listed[Number]
+    """x of at least three points (m)."""
+    y: Listed[Number]
+    """y of each point (m); consecutive points differ."""
+    closed: Flag = False
+    """Whether the last point is connected to the first."""
 
     _columns: ClassVar[tuple[str, ...]] = ("x", "y")
 
@@ -94,29 +100,22 @@ class Contact(Record, kw_only=False):
     0.013 v down to e = 0.5.
     """
 
-    surface: Surface = Field(description="Surface of the contact.")
-    stiffness: Positive = Field(
-        description=("Force per depth (N/m); with exponent, per depth to that power, N/m^exponent.")
-    )
-    link: Count | None = Field(
-        default=None,
-        description="Number of the link, counted from 1 at the base; by default the last one.",
-    )
-    station: NonNegative | None = Field(
-        default=None, description="Distance from the root of the link (m); by default its tip."
-    )
-    exponent: Exponent = Field(
-        default=1.0,
-        description="Exponent of the depth: 1 for a spring, 1.5 for a sphere on a plane.",
-    )
-    damping: NonNegative = Field(
-        default=0.0, description="Relative increase of the force per speed of penetration (s/m)."
-    )
-    friction: NonNegative = Field(default=0.0, description="Coefficient of Coulomb friction.")
-    friction_speed: Positive = Field(
-        default=1e-3,
-        description="Sliding speed below which the friction force decreases to zero (m/s).",
-    )
+    surface: Surface
+    """Surface of the contact."""
+    stiffness: Positive
+    """Force per depth (N/m); with exponent, per depth to that power, N/m^exponent."""
+    link: Count | None = None
+    """Number of the link, counted from 1 at the base; by default the last one."""
+    station: NonNegative | None = None
+    """Distance from the root of the link (m); by default its tip."""
+    exponent: Exponent = 1.0
+    """Exponent of the depth: 1 for a spring, 1.5 for a sphere on a plane."""
+    damping: NonNegative = 0.0
+    """Relative increase of the force per speed of penetration (s/m)."""
+    friction: NonNegative = 0.0
+    """Coefficient of Coulomb friction."""
+    friction_speed: Positive = 1e-3
+    """Sliding speed below which the friction force decreases to zero (m/s)."""
 
     _hints: ClassVar[dict[str, str]] = {
         "surface": "A surface is a Wall, a RoundWall or a SurfaceTable.",

@@ -24,24 +24,19 @@ class Filter(Record, kw_only=False):
     state of the first sample.
     """
 
-    kind: Literal["low_pass", "high_pass", "remove_mean", "gain"] = Field(
-        description="low_pass, high_pass, remove_mean or gain."
-    )
-    cutoff: Positive | None = Field(
-        default=None, description="Cutoff frequency of low_pass and high_pass (Hz)."
-    )
-    order: Order = Field(default=1, description="Order of low_pass and high_pass, 1 or 2.")
-    damping: Positive = Field(
-        default=0.7071067811865476, description="Damping ratio of a filter of second order."
-    )
-    factor: Number | None = Field(default=None, description="Factor of gain.")
-    recorded: Flag = Field(
-        default=False,
-        description=(
-            "Whether the record contains the effect of the filter already, so that only the "
-            "simulated channel is filtered."
-        ),
-    )
+    kind: Literal["low_pass", "high_pass", "remove_mean", "gain"]
+    """low_pass, high_pass, remove_mean or gain."""
+    cutoff: Positive | None = None
+    """Cutoff frequency of low_pass and high_pass (Hz)."""
+    order: Order = 1
+    """Order of low_pass and high_pass, 1 or 2."""
+    damping: Positive = 0.7071067811865476
+    """Damping ratio of a filter of second order."""
+    factor: Number | None = None
+    """Factor of gain."""
+    recorded: Flag = False
+    """Whether the record contains the effect of the filter already, so that only the simulated
+    channel is filtered."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -17,7 +17,8 @@ from flexarm.model.wording import Fault, look
 class _PrescribedJoint(Record):
     """Base of prescribed joints: the number of the joint."""
 
-    joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
+    joint: Count
+    """Number of the joint, counted from 1 at the base."""
 
 
 class HeldJoint(_PrescribedJoint):
@@ -36,15 +37,13 @@ class TabulatedJoint(_PrescribedJoint):
     """A joint that follows a cubic spline through tabulated angles."""
 
     kind: Literal["table"] = "table"
-    times: Listed[Number] = Field(description="Increasing times (s).")
-    angles: Listed[Number] = Field(description="Relative joint angle at each time (rad).")
-    ends: Literal["rest", "free"] = Field(
-        default="rest",
-        description=(
-            "rest: the joint is at rest before and after the table; free: the table "
-            "covers the whole run."
-        ),
-    )
+    times: Listed[Number]
+    """Increasing times (s)."""
+    angles: Listed[Number]
+    """Relative joint angle at each time (rad)."""
+    ends: Literal["rest", "free"] = "rest"
+    """rest: the joint is at rest before and after the table; free: the table covers the whole
+    run."""
 
     _columns: ClassVar[tuple[str, ...]] = ("times", "angles")
 

@@ -46,23 +46,15 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
 class InitialState(Record):
     """Initial state of the arm; by default at the start of the motion."""
 
-    joint_angle: Listed[Number] | None = Field(
-        default=None, description="Relative joint angles (rad)."
-    )
-    joint_rate: Listed[Number] | None = Field(
-        default=None, description="Relative joint rates (rad/s); zero by default."
-    )
-    equilibrium: Flag = Field(
-        default=False,
-        description=(
-            "Whether the run starts in the equilibrium with locked joints; otherwise "
-            "the links start straight, or bent as at the start of a flexible reference."
-        ),
-    )
-    balance: Flag = Field(
-        default=False,
-        description="Whether the torque of that equilibrium is added to the drive.",
-    )
+    joint_angle: Listed[Number] | None = None
+    """Relative joint angles (rad)."""
+    joint_rate: Listed[Number] | None = None
+    """Relative joint rates (rad/s); zero by default."""
+    equilibrium: Flag = False
+    """Whether the run starts in the equilibrium with locked joints; otherwise the links start
+    straight, or bent as at the start of a flexible reference."""
+    balance: Flag = False
+    """Whether the torque of that equilibrium is added to the drive."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -77,19 +69,20 @@ class InitialState(Record):
 class RunSettings(Record):
     """Duration, recording and integrator of a run."""
 
-    duration: Positive = Field(description="Simulated time (s).")
-    rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
-    stations: Stations = Field(
-        default=0,
-        description="Number of sections of each link at which section forces are recorded.",
-    )
-    integrator: Word = Field(default="auto", description="Name of the integrator.")
-    rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
-    atol: Positive | None = Field(
-        default=None,
-        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
-    )
-    step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
+    duration: Positive
+    """Simulated time (s)."""
+    rate: Positive = 1000.0
+    """Samples recorded per second (Hz)."""
+    stations: Stations = 0
+    """Number of sections of each link at which section forces are recorded."""
+    integrator: Word = "auto"
+    """Name of the integrator."""
+    rtol: Tolerance | None = None
+    """Relative tolerance."""
+    atol: Positive | None = None
+    """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
+    step: Positive | None = None
+    """Step of a fixed-step method (s)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -106,30 +99,30 @@ class RunSettings(Record):
 class Scenario(Record):
     """One run of an arm."""
 
-    arm: ArmSpec = Field(description="The arm.")
-    motion: MotionSpec | None = Field(default=None, description="The reference motion.")
-    drive: Drive = Field(default=NoDrive(), description="Source of the joint torques.")
-    hardware: Hardware | None = Field(
-        default=None, description="Instruments and motors between the controller and the arm."
-    )
-    prescribed: Listed[PrescribedJoint] = Field(
-        default=(), description="Joints with a prescribed motion."
-    )
-    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
-    base_acceleration: BaseAcceleration | None = Field(
-        default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
-    )
-    events: Listed[EventSpec] = Field(
-        default=(), description="Events to locate, which are recorded or end the run."
-    )
-    contacts: Listed[Contact] = Field(
-        default=(), description="Contacts of points of the arm with surfaces."
-    )
-    changes: Listed[Change] = Field(
-        default=(), description="Numbers of the simulated arm that change during the run."
-    )
-    initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
-    run: RunSettings = Field(description="Settings of the run.")
+    arm: ArmSpec
+    """The arm."""
+    motion: MotionSpec | None = None
+    """The reference motion."""
+    drive: Drive = NoDrive()
+    """Source of the joint torques."""
+    hardware: Hardware | None = None
+    """Instruments and motors between the controller and the arm."""
+    prescribed: Listed[PrescribedJoint] = ()
+    """Joints with a prescribed motion."""
+    loads: Listed[Load] = ()
+    """Forces and moments that act on the links."""
+    base_acceleration: BaseAcceleration | None = None
+    """Acceleration of the base [x, y] (m/s^2), or a table of it."""
+    events: Listed[EventSpec] = ()
+    """Events to locate, which are recorded or end the run."""
+    contacts: Listed[Contact] = ()
+    """Contacts of points of the arm with surfaces."""
+    changes: Listed[Change] = ()
+    """Numbers of the simulated arm that change during the run."""
+    initial: InitialState = InitialState()
+    """Initial state of the arm."""
+    run: RunSettings
+    """Settings of the run."""
 
     _hints: ClassVar[dict[str, str]] = {
         "arm": "In Python, load_arm_spec reads a file.",

@@ -37,49 +37,23 @@ class ShapingSpec(Record):
     The shaped motion takes longer.
     """
 
-    method: Literal["zv", "zvd", "zvdd", "ei", "si"] = Field(
-        default="zvd",
-        description=(
-            "zv cancels vibration at the design frequencies, zvd also reduces it "
-            "near them, zvdd in a wider range, ei limits it to the tolerance over a wider range, "
-            "si in the range insensitivity."
-        ),
-    )
-    modes: OneOrMany[Count] = Field(
-        default=1, description="Number of lowest modes, or a list of their numbers, from 1."
-    )
-    joints: _Joints = Field(
-        default="locked",
-        description=(
-            "Joints during the vibration: locked, free, or for each joint locked, "
-            "free or the gains of the controller [N m/rad, N m s/rad]."
-        ),
-    )
-    frequency_hz: OneOrMany[Positive] | None = Field(
-        default=None,
-        description=(
-            "One or more frequencies, instead of those of the arm's modes along the motion (Hz)."
-        ),
-    )
-    damping_ratio: OneOrMany[Ratio] | None = Field(
-        default=None,
-        description=(
-            "One number, or one for each mode; by default that of the modes, or 0 with frequencies."
-        ),
-    )
-    tolerance: Part = Field(
-        default=0.05,
-        description=(
-            "For ei: residual vibration at the design frequency, relative to that of "
-            "a single impulse; for si: largest one in the range."
-        ),
-    )
-    insensitivity: _Width = Field(
-        default=0.5,
-        description=(
-            "For si: width of the range of frequencies, relative to the design frequency."
-        ),
-    )
+    method: Literal["zv", "zvd", "zvdd", "ei", "si"] = "zvd"
+    """zv cancels vibration at the design frequencies, zvd also reduces it near them, zvdd in a
+    wider range, ei limits it to the tolerance over a wider range, si in the range insensitivity."""
+    modes: OneOrMany[Count] = 1
+    """Number of lowest modes, or a list of their numbers, from 1."""
+    joints: _Joints = "locked"
+    """Joints during the vibration: locked, free, or for each joint locked, free or the gains of the
+    controller [N m/rad, N m s/rad]."""
+    frequency_hz: OneOrMany[Positive] | None = None
+    """One or more frequencies, instead of those of the arm's modes along the motion (Hz)."""
+    damping_ratio: OneOrMany[Ratio] | None = None
+    """One number, or one for each mode; by default that of the modes, or 0 with frequencies."""
+    tolerance: Part = 0.05
+    """For ei: residual vibration at the design frequency, relative to that of a single impulse; for
+    si: largest one in the range."""
+    insensitivity: _Width = 0.5
+    """For si: width of the range of frequencies, relative to the design frequency."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -99,7 +73,7 @@ class SmoothingSpec(Record):
     The smoothed motion takes longer by the window.
     """
 
-    duration: Positive = Field(description="Length of the window (s).")
-    window: Literal["raised_cosine", "moving_average"] = Field(
-        default="raised_cosine", description="Shape of the window."
-    )
+    duration: Positive
+    """Length of the window (s)."""
+    window: Literal["raised_cosine", "moving_average"] = "raised_cosine"
+    """Shape of the window."""
