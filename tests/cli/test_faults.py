@@ -106,7 +106,7 @@ def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
 
 WAITING = """
 import os, signal, sys
-from flexarm.cases.results import csv_table, netcdf
+from flexarm.cases.results import formats as csv_table, netcdf
 def parts(*_):
     yield b"half"
     os.kill(os.getpid(), signal.{signal})
@@ -221,7 +221,7 @@ def test_standard_input_is_read(good):
 
 @posix_only
 def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files as read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
     os.mkfifo(tmp_path / "pipe")
@@ -232,7 +232,7 @@ def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
 
 @posix_only
 def test_pipe_with_a_silent_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files as read_bytes
 
     monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
     os.mkfifo(tmp_path / "pipe")

@@ -8,7 +8,7 @@ import pytest
 from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
-from flexarm.cases.scenario.controllers import FILTERS
+from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.control.analysis.linear_controller import memory_of
 from flexarm.control.contract.base import Controller
 from flexarm.control.hardware.measurement import Measurement

@@ -6,7 +6,7 @@ from small_study import PD, READING, content
 
 import flexarm as fa
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.studies import batches
+from flexarm.cases.studies import execution as batches
 from flexarm.cases.studies.execution import RECORDED, Executor
 from flexarm.model import StudySpec, file_text
 from flexarm.simulation.batch import lanes

@@ -11,6 +11,7 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 if TYPE_CHECKING:
     import xarray as xr
 
+
 def _entries(package: str) -> dict[str, str]:
     """Return the BibTeX entries by key; ``package`` is the version in that of this package."""
     path = files("flexarm.base") / "references.bib"

@@ -65,8 +65,8 @@ def changed_document(path: Path, sets: Sequence[str] | None) -> Document:
     Raises:
         InputError: if the file cannot be read, or a change is not a path and a value.
     """
-    from flexarm.model.file_format.changes import change_of, changed
     from flexarm.model.file_format.files import load_document
+    from flexarm.model.file_format.yaml_text import change_of, changed
 
     changes = [change_of("--set", text) for text in sets or ()]
     return changed(load_document(path), changes)

@@ -42,8 +42,8 @@ def run(
     from flexarm.cases.results import FIGURE_SUFFIXES, FORMATS
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.model import locate_scenario
-    from flexarm.model.file_format.changes import Change, change_of, changed
     from flexarm.model.file_format.files import load_document
+    from flexarm.model.file_format.yaml_text import Change, change_of, changed
     from flexarm.simulation.calls.compare import warnings_of
     from flexarm.view.plot.animation.video import check_animation_place
 

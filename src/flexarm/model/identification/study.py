@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from flexarm.base.writing.places import AnyPath
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
+from flexarm.model.file_format.files import _located
+from flexarm.model.file_format.yaml_text import Document
 from flexarm.model.hardware import Motors, Seed
 from flexarm.model.identification.parameters import FreeParameter
 from flexarm.model.identification.records import RecordFile
@@ -22,7 +25,7 @@ from flexarm.model.quantities import (
     Positive,
     Word,
 )
-from flexarm.model.wording import Fault
+from flexarm.model.wording import Fault, Path
 
 
 class FitSettings(Record):
@@ -81,3 +84,14 @@ class IdentificationStudy(Record):
             for name in given.validation:
                 if name in given.records:
                     yield Fault(("validation", name), "repeats the name of a fitted record")
+
+
+def locate_identification(
+    path: AnyPath | Document,
+) -> tuple[IdentificationStudy, Callable[[Path], str]]:
+    """Read the file of an identification; return it with a function from key path to line.
+
+    Raises:
+        ModelError: if the file or its arm file is invalid; lists all problems with lines.
+    """
+    return _located(IdentificationStudy, path)
