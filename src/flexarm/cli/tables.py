@@ -14,7 +14,7 @@ from rich.text import Text
 from flexarm.base.errors import printable
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from flexarm.cases.results.formats import Savable
 
 
 class _Screen(Console):
@@ -35,7 +35,7 @@ def print_line(text: object) -> None:
     console().print(text, soft_wrap=True)
 
 
-def save_figure(figure: Figure, path: Path, content: str = "plot") -> None:
+def save_figure(figure: Savable, path: Path, content: str = "plot") -> None:
     """Write a figure, and print its content and its path."""
     from flexarm.cases.results import write_figure
 

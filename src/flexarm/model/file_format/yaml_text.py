@@ -1,4 +1,4 @@
-"""YAML text: reading to plain values with line numbers, and writing of records.
+"""YAML text: reading to plain values with line numbers, changes of values, and writing.
 
 Scalars follow YAML 1.2: ``1e5`` and ``70e9`` are numbers (text in YAML 1.1), ``1:30`` and ``yes``
 are text (90 and true in YAML 1.1), ``010`` is ten.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 from yaml.composer import Composer
@@ -20,9 +20,6 @@ from yaml.resolver import Resolver
 from flexarm.base.errors import InputError, ModelError, Problem, shown
 from flexarm.model.paths import parts_of
 from flexarm.model.wording import Path, path_text
-
-if TYPE_CHECKING:
-    from flexarm.model.file_format.yaml_text import Change
 
 #: Parser of libyaml; None if PyYAML was built without it.
 CParser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", None)
