@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast,
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.base.arguments import check_number, check_numbers
+from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
@@ -61,13 +61,12 @@ class InstrumentFault(Record, kw_only=False):
             yield Fault(("end",), f"be greater than start, {given.start:g}", shown(given.end))
 
     @public_call
-    def acts(self, t: float) -> bool:
+    def acts(self, t: Number) -> bool:
         """Return whether the fault acts at time t (s).
 
         Raises:
             InputError: if the time is not a number.
         """
-        t = check_number("t", t)
         return self.start <= t and (self.end is None or t < self.end)
 
 

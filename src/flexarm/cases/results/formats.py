@@ -106,11 +106,7 @@ def _read_netcdf(path: AnyPath) -> xr.Dataset:
 
 
 def _check_digest(path: AnyPath) -> bool:
-    """Compare a file with the digest at its end; return whether there is one.
-
-    Raises:
-        OSError: if the file cannot be read or its content differs from the digest.
-    """
+    """Return whether a file has a digest at its end; raise `OSError` if it is another one."""
     with open(path, "rb") as stream:
         end = stream.seek(0, 2) - len(_MARK) - _DIGEST_BYTES
         if end < 0:

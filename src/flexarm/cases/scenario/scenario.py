@@ -265,11 +265,7 @@ def prepare(
 def _check_touch(
     arm: Arm, place: Where, options: dict[str, Any], motion: TaskReference | None
 ) -> None:
-    """Raise the errors that contacts cause at the beginning of the run.
-
-    Raises:
-        InputError: if the start is deep in a surface, or the motion presses away from one.
-    """
+    """Raise the errors that contacts cause at the beginning of the run."""
     contacts = options["contacts"]
     placed = place_contacts(arm, contacts)
     q = np.asarray(options["initial"])

@@ -129,11 +129,7 @@ def in_study(path: str) -> bool:
 
 
 def _nominal_values(study: StudySpec, place: Where) -> list[float]:
-    """Return the numbers of a study at the paths of the varied ones.
-
-    Raises:
-        InputError: if a path leads to none, or relative values to 0.
-    """
+    """Return the numbers of a study at the paths of the varied ones."""
     values, problems = [], []
     for path, item in study.vary.items():
         whole = (study, path, "study") if in_study(path) else (study.arm, path)

@@ -20,10 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import (
     check_choice,
-    check_count,
     check_dataset,
     check_mapping,
-    check_number,
 )
 from flexarm.base.errors import (
     AccuracyWarning,
@@ -40,12 +38,12 @@ from flexarm.cases.studies.table import DIMS
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
+from flexarm.model.quantities import Count, CountOrZero, Probability
 from flexarm.simulation.calls.metrics import METRICS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_LIKELY = "be greater than 0 and less than 1"
 #: Samples below which indices are not computed: cross-validation would have too few of them.
 _LEAST_SAMPLES = 20
 #: Unexplained part of the variance, and part of the runs without a value, that give a warning.
@@ -59,7 +57,7 @@ def study_statistics(
     *,
     limits: Mapping[str, float] | None = None,
     nominal: xr.Dataset | None = None,
-    confidence: float = 0.95,
+    confidence: Probability = 0.95,
 ) -> xr.Dataset:
     """Return quantiles of the metrics of a study and the rate of its failures.
 
@@ -95,7 +93,6 @@ def study_statistics(
     probabilities = check_array("quantiles", quantiles, (-1,))
     if not probabilities.size or not np.all((probabilities >= 0.0) & (probabilities <= 1.0)):
         raise InputError(Problem("quantiles", "be numbers from 0 to 1", shown(quantiles)))
-    level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
     failed = table["failure"].transpose(*DIMS).values != ""
     possible = _possible(table)
     for name, limit in _limits(table, limits).items():
@@ -110,7 +107,7 @@ def study_statistics(
         found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
     if nominal is not None:
         found = found.assign(_ratios(found, nominal))
-    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), level)
+    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), confidence)
     complete = possible & (table["failure"].transpose(*DIMS).values == "")
     found["samples"] = (DIMS[1:], complete.sum(axis=0), {"long_name": "runs that did not fail"})
     label = {"long_name": "runs whose numbers are not possible"}
@@ -138,7 +135,11 @@ def _rates(
 
 @public_call
 def sensitivity_indices(
-    table: xr.Dataset, metric: str = "tip_error_rms", *, resamples: int = 100, seed: int = 0
+    table: xr.Dataset,
+    metric: str = "tip_error_rms",
+    *,
+    resamples: Count = 100,
+    seed: CountOrZero = 0,
 ) -> xr.Dataset:
     """Return how much of the variation of a metric each varied number explains.
 
@@ -175,7 +176,6 @@ def sensitivity_indices(
     paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
     if not paths:
         raise InputError(Problem("table", "has no varied numbers"))
-    count, seed = check_count("resamples", resamples), check_count("seed", seed, least=0)
     values, possible = table[metric].transpose(*DIMS).values, _possible(table)
     indices = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
     names = "first_order", "total", "first_order_confidence", "total_confidence"
@@ -189,7 +189,7 @@ def sensitivity_indices(
         least = max(_LEAST_SAMPLES, 2 * len(paths))
         if finite.sum() < least or np.ptp(metrics[finite]) == 0.0:
             continue
-        sobol = indices_of(_germs(table, paths, finite), metrics[finite], count, seed)
+        sobol = indices_of(_germs(table, paths, finite), metrics[finite], resamples, seed)
         for name, array in zip(names, sobol[:4], strict=True):
             indices[name].values[index] = array
         indices["unexplained"].values[index] = sobol.unexplained
@@ -226,11 +226,7 @@ def _warn_of_poor(metric: str, unexplained: float, finite: int, runs: int) -> No
 
 
 def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
-    """Return the quantiles of metrics divided by their nominal values.
-
-    Raises:
-        InputError: if the runs have no nominal values.
-    """
+    """Return the quantiles of metrics divided by their nominal values."""
     known = check_dataset("nominal", nominal, DIMS[1:], "a table of Study.nominal")
     if DIMS[0] in known.dims:
         raise InputError(Problem("nominal", "be a table of Study.nominal", "one with samples"))

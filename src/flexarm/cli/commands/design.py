@@ -122,11 +122,7 @@ def design(
 
 
 def _numbers(name: str, text: str | None) -> list[float] | None:
-    """Return numbers that commas separate.
-
-    Raises:
-        InputError: if the text has something else.
-    """
+    """Return numbers that commas separate."""
     if text is None:
         return None
     try:

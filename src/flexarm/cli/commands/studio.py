@@ -44,11 +44,7 @@ def studio(
 
 
 def _check_address(host: str, port: int) -> None:
-    """Raise if the address cannot be used.
-
-    Raises:
-        InputError: if the host is not an address of this machine, or the port is in use.
-    """
+    """Raise if the address cannot be used."""
     import socket
 
     try:

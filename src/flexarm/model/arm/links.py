@@ -8,12 +8,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.base.arguments import check_count
 from flexarm.base.errors import public_call, shown
 from flexarm.model.arm.sections import MaterialOrName, Section, SectionTable
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
     Count,
+    CountOrZero,
     Flag,
     Fraction,
     Listed,
@@ -44,13 +44,12 @@ class ModalDamping(Record):
             yield Fault(("ratio",), "is empty: give the ratio of at least the lowest mode")
 
     @public_call
-    def ratios(self, modes: int) -> tuple[float, ...]:
+    def ratios(self, modes: CountOrZero) -> tuple[float, ...]:
         """Return the ratios of the given number of modes, from the lowest.
 
         Raises:
             InputError: if the number is not a whole one from 0.
         """
-        modes = check_count("modes", modes, least=0)
         if not isinstance(self.ratio, Sequence):
             return (self.ratio,) * modes
         missing = modes - len(self.ratio)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.base.arguments import check_number
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
@@ -65,13 +64,12 @@ class Load(Record, kw_only=False):
         return fx, fy, self.moment
 
     @public_call
-    def scaled(self, factor: float) -> Load:
+    def scaled(self, factor: Number) -> Load:
         """Return a load whose force and moment are multiplied by a number.
 
         Raises:
             InputError: if the factor is not a number, or the force exceeds the largest number.
         """
-        factor = check_number("factor", factor)
         fx, fy = self.force
         return self.replace(force=(factor * fx, factor * fy), moment=factor * self.moment)
 

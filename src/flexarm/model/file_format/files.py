@@ -129,11 +129,7 @@ def describes_arm_only(document: Document) -> bool:
 
 
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa.
-
-    Raises:
-        ModelError: if the file has only an arm, or keys of the other kind of file only.
-    """
+    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa."""
     if describes_arm_only(document) and "arm" in document.value:
         rule = f"has an arm only, so it is not a {_WORDS[kind][0]}"
         hint = "`flexarm check`, `modes` and `linearize` read an arm alone."

@@ -267,11 +267,7 @@ def parse(file: FilePath, text: str) -> Document:
 
 
 def _composed(text: str) -> yaml.Node | None:
-    """Compose the nodes of YAML text.
-
-    Raises:
-        yaml.YAMLError: if it is not YAML; by PyYAML's own parser, whose messages are clearer.
-    """
+    """Compose the nodes of YAML text; errors are those of PyYAML's parser, which are clearer."""
     if CParser is not None:
         try:
             return yaml.compose(text, Loader=_FastLoader)

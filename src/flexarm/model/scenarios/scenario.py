@@ -25,11 +25,11 @@ from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
 from flexarm.model.quantities import (
     Count,
-    Finite,
     Flag,
     Listed,
     Number,
     Positive,
+    Tolerance,
     Word,
     length_of,
     plain,
@@ -129,7 +129,6 @@ def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Itera
 
 
 MOST_SAMPLES = 10**7
-Tolerance = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
 
 
