@@ -246,7 +246,7 @@ def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
                     named[name] = check(name, named[name])
                 elif index < len(values):
                     values[index] = check(name, values[index])
-            return function(*values, **named)  # type: ignore[arg-type]
+            return function(*values, **named)
         except InputError as error:
             error.at(place or _place(function, args))
             raise

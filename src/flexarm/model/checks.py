@@ -55,13 +55,13 @@ class RecordType(ModelMetaclass):
     """
 
     def __call__(cls: type[T], *args: Any, **kwargs: Any) -> T:
-        given = _by_name(cls, args, kwargs) if args else kwargs  # type: ignore[arg-type]
+        arguments = _by_name(cls, args, kwargs) if args else kwargs  # type: ignore[arg-type]
         try:
-            given = cls._from_python(given)  # type: ignore[attr-defined]
-            return super().__call__(**given)  # type: ignore[misc, no-any-return]
+            arguments = cls._from_python(arguments)  # type: ignore[attr-defined]
+            return super().__call__(**arguments)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
-            found = [fault.problem(cls.__name__) for fault in faults_of(error)]
-            raise ModelError(*found).at(cls._place()) from None  # type: ignore[attr-defined]
+            problems = [fault.problem(cls.__name__) for fault in faults_of(error)]
+            raise ModelError(*problems).at(cls._place()) from None  # type: ignore[attr-defined]
         except InputError as error:
             raise error.at(cls._place()) from None  # type: ignore[attr-defined]
 

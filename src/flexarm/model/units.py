@@ -27,7 +27,7 @@ _QUANTITY = re.compile(
 )
 #: An exponent without its sign: mm2.
 _BARE_POWER = re.compile(r"(?<=[^\W\d_])(?=-?\d)")
-_LISTS = (list, tuple)
+_LISTS, _MAY_HAVE_UNITS = (list, tuple), (str, list, tuple, dict)
 _LONGEST = 60  # characters of a quantity
 #: The form of a quantity in JSON schemas.
 QUANTITY_PATTERN = rf"^\s*{_NUMBER}\s*[A-Za-zµμΩ°(1].*$"
@@ -118,10 +118,12 @@ def in_si(
     faults: dict[Path, Fault] = {}
     changed = {}
     for name, value in data.items():
-        if _has_quantity(value) and (unit := unit_of_field(name))[0]:
-            converted = _converted(value, *unit, (name,), faults)
-            if converted is not value:
-                changed[name] = converted
+        if type(value) not in _MAY_HAVE_UNITS or not _has_quantity(value):
+            continue
+        unit, maps = unit_of_field(name)
+        converted = _converted(value, unit, maps, (name,), faults) if unit else value
+        if converted is not value:
+            changed[name] = converted
     return ({**data, **changed} if changed else data), faults
 
 

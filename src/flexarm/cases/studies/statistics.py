@@ -97,27 +97,31 @@ def study_statistics(
     possible = _possible(table)
     for name, limit in _limits(table, limits).items():
         failed |= possible & ~(table[name].transpose(*DIMS).values <= limit)
-    found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
-    found = found.assign_coords(quantile=probabilities)
+    statistics = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
+    statistics = statistics.assign_coords(quantile=probabilities)
     for metric in METRICS:
         if metric.name not in table:
             continue
         of_metric = _quantiles(table[metric.name].transpose(*DIMS).values, probabilities)
         labels = {"units": metric.unit, "long_name": metric.meaning}
-        found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
+        statistics[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
     if nominal is not None:
-        found = found.assign(_ratios(found, nominal))
+        statistics = statistics.assign(_ratios(statistics, nominal))
     rates = _rates(failed.sum(axis=0), possible.sum(axis=0), confidence)
     complete = possible & (table["failure"].transpose(*DIMS).values == "")
-    found["samples"] = (DIMS[1:], complete.sum(axis=0), {"long_name": "runs that did not fail"})
+    statistics["samples"] = (
+        DIMS[1:],
+        complete.sum(axis=0),
+        {"long_name": "runs that did not fail"},
+    )
     label = {"long_name": "runs whose numbers are not possible"}
-    found["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
+    statistics["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
     label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
-    found["failure_rate"] = (DIMS[1:], rates[..., 0], label)
+    statistics["failure_rate"] = (DIMS[1:], rates[..., 0], label)
     for j, end in enumerate(("low", "high"), start=1):
         label = {"long_name": f"{end} limit of the confidence interval"}
-        found[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
-    return found
+        statistics[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    return statistics
 
 
 def _rates(

@@ -108,19 +108,19 @@ class Parameters:
 
 def parameters_of(kind: type[Parameters]) -> dict[str, Declared]:
     """Return the parameters of a class by name, those of its last base first."""
-    found: dict[str, Declared] = {}
+    parameters: dict[str, Declared] = {}
     for base in reversed(kind.__mro__):
         declared = vars(base).get("_declared", {})
         hints = get_annotations(base, eval_str=True) if declared else {}
-        for name, (source, given, keyword_only) in declared.items():
+        for name, (source, default, keyword_only) in declared.items():
             if source.startswith("ClassVar"):
-                found.pop(name, None)
+                parameters.pop(name, None)
             else:
-                inherited = found.get(name)
-                found[name] = Declared(
-                    name, hints[name], source, given, keyword_only, base, inherited
+                inherited = parameters.get(name)
+                parameters[name] = Declared(
+                    name, hints[name], source, default, keyword_only, base, inherited
                 )
-    return found
+    return parameters
 
 
 def record_of(
@@ -138,6 +138,6 @@ def record_of(
         for key, item in declared.items()
     }
     module = {"__module__": "flexarm.model.drives", "__doc__": cleandoc(doc)}
-    made: Any = create_model(name, __base__=base, **module, **more, **fields)  # type: ignore[call-overload]
-    made._declared = declared
-    return made
+    record: Any = create_model(name, __base__=base, **module, **more, **fields)  # type: ignore[call-overload]
+    record._declared = declared
+    return record
