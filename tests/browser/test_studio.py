@@ -10,7 +10,7 @@ from studio_server import LENGTH, SCENARIO, assert_shows, project_with, scene_of
 
 import flexarm as fa
 from flexarm.base.errors import ModelError
-from flexarm.model.file_format.changes import change_of
+from flexarm.model.file_format.yaml_text import change_of
 from flexarm.view.studio.state import open_bytes
 
 

@@ -106,12 +106,11 @@ def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
 
 WAITING = """
 import os, signal, sys
-from flexarm.cases.results import csv_table, netcdf
+from flexarm.cases.results import formats
 def parts(*_):
     yield b"half"
     os.kill(os.getpid(), signal.{signal})
     raise RuntimeError("the signal was ignored")
-import flexarm.cases.results.formats as formats
 from dataclasses import replace
 formats.FORMATS[".nc"] = replace(formats.FORMATS[".nc"], encode=parts)
 from flexarm.cli.main import main
@@ -221,9 +220,9 @@ def test_standard_input_is_read(good):
 
 @posix_only
 def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files
 
-    monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
+    monkeypatch.setattr(files, "_WAIT_FOR_WRITER", 0.05)
     os.mkfifo(tmp_path / "pipe")
     outcome = invoke("check", tmp_path / "pipe")
     assert outcome.exit_code == 2
@@ -232,9 +231,9 @@ def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
 
 @posix_only
 def test_pipe_with_a_silent_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files
 
-    monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
+    monkeypatch.setattr(files, "_WAIT_FOR_CONTENT", 0.05)
     os.mkfifo(tmp_path / "pipe")
     reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     writer = os.open(tmp_path / "pipe", os.O_WRONLY)

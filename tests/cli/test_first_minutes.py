@@ -7,7 +7,7 @@ import pytest
 from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.starting_files import MOST_LINKS
+from flexarm.cli.commands.init import MOST_LINKS
 
 
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])

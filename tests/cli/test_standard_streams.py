@@ -19,7 +19,7 @@ FULL = os.strerror(errno.ENOSPC)
 MANY = """
 import json, os, sys
 import rich.console, typer.rich_utils  # here once, and not in every copy
-from flexarm.cli.commands import check, modes, run, schema
+import flexarm.cases.scenario.study, flexarm.linear
 from flexarm.cli.main import main
 outcomes = []
 for arguments, kind in json.load(sys.stdin):
@@ -113,7 +113,7 @@ def test_a_progress_bar_on_a_full_disk_prints_no_traceback():
     """Its thread writes, too."""
     code = """
 import threading
-from flexarm.cli.standard_streams import checked_streams
+from flexarm.cli.failures import checked_streams
 with checked_streams():
     other = threading.Thread(target=lambda: print("x" * 10**6))
     other.start()
@@ -132,7 +132,7 @@ with checked_streams():
 
 def test_characters_that_the_encoding_lacks_are_escaped():
     code = """
-from flexarm.cli.standard_streams import checked_streams
+from flexarm.cli.failures import checked_streams
 with checked_streams():
     print("90\\u00b0 \\u221e")
 """

@@ -8,13 +8,14 @@ import pytest
 from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
-from flexarm.cases.scenario.controllers import FILTERS
+from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.control.analysis.linear_controller import memory_of
 from flexarm.control.contract.base import Controller
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import CONTROLLERS
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
+from flexarm.model.help_text import descriptions_of
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [
@@ -271,7 +272,7 @@ def test_drive_has_the_same_arguments_and_defaults(name):
     wanted = {key: p for key, p in found.items() if key not in left_out}
     assert set(fields) == set(wanted)
     for key, field in fields.items():
-        assert field.description
+        assert key in descriptions_of(CONTROLLED[name])
         compare(f"{name}.{key}", field, wanted[key].default)
 
 

@@ -13,8 +13,7 @@ import flexarm as fa
 from flexarm.cases.scenario.motions import MOTION_FUNCTIONS, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import Scenario
-from flexarm.model.scenarios.motions import PlainMotionSpec
-from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
+from flexarm.model.scenarios.motions import PlainMotionSpec, ShapingSpec, SmoothingSpec
 from flexarm.motion import Motion
 
 ROD = {"flexural_rigidity": 60.0, "mass_per_length": 0.5}

@@ -6,7 +6,7 @@ from scipy.stats import norm
 from small_study import content
 
 import flexarm as fa
-from flexarm.cases.studies.subset import subset_probability
+from flexarm.cases.studies.rare import subset_probability
 
 #: Failures with known probabilities: performance, number of variables, probability.
 CASES = {

@@ -12,7 +12,7 @@ from flexarm.identification.identify import identify
 from flexarm.identification.reading import record_of_file
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.result import Identification
-from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.model.identification.study import locate_identification
 from flexarm.model.wording import path_of
 
 

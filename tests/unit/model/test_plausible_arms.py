@@ -19,7 +19,7 @@ from flexarm.base.errors import InputError
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, load_arm_spec
 from flexarm.model.arm.plausibility import implausible
-from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.model.identification.study import locate_identification
 from flexarm.model.paths import number_at, number_paths, with_number, with_numbers
 from plausible_arms import plausible_spec
 

@@ -12,8 +12,9 @@ import flexarm as fa
 from flexarm.base.errors import ModelError
 from flexarm.model import json_schema, load_arm_spec, load_scenario
 from flexarm.model.checks import Record
-from flexarm.model.file_format.changes import change_of, changed
 from flexarm.model.file_format.files import load_document, save_arm_spec
+from flexarm.model.file_format.yaml_text import change_of, changed
+from flexarm.model.help_text import descriptions_of
 from flexarm.model.units import factor_to, unit_of
 
 ARM = """\
@@ -141,10 +142,10 @@ def _records(kind=Record):
 
 def test_unit_of_every_field_is_a_unit():
     units = {
-        unit_of(field.description or "")
+        unit_of(text)
         for kind in _records()
         if kind.__module__.startswith("flexarm.")
-        for field in kind.model_fields.values()
+        for text in descriptions_of(kind).values()
     } - {""}
     assert {"m", "rad", "kg/s^0.5", "rad/s per 1/m"} <= units
     for unit in units:

@@ -11,9 +11,8 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.model import Instrument, InstrumentFault, Scenario
-from flexarm.model.arm.damping import ModalDamping, RayleighDamping
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
-from flexarm.model.arm.links import Gauge
+from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.checks import Record
 from flexarm.model.environment.changes import PAYLOAD_MASS, Change, ValueTable
@@ -21,9 +20,8 @@ from flexarm.model.environment.contacts import Contact, RoundWall, SurfaceTable,
 from flexarm.model.environment.loads import Load
 from flexarm.model.environment.tables import AccelerationTable, FactorTable
 from flexarm.model.scenarios.events import JointEvent, TipEvent
-from flexarm.model.scenarios.motions import ForceTable
-from flexarm.model.scenarios.prescribed import FollowingJoint, HeldJoint, TabulatedJoint
-from flexarm.model.scenarios.shaping import SmoothingSpec
+from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
+from flexarm.model.scenarios.scenario import FollowingJoint, HeldJoint, TabulatedJoint
 from flexarm.model.wording import Path
 from flexarm.view.studio.values.drive_starts import drive_of_kind
 from flexarm.view.studio.values.forms import Form, Forms, forms_of, kind_of
