@@ -33,9 +33,20 @@ def pytest_configure(config: pytest.Config) -> None:
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
 
 
+def _outside_the_sample(item: pytest.Item) -> bool:
+    """Return whether the test has a marker ``sampled`` that does not name this case."""
+    sampled, case = item.get_closest_marker("sampled"), getattr(item, "callspec", None)
+    if sampled is None or case is None:
+        return False
+    return case.id not in sampled.args and not set(sampled.args) & set(case.id.split("-"))
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m selects by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Move the slowest files to the front; other files, and tests within a file, keep their
-    order."""
+    """Mark the cases that ``sampled`` leaves out as thorough, and move the slowest files to the
+    front; other files, and tests within a file, keep their order."""
+    for item in filter(_outside_the_sample, items):
+        item.add_marker(pytest.mark.thorough)
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
     if numba.config.DISABLE_JIT:
         for item in items:

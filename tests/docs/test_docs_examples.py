@@ -8,7 +8,7 @@ Blocks of a page run in order, in one empty folder and one Python namespace:
 - ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
   program: it runs in a separate test, which is skipped if the program is not installed. With
   ``runs=sample`` its ``fa.compare`` simulates two plants for each controller, and these cells of
-  its output are compared; ``FULL_PAGES=1`` (``make suite FULL=1``) simulates all of them.
+  its output are compared; ``FULL_PAGES=1`` (``make suite ALL=1 FULL=1``) simulates all of them.
 - ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the
   expected exit status. ``make`` lines must name a chore of the Makefile.
 - a ``text`` block directly after a block that ran is its output; ``...`` matches any text.
