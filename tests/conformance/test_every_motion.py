@@ -229,17 +229,6 @@ def test_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
     assert np.all(fine.error.angle < 1e-5)
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.inf, np.nan, "fast", 1e7])
-def test_invalid_rates_of_tables_are_rejected(rate):
-    with pytest.raises(fa.InputError, match="sampled: rate"):
-        line().sampled(rate)
-
-
-def test_table_rejects_the_same_times_as_its_motion():
-    with pytest.raises(fa.InputError, match=r"SampledMotion\.joint_angle: t must be a time"):
-        line().sampled(100.0).joint_angle(np.nan)
-
-
 def test_run_along_a_table_equals_that_along_the_motion():
     arm, motion = two_links().rigid(), joints("trapezoidal")
     run = {"controller": fa.JointPD([10.0, 4.0], [2.0, 0.5]), "progress": False}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from data.bench_records import ONE, TWO
+from data.bench_records import ONE
 from data.geared_bench import THREE
 from identification.benches import (
     DATA,
@@ -354,33 +354,6 @@ def test_filters_of_the_instruments_do_not_bias_the_estimates():
         wrong = fa.identify(arm_of(ONE), plain, free, progress=False)
     assert found[free[1]] == pytest.approx(1e-3, rel=0.01)
     assert abs(wrong[free[1]] / 1e-3 - 1.0) > 0.02
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"free": ["links[0].flexural_rigidty"]}, "did you mean flexural_rigidity"),
-        ({"free": [RIGIDITY, RIGIDITY]}, "repeats"),
-        ({"free": []}, "must be a list of paths"),
-        ({"free": [fa.FreeParameter(RIGIDITY, lower=9.0)]}, "exclude 8"),
-        ({"free": ["motors.torque_constant"]}, "requires motors"),
-        ({"records": []}, "must not be empty"),
-        ({"records": ["bench.csv"]}, "a MeasuredRecord, or a dataset over time"),
-        ({"loss": "l1"}, "must be one of"),
-        ({"validation": {"record 1": "same"}}, "MeasuredRecord"),
-    ],
-)
-def test_wrong_arguments(arguments, text):
-    given = {"records": short(), "free": [RIGIDITY], **arguments}
-    with pytest.raises(fa.InputError, match=text):
-        fa.identify(arm_of(ONE), **given)
-
-
-def test_records_must_fit_the_arm():
-    bench = record(TWO.name, 1, end=0.5)
-    with pytest.raises(fa.InputError) as error:
-        fa.identify(arm_of(ONE), bench, [RIGIDITY])
-    assert {p.name for p in error.value.problems} == {"torque_2", "joint_angle_2", "strain_2"}
 
 
 def test_progress_shows_the_fit_of_each_channel(capsys):

@@ -247,11 +247,6 @@ def test_no_complete_run_on_the_model_is_an_error(monkeypatch):
         fa.design(one_link(), "hold", computing="low", sensors="joints", progress=False)
 
 
-def test_a_line_out_of_reach_is_named():
-    with pytest.raises(fa.InputError, match="reach"):
-        fa.design(two_links(), "track", start=[-1.3, 0.02], end=[1.3, 0.02], progress=False)
-
-
 def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):
     def failing(self, drive):
         raise fa.InputError(Problem("acceptable", "gives no weight to a mode"))
@@ -259,30 +254,6 @@ def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):
     monkeypatch.setattr(Loops, "assess", failing)
     with pytest.raises(fa.InputError, match="acceptable gives no weight to a mode"):
         fa.design(one_link(), "hold", computing="low", progress=False)
-
-
-@pytest.mark.parametrize(
-    ("task", "options", "message"),
-    [
-        ("tracking", {}, "task must be one of .*track"),
-        ("hold", {"computing": "much"}, "computing must be one of"),
-        ("hold", {"sensors": ["camera"]}, "sensors must be one of"),
-        ("hold", {"sensors": "force"}, "requires the task 'force'"),
-        ("hold", {"sensors": 3}, "sensors must be a list of names"),
-        ("hold", {"end": [0.1]}, "end is not supported with the task 'hold'"),
-        ("track", {}, "requires an arm with two joints or more"),
-        ("force", {}, "force is not supported for an arm with one joint"),
-        ("hold", {"rigidity_uncertainty": 1.0}, "rigidity_uncertainty must be from 0 to 0.9"),
-        ("hold", {"payload_uncertainty": -1}, "payload_uncertainty must be at least 0"),
-        ("hold", {"disk_margin": 2}, "disk_margin must be greater than 0 and less than 2"),
-        ("hold", {"torque_limit": 0.0}, "torque_limit must be greater than 0"),
-        ("point_to_point", {"end": [0.2], "start": [0.2]}, "end must differ from start"),
-        ("point_to_point", {"start": [0.2, 0.3]}, "start"),
-    ],
-)
-def test_wrong_arguments_are_named(task, options, message):
-    with pytest.raises(fa.InputError, match=message):
-        fa.design(one_link(), task, progress=False, **options)
 
 
 def test_an_uncertain_payload_requires_a_payload():

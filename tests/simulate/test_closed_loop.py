@@ -179,11 +179,6 @@ def test_sample_times_that_do_not_divide_the_duration():
     np.testing.assert_array_equal(changes, [30, 60, 90])
 
 
-def test_torque_and_controller_exclude_each_other():
-    with pytest.raises(fa.InputError, match="torque"):
-        fa.simulate(rigid_arm(), 1.0, torque=lambda t: [0.0, 0.0], controller=fa.JointPD(*GAINS))
-
-
 def test_unstable_loop_is_reported_with_its_partial_result():
     """The gains are far too large for the sample time."""
     controller = fa.JointPD(1e6, 1e5, sample_time=0.02)

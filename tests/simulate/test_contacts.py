@@ -260,12 +260,6 @@ def test_contact_too_soft_for_the_impact_ends_the_run(stiffness, radius, speed):
         fa.simulate(rod(), 10.0 / speed, initial_rate=[speed], contacts=[contact])
 
 
-def test_multistep_method_is_rejected_with_contacts():
-    contact = fa.Contact(CEILING, 1e4)
-    with pytest.raises(fa.InputError, match="for an arm with contacts, got 'cowell_4'"):
-        fa.simulate(rod(), 0.1, contacts=[contact], integrator="cowell_4")
-
-
 # Channels of a result ----------------------------------------------------------------------------
 
 

@@ -169,12 +169,6 @@ def test_breaks_of_a_plant_are_used():
     assert abs(ends[0]) > 0.01
 
 
-@pytest.mark.parametrize("breaks", ["soon", [[1.0]], [np.nan]])
-def test_breaks_must_be_a_list_of_times(breaks):
-    with pytest.raises(fa.InputError, match="breaks"):
-        fa.simulate(unit_link(), 1.0, torque=lambda t: [0.0], breaks=breaks)
-
-
 # Features without breaks -------------------------------------------------------------------------
 
 

@@ -113,21 +113,6 @@ def test_derivatives_in_memory_grow_with_the_square_root(monkeypatch):
         assert max(calls) <= np.sqrt(samples) < len(calls) + 1
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"weights": {}}, "must not be empty"),
-        ({"weights": {"tipp": [0.0]}}, "Did you mean"),
-        ({"weights": {"tip": [0.0]}}, "numbers of shape"),
-        ({"integrator": "gauss_6", "step": 1e-3}, "explicit Runge-Kutta"),
-    ],
-)
-def test_wrong_arguments(change, text):
-    arguments = {"weights": {"tip": np.zeros((3, 2))}, "torque": np.zeros((2, 2)), "rate": 200.0}
-    with pytest.raises(fa.InputError, match=text):
-        fa.goal_gradient(an_arm(), 0.01, **(arguments | change))
-
-
 @pytest.mark.parametrize("function", [fa.sensitivities, fa.goal_gradient])
 def test_arguments_of_simulate_that_are_not_supported_are_named(function):
     with pytest.raises(fa.InputError) as error:

@@ -242,11 +242,3 @@ def test_free_rotation_in_a_backlash_is_not_a_vibration():
     motion = fa.joint_motion(arm, [0.0], [0.5], 0.8)
     with pytest.raises(fa.InputError, match="got mode 1 with the damping ratio"):
         fa.shaped(motion, arm, "zvdd")
-
-
-def test_gains_of_the_wrong_form_name_the_function():
-    arm = two_links()
-    motion = fa.joint_motion(arm, [0.2, 0.9], [0.8, 0.4], 0.6)
-    text = r"^shaped: joints must be 'locked', 'free' or \[proportional, derivative\].*got 400"
-    with pytest.raises(fa.InputError, match=text):
-        fa.shaped(motion, arm, "zv", joints=[400.0, 100.0])

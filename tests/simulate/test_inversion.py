@@ -97,17 +97,6 @@ def test_vertical_arm():
     assert np.abs(away).max() < 1e-3
 
 
-def test_unsupported_motions_and_arguments_are_rejected():
-    arm = table_one_arm()
-    with pytest.raises(fa.InputError, match=r"start at 0\.19"):
-        fa.tip_inversion(arm, paper_line(arm, start_time=0.0))
-    with pytest.raises(fa.InputError, match="arm is rigid"):
-        fa.tip_inversion(arm.rigid(), paper_line(arm))
-    straight = fa.joint_motion(arm, [0.2, -0.3], [0.2, 0.3], 1.0, start_time=0.3)
-    with pytest.raises(fa.InputError, match="cannot move the tip"):
-        fa.tip_inversion(arm, straight)
-
-
 def test_failed_inversion_reports_its_tip_error():
     arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:

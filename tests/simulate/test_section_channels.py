@@ -131,15 +131,6 @@ def test_labels_of_sections():
     assert float(middle.position) == 0.5
 
 
-@pytest.mark.parametrize("stations", [1, -2, 2.5, True, 1001, "all"])
-def test_wrong_numbers_of_stations_are_rejected_before_the_run(stations):
-    with pytest.raises(fa.InputError) as reported:
-        fa.simulate(two_links(), 1e9, rate=1e-3, stations=stations)
-    assert str(reported.value).startswith(
-        "simulate: stations must be a whole number from 2 to 1000, got"
-    )
-
-
 def test_partial_result_has_section_forces():
     def fails(t):
         return [np.nan, 0.0] if t > 0.02 else [0.0, 0.0]

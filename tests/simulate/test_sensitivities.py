@@ -283,12 +283,6 @@ def test_wrong_parameters(paths, text):
         fa.sensitivities(bench_arm(), 0.01, paths)
 
 
-def test_a_number_whose_terms_are_omitted():
-    arm = fa.Arm(links=[fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5)])
-    with pytest.raises(fa.InputError, match="It is 0 in this arm"):
-        fa.sensitivities(arm, 0.01, ["joints[0].rotor_inertia"])
-
-
 def test_wrong_channels():
     with pytest.raises(fa.InputError, match="follows from q and qd"):
         fa.sensitivities(bench_arm(), 0.01, ["payload.mass"], channels=["joint_force"])

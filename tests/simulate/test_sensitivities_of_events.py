@@ -160,12 +160,6 @@ def test_no_event_happens():
     assert found["event_time"].shape == (1, 0)
 
 
-def test_an_event_that_touches_zero():
-    event = fa.Event(lambda t, q, qd: (t - 0.005) ** 3)
-    with pytest.raises(fa.InputError, match="touches zero without crossing"):
-        fa.sensitivities(an_arm(), 0.01, ["payload.mass"], events=[event], rate=300.0)
-
-
 def test_the_gap_by_a_number_of_its_contact():
     arm = an_arm()
     given = {"contacts": [wall_contact()], "events": [fa.contact_event(arm, wall_contact())]}

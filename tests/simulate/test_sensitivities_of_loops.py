@@ -294,18 +294,6 @@ def test_a_law_that_does_not_declare_its_memory():
         fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=Plain())
 
 
-def test_readings_at_the_limit_of_their_instrument():
-    limited = fa.Hardware(
-        instruments=[fa.Instrument("joint_angle", limit=0.3), fa.Instrument("joint_rate")]
-    )
-    arm = two_links()
-    with pytest.raises(fa.InputError, match="limit is reached by joint_angle"):
-        fa.sensitivities(
-            arm, 0.1, ["links[1].mass_per_length"], controller=example("joint_pd"),
-            initial=arm.rest([0.5, 0.0]), hardware=limited, **FIXED,
-        )  # fmt: skip
-
-
 def test_more_than_eight_parameters_equal_single_ones():
     arm = two_links()
     paths = [f"initial[{k}]" for k in range(arm.dof)]

@@ -95,30 +95,10 @@ def test_added_torque_acts_as_in_the_full_model():
     assert np.abs((parts - full).q.values).max() < 0.05 * effect
 
 
-def test_wrong_arguments_are_rejected():
-    arm = table_one_arm()
-    line = paper_line(arm, 1.0)
-    with pytest.raises(fa.InputError, match="quasi_static"):
-        fa.simulate_separated(arm, line, method="static")
-    with pytest.raises(fa.InputError, match="duration"):
-        fa.simulate_separated(arm, line, -1.0)
-    with pytest.raises(fa.InputError, match="motion"):
-        fa.simulate_separated(arm.rigid(), None)
-
-
 def test_result_can_be_cited():
     arm = table_one_arm()
     parts = fa.simulate_separated(arm, paper_line(arm, 1.0), rate=100.0)
     assert "HairerWanner1996" in fa.citation(parts)
-
-
-@pytest.mark.parametrize("name", ["added_torque", "initial_deviation", "initial_deviation_rate"])
-def test_quasi_static_estimate_rejects_other_arguments(name):
-    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=10.0, mass_per_length=0.5)])
-    motion = fa.joint_motion(arm, [0.0], [0.5], 1.0)
-    given = {name: (lambda t: [0.1]) if name == "added_torque" else np.zeros(arm.dof)}
-    with pytest.raises(fa.InputError, match=f"{name} is not supported by the quasi_static"):
-        fa.simulate_separated(arm, motion, method="quasi_static", **given)
 
 
 def test_separation_is_saved_with_its_suffix(tmp_path):

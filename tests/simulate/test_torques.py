@@ -112,22 +112,6 @@ def test_spline_does_not_oscillate_at_a_kink():
     )
 
 
-@pytest.mark.parametrize(
-    ("values", "interpolation", "name"),
-    [
-        (np.zeros((5, 1)), "quintic", "torque_interpolation"),
-        (np.zeros((5, 2)), "cubic", "torque"),
-        (np.zeros(5), "hold", "torque"),
-        (np.zeros((3, 1)), "linear", "torque"),
-        (np.full((5, 1), np.nan), "cubic", "torque"),
-        (np.zeros((0, 1)), "hold", "torque"),
-    ],
-)
-def test_wrong_samples_are_rejected(values, interpolation, name):
-    with pytest.raises(fa.InputError, match=f"simulate: {name}"):
-        fa.simulate(unit_link(), 1.0, torque=values, rate=4.0, torque_interpolation=interpolation)
-
-
 @pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
 def test_run_integrates_its_samples(interpolation):
     """Rate and angle of a unit inertia: first and second integral of the interpolation."""
@@ -252,12 +236,6 @@ def test_vectorized_function_is_called_once_for_many_times():
     plain = function_history(lambda t: [np.sin(t), np.cos(t)], 2.0, 2, 1e-8)
     times = np.linspace(0, 2, 50)
     np.testing.assert_allclose(history.at(times), plain.at(times), rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("answer", [1.0, [1.0, 2.0], [np.nan], None, "1"], ids=str)
-def test_wrong_values_of_functions_are_reported(answer):
-    with pytest.raises(fa.InputError, match=r"simulate: torque\("):
-        fa.simulate(unit_link(), 1.0, torque=lambda t: answer)
 
 
 @pytest.mark.parametrize("row", [np.zeros(1), [0.0]], ids=["array", "list"])

@@ -78,12 +78,3 @@ def test_samples_that_do_not_suffice_give_a_warning():
     assert table.sizes["sample"] == 70
     with pytest.warns(fa.AccuracyWarning, match=r"70 samples do not determine the 0.999 quantile"):
         study(70, quantile=0.999).run(workers=1)
-
-
-def test_wrong_rules_are_refused():
-    with pytest.raises(
-        fa.InputError, match=r"samples\.stop\.metric must be one of 'tip_error_rms'"
-    ):
-        study(metric="tip_error")
-    with pytest.raises(fa.InputError, match=r"samples\.stop cannot be combined with a grid"):
-        study(None, method="grid")

@@ -175,11 +175,6 @@ def test_comparison_in_processes_has_the_same_numbers(monkeypatch):
     assert there.drop_vars("controller_time").equals(here.drop_vars("controller_time"))
 
 
-def test_run_study_refuses_samples():
-    with pytest.raises(fa.InputError, match="has samples, which run_study does not run"):
-        fa.run_study(StudySpec(**content()))
-
-
 def test_local_workers_do_not_need_the_port_of_another_cluster(recwarn):
     """Dask warns if its default port is in use."""
     pytest.importorskip("distributed")

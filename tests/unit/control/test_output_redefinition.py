@@ -160,18 +160,3 @@ def test_neither_sign_of_the_weight_damps_a_soft_and_a_stiff_loop_better():
         lowest = poles[np.argmin(abs(poles))]
         ratios[weight] = -lowest.real / abs(lowest)
     assert 0.0 < ratios[-1.0] < 0.7 * ratios[0.0]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"modes": 3}, r"modes is 3, but the arm has 2 gauge\(s\) and 2 bending coordinate\(s\)"),
-        ({"cutoff": 0.0}, "cutoff must be greater than 0"),
-        ({"weight": np.nan}, "weight must be a finite number"),
-        ({"inner": fa.LQG(one_link())}, "inner must be a controller of the joint angles"),
-        ({"arm": fa.Arm(links=[fa.Link(length=1.0, **ROD)])}, r"the arm has 0 gauge\(s\) and"),
-    ],
-)
-def test_wrong_arguments_are_rejected(options, words):
-    with pytest.raises(fa.InputError, match=words):
-        fa.OutputRedefinition(**{"arm": one_link(2), "inner": fa.JointPD(1.0, 1.0), **options})

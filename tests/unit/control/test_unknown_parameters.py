@@ -12,7 +12,6 @@ from scipy.stats import chi2
 import flexarm as fa
 from flexarm.cases.results.formats import write_result
 from flexarm.cases.scenario.controllers import FILTERS
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import FilterSpec
@@ -176,27 +175,6 @@ def test_derivatives_by_several_parameters_equal_differences():
     np.testing.assert_allclose(
         step.advance(x, torque, changes), other.advance(x, torque), rtol=1e-9
     )
-
-
-@pytest.mark.parametrize(
-    "path", ["links[0].length", "links[0].mass_per_length", "links[0].gauges[0].distance"]
-)
-def test_numbers_that_move_points_or_readings_are_rejected(path):
-    with pytest.raises(fa.InputError, match="be a number of the joints, the payload"):
-        FreeParameters(one_link(), [path])
-
-
-@pytest.mark.parametrize(
-    "path", ["links[0].gauges[0].station", "joints[0].friction.bristle_stiffness"]
-)
-def test_numbers_without_effect_on_the_filter_are_rejected(path):
-    """Their estimates and deviations would never change."""
-    arm = one_link()
-    joint = arm.spec.joints[0]
-    bristled = joint.friction.replace(bristle_stiffness=5000.0, bristle_damping=5.0)
-    other = fa.Arm(arm.spec.replace(joints=[joint.replace(friction=bristled)]))
-    with pytest.raises(fa.InputError, match="have an effect on the model of a filter"):
-        FreeParameters(other, [path])
 
 
 def test_wrong_parameters_are_rejected():

@@ -96,16 +96,3 @@ def test_evaluation_at_any_time_and_export(tmp_path):
     exact = fa.linearize_along(arm, a_motion(arm), times=[0.123]).A[0]
     # Linear interpolation over 10 ms of a motion of 0.7 s.
     np.testing.assert_allclose(middle, exact, rtol=0, atol=0.01 * np.abs(exact).max())
-
-
-def test_wrong_arguments_are_rejected():
-    arm = an_arm()
-    with pytest.raises(fa.InputError, match="joints"):
-        fa.linearize_along(arm, a_motion(arm), joints="held")
-    with pytest.raises(fa.InputError, match="rate"):
-        fa.linearize_along(arm, a_motion(arm), rate=0.0)
-    with pytest.raises(fa.InputError, match="has no deviations"):
-        fa.linearize_along(arm.rigid(), a_motion(arm), joints="locked")
-    one = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=1.0, mass_per_length=1.0)])
-    with pytest.raises(fa.InputError, match=r"number of joints of the arm \(1\), got 2"):
-        fa.linearize_along(one, a_motion(arm))
