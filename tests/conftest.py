@@ -33,19 +33,23 @@ def pytest_configure(config: pytest.Config) -> None:
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
 
 
-def _outside_the_sample(item: pytest.Item) -> bool:
-    """Return whether the test has a marker ``sampled`` that does not name this case."""
-    sampled, case = item.get_closest_marker("sampled"), getattr(item, "callspec", None)
-    if sampled is None or case is None:
+def _is_thorough_case(item: pytest.Item) -> bool:
+    """Return whether the markers of a parametrised test leave this case to `make test-all`."""
+    case = getattr(item, "callspec", None)
+    if case is None:
         return False
-    return case.id not in sampled.args and not set(sampled.args) & set(case.id.split("-"))
+    names = {case.id, *case.id.split("-")}
+    left_out, sample = item.get_closest_marker("thorough_cases"), item.get_closest_marker("sampled")
+    return bool(left_out and names & set(left_out.args)) or bool(
+        sample and not names & set(sample.args)
+    )
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m selects by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the cases that ``sampled`` leaves out as thorough, and move the slowest files to the
-    front; other files, and tests within a file, keep their order."""
-    for item in filter(_outside_the_sample, items):
+    """Give thorough cases their marker, and move the slowest files to the front; other files, and
+    tests within a file, keep their order."""
+    for item in filter(_is_thorough_case, items):
         item.add_marker(pytest.mark.thorough)
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
     if numba.config.DISABLE_JIT:

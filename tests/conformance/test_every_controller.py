@@ -163,6 +163,7 @@ def test_changing_a_measurement_does_not_change_the_run(name, arm):
     np.testing.assert_array_equal(runs[0].q.values, runs[1].q.values)
 
 
+@pytest.mark.thorough_cases("estimator", "nonlinear_mpc", "neural_force")
 @every
 def test_slow_motion_is_followed_within_a_few_degrees(name, arm):
     """The error of a slow motion is a few degrees at most."""

@@ -188,6 +188,7 @@ def test_copies_and_pickles_give_the_same_values(make):
         assert type(copied) is type(value)
 
 
+@pytest.mark.thorough_cases("smoothed")
 @pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
 def test_table_equals_the_motion_within_its_stated_error(make):
     motion = make()

@@ -82,6 +82,7 @@ def fit(monkeypatch, loop, fewest):
     return fa.identify(BELIEVED, record(*loop), PATHS, progress=False), found[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", LOOPS)
 def test_derivatives_equal_differences_of_the_runs(name, monkeypatch):
     exact, slopes = fit(monkeypatch, LOOPS[name], 1)
@@ -96,6 +97,7 @@ def test_derivatives_equal_differences_of_the_runs(name, monkeypatch):
         np.testing.assert_allclose(estimates, list(NUMBERS.values()), rtol=1e-4)
 
 
+@pytest.mark.thorough
 def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch):
     """Rounded readings have no derivative: ``sensitivities`` refuses them."""
     loop = PD, ROUNDED
@@ -115,6 +117,7 @@ def test_few_numbers_are_differentiated_by_differences(monkeypatch):
         fa.identify(BELIEVED, record(PD, None), PATHS, progress=False)
 
 
+@pytest.mark.thorough
 def test_distance_of_a_gauge_that_the_controller_reads(monkeypatch):
     """The joint angles depend on it, too, and the strain is not proportional to it."""
     found, original = [], derivatives.output_derivatives

@@ -35,6 +35,7 @@ def errors(found, bench, free):
     return (np.array([found[path] - truth(bench, path) for path in free])) / deviations
 
 
+@pytest.mark.thorough_cases("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_one_link_is_recovered_within_the_stated_deviations(seed):
     free = FREE[ONE.name]
@@ -48,6 +49,7 @@ def test_one_link_is_recovered_within_the_stated_deviations(seed):
     assert np.all(found.parameters["standard_deviation"] < 0.1 * found.parameters["estimate"])
 
 
+@pytest.mark.thorough
 def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     other = record("bench_one_link_other", 5)
     found = fa.identify(
@@ -67,6 +69,7 @@ def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     assert again.spec.links[0].flexural_rigidity == found[RIGIDITY]
 
 
+@pytest.mark.sampled("2")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_parameters_that_cannot_be_determined_are_named(seed):
     free = [RIGIDITY, "joints[0].hub_inertia", "joints[0].rotor_inertia", "joints[0].mass"]
@@ -110,6 +113,7 @@ def test_iterations_limit_all_rounds_together(monkeypatch):
     assert sum(counts) <= 5
 
 
+@pytest.mark.thorough
 def test_a_geared_link_of_exudyn_is_recovered():
     """Ten parameters of an elastic drive with friction in gravity; the pair of rotor inertia and
     gear ratio, of which only a product acts, is named."""
@@ -133,6 +137,7 @@ def test_a_prior_determines_what_data_do_not():
     assert found.parameters["standard_deviation"][1] == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_records_may_start_in_motion():
     """The middle of a record alone: angle, rate and the first modes are estimated."""
     free = [RIGIDITY, "payload.mass"]
@@ -148,6 +153,7 @@ def test_records_may_start_in_motion():
     assert np.all(wrong.fit["fit"] < found.fit["fit"] - 5.0)
 
 
+@pytest.mark.thorough
 def test_values_of_single_records_and_random_starts():
     heavy = fa.varied(arm_of(ONE), payload_factor=1.5)
     data = record(ONE.name, 1).data
@@ -336,6 +342,7 @@ def test_outliers_count_little_with_a_robust_loss():
     assert abs(robust - 8.0) < abs(plain - 8.0)
 
 
+@pytest.mark.thorough
 def test_filters_of_the_instruments_do_not_bias_the_estimates():
     """A record that has passed a filter, fitted with and without telling so."""
     bench = short()

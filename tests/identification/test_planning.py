@@ -45,6 +45,7 @@ def with_noise(result, seed):
     return data
 
 
+@pytest.mark.thorough
 def test_predicted_deviations_are_those_of_estimates():
     arm, free = arm_of(ONE), FREE[ONE.name]
     result = shaken(arm)
@@ -143,6 +144,7 @@ def excess(run, torque):
     )
 
 
+@pytest.mark.thorough
 def test_an_optimal_excitation_is_better_than_random_ones_within_the_same_limits(optimal):
     arm = arm_of(ONE, 1)
     free = optimal.identifiability.parameters["parameter"].values.tolist()
@@ -181,6 +183,7 @@ def small(limits, **settings):
 
 # Two samples per period of the highest sine: their central differences are too small. The spline
 # reaches the limit in the first case, the torque in the second one.
+@pytest.mark.thorough_cases("band1-3")
 @pytest.mark.parametrize(("band", "lines"), [((30.0, 45.0), 2), ((20.0, 44.0), 3)])
 def test_the_torque_rate_is_limited_also_between_samples(band, lines):
     found = small(fa.MotionLimits(torque_rate=5.0), band=band, lines=lines, rate=100.0)

@@ -83,6 +83,7 @@ def errors(found):
     return estimates - TRUE, found.parameters["standard_deviation"].values
 
 
+@pytest.mark.thorough_cases("False")
 @pytest.mark.parametrize("hold", [True, False])
 def test_without_process_noise_it_is_output_error(hold):
     given = record(1, hold=hold)
@@ -93,6 +94,7 @@ def test_without_process_noise_it_is_output_error(hold):
     np.testing.assert_allclose(own, deviation, rtol=0.03)
 
 
+@pytest.mark.thorough
 def test_estimated_process_noise_is_small_without_disturbances():
     given = record(1)
     simulated = fit(given)
@@ -113,6 +115,7 @@ def test_a_fit_whose_noise_still_changes_has_not_converged(method, monkeypatch):
     assert not fit(given, method=method).converged
 
 
+@pytest.mark.thorough
 def test_disturbance_torques_bias_prediction_errors_less():
     """Random torques a third as large as the input: rigidity and inertia over three seeds."""
     missed = {"output_error": [], "prediction_error": []}
@@ -133,6 +136,7 @@ def test_disturbance_torques_bias_prediction_errors_less():
     assert np.all(least["prediction_error"] < 0.4 * least["output_error"]), least
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.013, 0.02])
 def test_delays_offsets_and_gaps(delay):
     given = record(

@@ -207,6 +207,7 @@ def test_rigid_body_constants_do_not_depend_on_shear():
         assert getattr(soft, name) == getattr(plain, name)
 
 
+@pytest.mark.sampled("0.0-3.0")
 @pytest.mark.parametrize("slenderness", [1.0, 3.0, 30.0])
 @pytest.mark.parametrize("rotary", [0.0, 1.0])
 def test_finest_mesh_of_a_stocky_link_passes_the_internal_checks(slenderness, rotary):

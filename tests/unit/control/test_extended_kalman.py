@@ -177,6 +177,7 @@ def test_filter_of_a_linear_arm_equals_the_kalman_filter(kind):
         np.testing.assert_allclose(found.covariance[k][:n, :n], P, rtol=1e-4, atol=1e-6 * P.max())
 
 
+@pytest.mark.thorough
 @BOTH
 def test_errors_have_the_covariance_of_the_filter(kind):
     """Normalised errors squared of 25 runs against the chi-squared distribution."""
@@ -212,6 +213,7 @@ def test_errors_have_the_covariance_of_the_filter(kind):
     assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
 
 
+@pytest.mark.thorough_cases("2.0", "3.0")
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
 def test_payload_is_estimated(factor):
     arm = two_links()
@@ -234,6 +236,7 @@ def test_payload_is_estimated(factor):
     assert np.all(found.payload_mass >= 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("start", [0.0, 0.1])
 def test_wide_prior_of_the_mass_is_not_narrowed_by_wrong_estimates_of_vibration(start):
     """With these seeds one Gaussian over the mass ended at 0.2 to 0.4 kg, with a deviation of 0.1
@@ -327,6 +330,7 @@ def test_inconsistent_filter_is_reported():
     assert 0.5 < right.estimator_innovation < 1.5
 
 
+@pytest.mark.thorough
 def test_inner_controller_receives_the_estimates():
     arm = two_links()
     plant = fa.varied(arm, payload_factor=2.0)

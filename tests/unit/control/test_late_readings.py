@@ -127,6 +127,7 @@ def drawn_run(seed, kind="extended"):
     return one, found, found.squared_errors(*true, biases=biases), biases
 
 
+@pytest.mark.thorough
 def test_errors_have_the_covariance_of_the_filter():
     """A camera that is late, and biases of encoder and gauge, which only the camera shows."""
     total, runs = np.zeros(2), 12

@@ -177,6 +177,7 @@ def test_composite_has_its_bandwidth_under_gravity():
     np.testing.assert_allclose(decay[:4], 2.0, atol=1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_design_for_a_margin_reaches_it_or_reports_the_best():
     plants = {name: robust_arm(*change) for name, change in list(PLANTS.items())[-1:]}

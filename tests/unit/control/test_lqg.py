@@ -40,6 +40,7 @@ class StateFeedback(fa.Controller):
         return u
 
 
+@pytest.mark.thorough
 def test_cost_of_a_nonlinear_run_approaches_the_riccati_value():
     arm = arm_with_gauges()
     design = fa.LQG(arm, POSTURE, sample_time=SAMPLE_TIME).designs[0]
@@ -259,6 +260,7 @@ def test_preview_minimizes_the_cost_under_known_forces():
     np.testing.assert_allclose(law, best[0], rtol=1e-5, atol=1e-5 * np.abs(best).max())
 
 
+@pytest.mark.thorough
 def test_tip_error_is_twenty_times_smaller_than_with_joint_control():
     arm = arm_with_gauges()
     motion = fa.line_motion(arm, (1.2, 0.3), (0.9, 0.6), 0.6, start_time=0.4)

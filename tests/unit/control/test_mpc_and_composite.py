@@ -90,6 +90,7 @@ def test_limits_are_never_exceeded(arm):
     np.testing.assert_array_equal(again.torque.values[:-1], torque[:60])
 
 
+@pytest.mark.thorough
 def test_every_sample_has_a_plan_within_low_torque_rates(capfd):
     """A constant torque is always allowed, so no limit may end a run."""
     rod = {"mass_per_length": 0.61732, "flexural_rigidity": 105.0, "elements": 1}

@@ -132,6 +132,7 @@ def test_poles_are_those_of_python_control(weight):
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(wanted), rtol=1e-2)
 
 
+@pytest.mark.thorough
 def test_tip_returns_under_an_unknown_load():
     """At rest the tip has the share 1 - weight of the deflection that its load causes."""
     arm = one_link(1, hub=0.2)

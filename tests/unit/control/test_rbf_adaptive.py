@@ -1,6 +1,7 @@
 """The network controller against its theory: Lyapunov's function, learning, bounded weights."""
 
 import numpy as np
+import pytest
 from rigid_loops import Swing, errors, rigid_arm
 
 import flexarm as fa
@@ -29,6 +30,7 @@ def followed(controller, arm, duration, **options):
     )[0]
 
 
+@pytest.mark.thorough
 def test_network_learns_an_arm_without_a_model():
     arm = rigid_arm(payload=0.4)
     # Torques constant for h let weights oscillate if adaptation approaches damping / (h
@@ -97,6 +99,7 @@ def test_prior_model_reduces_the_learned_torque():
     assert abs(knowing).max() < 0.5 * abs(without).max()
 
 
+@pytest.mark.thorough
 def test_modification_bounds_weights_under_noise():
     """Without it, noise of the readings would let weights drift without bound."""
     arm = rigid_arm()

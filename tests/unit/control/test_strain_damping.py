@@ -138,6 +138,7 @@ def test_static_bending_along_the_reference_is_not_fed_back(law):
     assert errors[1] < errors[0] + 2e-4
 
 
+@pytest.mark.sampled("PositivePositionFeedback-inversion")
 @pytest.mark.parametrize("kind", ["quasi_static", "inversion"])
 @every
 def test_bending_of_a_flexible_reference_is_not_fed_back(law, kind):

@@ -31,6 +31,7 @@ DEVIATIONS = {"payload.mass": 0.03, FRICTION: 0.1, "disturbance": 0.5}
 START = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
 
 
+@pytest.mark.sampled("ExtendedKalmanFilter")
 @EVERY
 def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind):
     """Normalised errors and innovations squared of 12 runs, with the chi-squared distribution."""
@@ -189,6 +190,7 @@ def test_wrong_parameters_are_rejected():
             fa.ExtendedKalmanFilter(arm, [ENCODER], **options)
 
 
+@pytest.mark.thorough
 def test_controller_subtracts_the_disturbance_and_reports_the_estimates(tmp_path):
     arm = one_link()
     # A soft spring far from rest is a disturbance torque of 1 N m.

@@ -96,6 +96,7 @@ def test_machine_code_exists_once_and_callers_refer_to_it(call):
     assert fresh["referred"]["fourth"] == ["half", "double"]
 
 
+@pytest.mark.thorough
 def test_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert call()["value"] == 3.0
     assert call()["misses"] == []
@@ -110,6 +111,7 @@ def test_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert last["misses"] == []
 
 
+@pytest.mark.thorough
 def test_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_path):
     assert call()["value"] == 3.0
     changed = HALF.replace("0.5 * x", "int(x) // 2")
@@ -131,6 +133,7 @@ print(more(4.0))
 """
 
 
+@pytest.mark.thorough
 def test_cached_function_of_a_user_finds_the_kernel_in_a_later_process(tmp_path):
     """Numba's own cache does not keep it, because it would not load the kernel before it."""
     (tmp_path / "half.py").write_text(HALF)

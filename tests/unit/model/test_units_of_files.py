@@ -58,6 +58,7 @@ def test_file_with_units_is_the_arm_in_si_units(file, tmp_path):
     assert load_arm_spec(tmp_path / "saved.yaml") == spec
 
 
+@pytest.mark.thorough
 def test_schema_accepts_numbers_with_units(file):
     content = yaml.safe_load(file.read_text())
     jsonschema.validate(content, json_schema("arm"))
@@ -137,6 +138,7 @@ def test_unit_of_every_field_is_a_unit():
         assert factor_to(unit.replace(" per 1/", " "), unit) == 1.0
 
 
+@pytest.mark.thorough
 def test_pint_is_imported_when_a_number_has_a_unit():
     code = (
         "import sys, flexarm as fa\n"
