@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.identification import derivatives, fitting
 
 pytestmark = [
@@ -23,19 +24,10 @@ READ = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("joint_rate", no
 
 
 def arm_of(rigidity, inertia, damping, payload):
-    link = fa.Link(
-        length=0.8,
-        flexural_rigidity=rigidity,
-        mass_per_length=0.4,
-        elements=1,
-        modes=2,
-        damping=fa.ModalDamping(ratio=0.02),
-        gauges=[fa.Gauge(station=0.05, distance=0.005)],
-    )
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.4, "elements": 1, "modes": 2}
     joint = fa.Joint(hub_inertia=inertia, damping=damping)
-    return fa.Arm(
-        links=[link], joints=[joint], payload=fa.Payload(mass=payload), gravity=[0.0, -9.81]
-    )
+    more = {"payload": fa.Payload(mass=payload), "gravity": [0.0, -9.81]}
+    return chain([0.8], [joint], damping=0.02, gauge=(0.05, 0.005), **rod, **more)
 
 
 PLANT, BELIEVED = arm_of(*NUMBERS.values()), arm_of(22.0, 0.12, 0.03, 0.25)

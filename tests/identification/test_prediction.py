@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import flexarm as fa
+from arms import chain
 from flexarm.control.filters.predicted_readings import reading_rows
 from flexarm.identification import fitting
 from flexarm.identification.prediction import predicted_run
@@ -26,16 +27,10 @@ SAMPLES = round(DURATION * RATE) + 1
 
 
 def arm_of(rigidity, inertia, damping):
-    link = fa.Link(
-        length=0.8,
-        flexural_rigidity=rigidity,
-        mass_per_length=0.35,
-        elements=1,
-        damping=fa.RayleighDamping(stiffness_coefficient=8e-4),
-        gauges=[fa.Gauge(station=0.06, distance=1e-3)],
-    )
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.35, "elements": 1}
+    rod["damping"] = fa.RayleighDamping(stiffness_coefficient=8e-4)
     joint = fa.Joint(hub_inertia=inertia, damping=damping)
-    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.15))
+    return chain([0.8], [joint], gauge=(0.06, 1e-3), payload=0.15, **rod)
 
 
 @cache

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import flexarm as fa
+from arms import chain
 
 #: Time-optimal torques of two masses and a spring, all 1, for a move by 1 with forces up to 1:
 #: Q. Liu and B. Wie, Robust time-optimal control of uncertain flexible spacecraft, J. Guidance,
@@ -15,8 +16,8 @@ BAR = {"length": 1.0, "flexible": False}
 
 def rod(**kwargs):
     """Return a hub with a flexible rod of one mode, and a payload."""
-    link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, modes=1, **kwargs)
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1)], payload=fa.Payload(mass=0.2))
+    link = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "modes": 1}
+    return chain([1.0], [0.1], payload=0.2, **link, **kwargs)
 
 
 def switches(motion):

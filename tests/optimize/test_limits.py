@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 ROD = {"flexural_rigidity": 150.0, "mass_per_length": 0.5, "modes": 1}
 POST = fa.RoundWall((1.25, 0.75), 0.25)
@@ -15,12 +16,8 @@ ACCEPTED = 1e-3
 
 @cache
 def two_links():
-    gauges = [fa.Gauge(station=0.01, distance=0.005)]
-    return fa.Arm(
-        links=[fa.Link(length=1.0, gauges=gauges, **ROD), fa.Link(length=0.8, **ROD)],
-        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.02, mass=0.3)],
-        payload=fa.Payload(mass=0.2),
-    )
+    joints = [0.1, {"hub_inertia": 0.02, "mass": 0.3}]
+    return chain((1.0, 0.8), joints, gauge=(0.01, 0.005), gauged=1, payload=0.2, **ROD)
 
 
 START, END = [0.0, 0.3], [1.2, 0.6]

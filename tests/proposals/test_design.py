@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import flexarm as fa
+from arms import chain
 from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
@@ -32,28 +33,15 @@ DEFAULTS = {
 
 
 def one_link(**joint):
-    link = fa.Link(
-        length=0.8,
-        flexural_rigidity=20.0,
-        mass_per_length=0.5,
-        elements=1,
-        damping=fa.ModalDamping(ratio=0.01),
-        gauges=[fa.Gauge(station=0.02, distance=0.004)],
-    )
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 1, "damping": 0.01}
     joints = [fa.Joint(hub_inertia=0.05, **joint)]
-    return fa.Arm(links=[link], joints=joints, payload=fa.Payload(mass=0.1))
+    return chain([0.8], joints, gauge=(0.02, 0.004), payload=0.1, **rod)
 
 
 def two_links(gauges=True):
-    rod = {"mass_per_length": 0.5, "elements": 1, "damping": fa.ModalDamping(ratio=0.01)}
-    if gauges:
-        rod["gauges"] = [fa.Gauge(station=0.02, distance=0.004)]
-    links = [
-        fa.Link(length=0.8, flexural_rigidity=40.0, **rod),
-        fa.Link(length=0.6, flexural_rigidity=25.0, **rod),
-    ]
-    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.1))
+    rod = {"flexural_rigidity": [40.0, 25.0], "mass_per_length": 0.5, "elements": 1}
+    more = {"damping": 0.01, "payload": 0.1, "gauge": (0.02, 0.004) if gauges else None}
+    return chain((0.8, 0.6), [0.05, 0.03], **rod, **more)
 
 
 def needs_of(arm, task, **options):

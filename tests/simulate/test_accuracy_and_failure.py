@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import RungeKutta4
 from flexarm.simulation.run.tolerance import fastest_frequency
-from paper_arms import table_one_arm
 
 
 def torque(t):

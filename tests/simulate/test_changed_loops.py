@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import flexarm as fa
+from arms import chain
 from flexarm.cli.main import app
 from random_arms import random_spec
 
@@ -16,14 +17,8 @@ ENCODER = fa.Hardware([fa.Instrument("joint_angle", rate_cutoff=40.0, delay=0.00
 
 
 def one_link(hub=0.5, **payload):
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=400.0,
-        mass_per_length=1.0,
-        modes=2,
-        damping=fa.ModalDamping(ratio=0.005),
-    )
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=hub)], payload=fa.Payload(**payload))
+    rod = {"flexural_rigidity": 400.0, "mass_per_length": 1.0, "modes": 2, "damping": 0.005}
+    return chain([1.0], [hub], payload=fa.Payload(**payload), **rod)
 
 
 LAW = fa.JointPD(60.0, 10.0)

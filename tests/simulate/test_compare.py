@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import two_rods
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
 
 
 @pytest.fixture(scope="module")
 def arm():
-    link = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
-    links = [fa.Link(length=0.8, **link), fa.Link(length=0.6, **link)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+    return two_rods()
 
 
 @pytest.fixture(scope="module")

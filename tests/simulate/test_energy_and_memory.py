@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import simpson
 
 import flexarm as fa
-from paper_arms import table_one_arm
+from arms import table_one_arm
 
 
 def total_energy(result) -> np.ndarray:

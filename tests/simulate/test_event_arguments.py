@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import RungeKutta4
-from paper_arms import table_one_arm
 
 
 def test_events_of_an_equal_arm_are_accepted():

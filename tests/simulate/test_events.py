@@ -5,8 +5,8 @@ import pytest
 from scipy.special import ellipk
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import INTEGRATORS
-from paper_arms import table_one_arm
 
 LENGTH, DENSITY, GRAVITY = 0.7, 0.5, 9.81
 INERTIA = DENSITY * LENGTH**3 / 3.0

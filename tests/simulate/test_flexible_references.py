@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import ROD, laboratory_arm
+from arms import ROD, laboratory_arm
 
 
 def line(flexible, duration=1.0, profile="quintic"):

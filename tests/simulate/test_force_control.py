@@ -5,9 +5,9 @@ import pytest
 from scipy.signal import cont2discrete
 
 import flexarm as fa
+from arms import chain, laboratory_arm
 from flexarm.motion.geometry.kinematics import tip_jacobian
 from flexarm.simulation.calls.metrics import metrics_of
-from paper_arms import laboratory_arm
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
 NORMAL = np.array([-1.0, 0.0])
@@ -16,18 +16,9 @@ POSTURE = np.array([0.9, -1.3])
 
 
 def arm_of(ratio=0.02, **more):
-    links = [
-        fa.Link(
-            length=length,
-            flexural_rigidity=RIGIDITY,
-            mass_per_length=0.6,
-            elements=1,
-            damping=fa.ModalDamping(ratio=ratio),
-        )
-        for length in LENGTHS
-    ]
-    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.05)]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.1), **more)
+    rod = {"flexural_rigidity": RIGIDITY, "mass_per_length": 0.6, "elements": 1, "damping": ratio}
+    joints = [0.1, {"mass": 0.5, "hub_inertia": 0.05}]
+    return chain(LENGTHS, joints, payload=0.1, **rod, **more)
 
 
 ARM = arm_of()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.simulation.derivatives.repeated_parts import Repetition
 from flexarm.simulation.histories.samples import (
     added_coefficients,
@@ -17,17 +18,10 @@ SAME = 1e-9
 
 
 def an_arm():
-    rod = {"mass_per_length": 0.5, "elements": 1}
-    gauge = fa.Gauge(station=0.1, distance=0.005)
-    return fa.Arm(
-        links=[
-            fa.Link(length=0.8, flexural_rigidity=90.0, gauges=[gauge], **rod),
-            fa.Link(length=0.6, flexural_rigidity=40.0, **rod),
-        ],
-        joints=[fa.Joint(hub_inertia=0.1, damping=0.1), fa.Joint(hub_inertia=0.05)],
-        payload=fa.Payload(mass=0.3),
-        gravity=(0.0, -9.81),
-    )
+    rod = {"flexural_rigidity": [90.0, 40.0], "mass_per_length": 0.5, "elements": 1}
+    joints = [{"hub_inertia": 0.1, "damping": 0.1}, 0.05]
+    more = {"gauge": (0.1, 0.005), "gauged": 1, "payload": 0.3, "gravity": (0.0, -9.81)}
+    return chain((0.8, 0.6), joints, **rod, **more)
 
 
 @pytest.mark.parametrize("integrator", ["dormand_prince_8", "kennedy_carpenter_5", "rk4"])

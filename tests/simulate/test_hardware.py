@@ -10,16 +10,14 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
+from arms import two_rods
 
 TICK = 0.002
 
 
 @pytest.fixture(scope="module")
 def arm():
-    link = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
-    gauges = [fa.Gauge(station=0.1, distance=0.005)]
-    links = [fa.Link(length=0.8, gauges=gauges, **link), fa.Link(length=0.6, **link)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+    return two_rods(gauged=1)
 
 
 class Script:

@@ -7,21 +7,15 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 STILL = 4.0  # s, after the end of every motion here
 
 
 def one_mode(ratio=0.0):
     """Return a link with a single mode on a joint with a prescribed motion."""
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=20.0,
-        mass_per_length=0.5,
-        elements=2,
-        modes=1,
-        damping=fa.ModalDamping(ratio=ratio) if ratio else None,
-    )
-    return fa.Arm(links=[link])
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2, "modes": 1}
+    return chain([1.0], damping=ratio or None, **rod)
 
 
 def small_move(arm, duration=0.31):

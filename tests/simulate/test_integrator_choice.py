@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 START = (np.pi / 4, -np.pi / 2)
 
 
 def table_one(elements, modes=None, **options):
-    links = [
-        fa.Link(length=length, elements=elements, modes=modes, **ROD) for length in (1.4142, 1.0)
-    ]
-    return fa.Arm(links=links, **options)
+    return table_one_arm(elements=elements, modes=modes, **options)
 
 
 def torque(t):

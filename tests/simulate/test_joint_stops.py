@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
+from arms import soft_rod
 
 INERTIA = 1.0  # of a rod of 3 kg and 1 m about its end
 STIFFNESS = 2e3
@@ -119,9 +120,7 @@ def test_damped_arm_comes_to_rest_at_its_stop():
 def bouncing(friction=None):
     """Return a soft light rod that a torque pushes against its stop: six impacts in 2 s."""
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4, damping=0.1)
-    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
-    joint = fa.Joint(hub_inertia=0.1, limits=limits, friction=friction)
-    return fa.Arm(links=[link], joints=[joint])
+    return soft_rod(limits=limits, friction=friction)
 
 
 def pushed(of, **settings):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from random_arms import random_spec
 
 TICK = 0.001
@@ -13,14 +14,8 @@ ENCODER = [fa.Instrument("joint_angle", resolution=2.0 * np.pi / 4096, rate_cuto
 
 
 def one_link(**spec):
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=100.0,
-        mass_per_length=0.5,
-        elements=2,
-        damping=fa.ModalDamping(ratio=0.02),
-    )
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)], **spec)
+    rod = {"flexural_rigidity": 100.0, "mass_per_length": 0.5, "elements": 2, "damping": 0.02}
+    return chain([1.0], [0.05], **rod, **spec)
 
 
 class Script:

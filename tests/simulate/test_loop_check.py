@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import flexarm as fa
+from arms import laboratory_arm, table_one_arm
 from flexarm.cli.main import app
 from flexarm.simulation.loop.stability import differenced, instability
-from paper_arms import laboratory_arm, table_one_arm
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 

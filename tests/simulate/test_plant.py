@@ -9,6 +9,7 @@ import pytest
 from numba import typeof
 
 import flexarm as fa
+from arms import two_rods
 from flexarm.arm.bending import theory_error
 from flexarm.simulation.run.validity import BendingWatch
 
@@ -20,9 +21,7 @@ START = [0.2, -0.4]
 
 @pytest.fixture(scope="module")
 def arm():
-    gauges = [fa.Gauge(station=0.1, distance=0.005)]
-    links = [fa.Link(length=0.8, gauges=gauges, **LINK), fa.Link(length=0.6, **LINK)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+    return two_rods(gauged=1)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import ROD, table_one_arm
+from arms import ROD, table_one_arm
 
 
 def swing(amplitude, omega, phase=0.0):

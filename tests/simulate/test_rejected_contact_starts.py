@@ -5,14 +5,11 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain, unit_link
 
 #: A rod of 3 kg and 1 m on a joint at its end, in front of a floor.
 FLOOR = fa.Wall((0.0, -0.1), (0.0, 1.0))
 WEIGHT = 3.0 * 9.81
-
-
-def rod():
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 def start(depth):
@@ -31,12 +28,12 @@ def contact(force, depth, exponent=1.0):
 )
 def test_start_is_deep_only_with_large_depth_and_large_force(depth, weights):
     touch = contact(weights * WEIGHT, depth)
-    result = fa.simulate(rod(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
+    result = fa.simulate(unit_link(), 1e-4, initial=start(depth), contacts=[touch], rate=1e4)
     assert float(result.contact_gap[0, 0]) == pytest.approx(-depth, rel=1e-12)
 
 
 def test_plant_rejects_a_deep_start_at_its_first_step():
-    plant = fa.Plant(rod(), contacts=[fa.Contact(fa.Wall((0.0, 0.1), (0.0, 1.0)), 1e4)])
+    plant = fa.Plant(unit_link(), contacts=[fa.Contact(fa.Wall((0.0, 0.1), (0.0, 1.0)), 1e4)])
     with pytest.raises(fa.InputError, match=r"^Plant\.step: initial must start outside"):
         plant.step([0.0])
     with pytest.raises(fa.InputError, match=r"^Plant\.reset: initial must start outside"):
@@ -52,8 +49,7 @@ LINK = {"flexural_rigidity": 60.0, "mass_per_length": 0.6, "elements": 1}
 
 @pytest.fixture(scope="module")
 def arm():
-    links = [fa.Link(length=0.8, **LINK), fa.Link(length=0.7, **LINK)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1)] * 2)
+    return chain((0.8, 0.7), [0.1, 0.1], **LINK)
 
 
 def table():

@@ -7,16 +7,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from arms import unit_link
 from constant_torques import parabolas
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import find_kinks, sampled_torque
 from strategies import between
-
-
-def unit_link():
-    """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 def end_of(result):

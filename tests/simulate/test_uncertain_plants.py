@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import laboratory_arm
+from arms import chain, laboratory_arm
 
 GAIN = [30.0, 8.0]
 NAMES = [
@@ -23,12 +23,9 @@ LIMIT = 3.0
 
 
 def make_arm():
-    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.6, "elements": 1}
-    damping = fa.ModalDamping(ratio=0.005)
-    links = [fa.Link(length=length, damping=damping, **rod) for length in (1.0, 0.8)]
+    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.6, "elements": 1, "damping": 0.005}
     elbow = fa.Joint(mass=0.5, hub_inertia=0.05, housing_inertia=0.05)
-    joints = [fa.Joint(hub_inertia=0.2), elbow]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.4))
+    return chain((1.0, 0.8), [0.2, elbow], payload=0.4, **rod)
 
 
 ARM = make_arm()

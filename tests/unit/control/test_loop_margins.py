@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain, laboratory_arm
 from flexarm.control.analysis.linear_controller import linear_controller
 from flexarm.control.analysis.margin_design import _least
 from flexarm.control.analysis.margins import loop_at
 from flexarm.control.analysis.plant_model import instruments_of, model_at, signals_of
-from paper_arms import laboratory_arm
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links
@@ -217,14 +217,9 @@ def test_unsupported_loops_are_rejected():
 
 
 def soft(rigidity, gravity=9.81):
-    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.5, "elements": 1}
-    rod["gauges"] = [fa.Gauge(station=0.05, distance=0.004)]
-    rod["damping"] = fa.ModalDamping(ratio=0.01)
-    return fa.Arm(
-        links=[fa.Link(length=0.8, **rod), fa.Link(length=0.6, **rod)],
-        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.4, hub_inertia=0.05)],
-        gravity=(0.0, -gravity),
-    )
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.5, "elements": 1, "damping": 0.01}
+    joints = [0.1, {"mass": 0.4, "hub_inertia": 0.05}]
+    return chain((0.8, 0.6), joints, gauge=(0.05, 0.004), gravity=(0.0, -gravity), **rod)
 
 
 @pytest.mark.parametrize(

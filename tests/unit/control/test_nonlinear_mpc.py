@@ -6,10 +6,10 @@ import pytest
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.control.laws.linear.nonlinear_mpc import with_modes
 from flexarm.linear.step_derivatives import sampled_steps
 from flexarm.linear.step_derivatives.sampled_steps import SampledSteps
-from paper_arms import table_one_arm
 
 
 @pytest.fixture(scope="module")

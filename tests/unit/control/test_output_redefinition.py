@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.control.analysis.margins import loop_at
 from flexarm.control.contract.base import Controller
 from flexarm.control.design.flexible_model import FlexibleModel
@@ -32,16 +33,8 @@ def one_link(count=1, hub=0.0, **changes):
 
 def three_links():
     """Return an arm of two joints whose first link has two parts."""
-    links = [
-        fa.Link(length=length, elements=1, gauges=[fa.Gauge(station=0.05, distance=0.005)], **ROD)
-        for length in (0.8, 0.5, 0.6)
-    ]
-    joints = [
-        fa.Joint(hub_inertia=0.1),
-        fa.Joint(fixed=True),
-        fa.Joint(hub_inertia=0.05),
-    ]
-    return fa.Arm(links=links, joints=joints)
+    joints = [0.1, {"fixed": True}, 0.05]
+    return chain((0.8, 0.5, 0.6), joints, gauge=(0.05, 0.005), elements=1, **ROD)
 
 
 def test_chords_are_the_angles_of_a_rigid_arm_with_the_same_tip():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.control.hardware.measurement import Measurement
 
@@ -11,13 +12,8 @@ TICK = 0.002
 
 
 def arm(**options):
-    link = {"mass_per_length": 0.5, "elements": 2}
-    links = [
-        fa.Link(length=0.8, flexural_rigidity=30.0, **link),
-        fa.Link(length=0.6, flexural_rigidity=20.0, **link),
-    ]
-    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
-    return fa.Arm(links=links, joints=joints, **options)
+    rod = {"flexural_rigidity": [30.0, 20.0], "mass_per_length": 0.5, "elements": 2}
+    return chain((0.8, 0.6), [0.05, {"hub_inertia": 0.03, "mass": 0.2}], **rod, **options)
 
 
 def readings(count=40, gauges=0, seed=3):

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import flexarm as fa
-from paper_arms import ROD, table_one_arm
+from arms import ROD, table_one_arm
 
 DATA = Path(__file__).parents[2] / "data"
 ROTATING = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))["rotating"]

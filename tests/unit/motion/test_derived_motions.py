@@ -5,8 +5,8 @@ import pytest
 from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.motion import joint_motion, line_motion
-from paper_arms import table_one_arm
 
 
 def line(profile="quintic", start_time=0.4):
