@@ -32,7 +32,7 @@ def chain(
     joints: hub inertias (kg m^2), fields of joints, or joints. damping: modal ratio, or damping, of
     all links. gauge: station and distance (m), on all links or the first ``gauged`` ones. payload:
     mass (kg) or payload. Other fields of the arm, or of its links: a list has one value for each
-    link, all else is for every link.
+    link (but ``gauges``), all else is for every link.
     """
     if damping is not None:
         modal = isinstance(damping, float)
@@ -44,7 +44,10 @@ def chain(
         of_arm["payload"] = payload if not isinstance(payload, float) else fa.Payload(mass=payload)
     links = []
     for k, length in enumerate(lengths):
-        own = {name: v[k] if type(v) is list else v for name, v in fields.items()}
+        own = {
+            name: value[k] if isinstance(value, list) and name != "gauges" else value
+            for name, value in fields.items()
+        }
         if gauge is not None and (gauged is None or k < gauged):
             own["gauges"] = [fa.Gauge(station=gauge[0], distance=gauge[1])]
         links.append(fa.Link(length=length, **own))

@@ -5,6 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import two_rods
+from controllers import Plain
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
 
 
@@ -170,13 +171,8 @@ def test_noise_is_the_same_for_all_controllers_and_in_repeated_calls(arm, motion
 
 
 def test_failed_run_is_reported_and_the_others_continue(arm, motion):
-    class Broken(fa.Controller):
-        sample_time = 0.01
-
-        def update(self, t, measurement, reference):
-            return [np.nan, 0.0] if t > 0.1 else [0.0, 0.0]
-
-    table = fa.compare(arm, {"broken": Broken(), "pd": gains()}, 0.5, {"move": motion})
+    broken = Plain(lambda t, measurement, reference: [np.nan if t > 0.1 else 0.0, 0.0])
+    table = fa.compare(arm, {"broken": broken, "pd": gains()}, 0.5, {"move": motion})
     assert "torque[0] must be finite" in table.failure.sel(controller="broken").item()
     assert "t = 0.11 s" in table.failure.sel(controller="broken").item()
     assert np.isnan(table.tip_error_peak.sel(controller="broken")).all()

@@ -8,6 +8,7 @@ import pytest
 
 import flexarm as fa
 from central_differences import differences
+from controllers import Law, Plain
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.complex_step import stepper_of
@@ -170,17 +171,14 @@ def test_instruments_and_motors():
 
 
 def test_other_channels_as_readings():
-    class TipSpring(fa.Controller):
-        sample_time = SAMPLE_TIME
-        memory = ()
-
-        def update(self, t, measurement, reference):
-            x, y = measurement.tip
-            return [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * measurement.joint_rate[1]]
+    def spring(t, measurement, reference):
+        x, y = measurement.tip
+        return [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * measurement.joint_rate[1]]
 
     arm = two_links()
     read = [fa.Instrument("tip"), fa.Instrument("joint_rate")]
-    given = {"controller": TipSpring(), "hardware": fa.Hardware(instruments=read), **FIXED}
+    given = {"hardware": fa.Hardware(instruments=read), **FIXED}
+    given["controller"] = Law(spring, SAMPLE_TIME)
     given["initial"] = arm.rest([0.2, 0.4])
     agrees(arm, 0.1, "links[0].mass_per_length", given)
     agrees(arm, 0.1, "initial[1]", given)
@@ -238,11 +236,7 @@ class Undeclared(Own):
         return -0.1 * self.hidden
 
 
-class Switching(Own):
-    memory = ()
-
-    def update(self, t, measurement, reference):
-        return -0.1 * np.sign(measurement.joint_rate)
+SWITCHING = Law(lambda t, measurement, _: -0.1 * np.sign(measurement.joint_rate), SAMPLE_TIME)
 
 
 def test_a_controller_of_the_user():
@@ -256,7 +250,7 @@ def test_a_controller_of_the_user():
     ("changes", "text"),
     [
         ({"controller": Undeclared()}, "more than its memory and readings"),
-        ({"controller": Switching(), "initial": None}, "be differentiable"),
+        ({"controller": SWITCHING, "initial": None}, "be differentiable"),
         (
             {"hardware": fa.Hardware(instruments=[fa.Instrument("joint_angle", resolution=1e-3)])},
             r"instruments\[0\].resolution is not supported",
@@ -281,17 +275,9 @@ def test_what_has_no_derivative_is_named(changes, text):
 
 
 def test_a_law_that_does_not_declare_its_memory():
-    class Plain:
-        sample_time = SAMPLE_TIME
-
-        def reset(self):
-            pass
-
-        def update(self, t, measurement, reference):
-            return -measurement.joint_angle
-
+    plain = Plain(lambda t, measurement, reference: -measurement.joint_angle, SAMPLE_TIME)
     with pytest.raises(fa.InputError, match="declare its memory"):
-        fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=Plain())
+        fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=plain)
 
 
 def test_more_than_eight_parameters_equal_single_ones():

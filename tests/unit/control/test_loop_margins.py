@@ -8,6 +8,7 @@ import pytest
 
 import flexarm as fa
 from arms import chain, laboratory_arm
+from controllers import Plain
 from flexarm.control.analysis.linear_controller import linear_controller
 from flexarm.control.analysis.margin_design import _least
 from flexarm.control.analysis.margins import loop_at
@@ -197,18 +198,9 @@ def test_least_margin_of_several_arms_is_that_of_the_worst():
 
 
 def test_unsupported_loops_are_rejected():
-    class Own:
-        sample_time = 1e-3
-
-        def reset(self):
-            pass
-
-        def update(self, t, measurement, reference):
-            return [0.0]
-
     arm, _ = turntable()
     with pytest.raises(fa.InputError, match="memory"):
-        fa.loop_margins(Own(), arm)
+        fa.loop_margins(Plain(lambda t, measurement, reference: [0.0]), arm)
     with pytest.raises(fa.InputError, match="plants"):
         fa.loop_margins(fa.JointPD(1.0, 1.0))
     slow = fa.Hardware([fa.Instrument("joint_angle", sample_time=4e-3, rate_cutoff=20.0)])

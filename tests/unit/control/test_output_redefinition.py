@@ -6,22 +6,17 @@ import pytest
 
 import flexarm as fa
 from arms import chain
+from controllers import Law
 from flexarm.control.analysis.margins import loop_at
-from flexarm.control.contract.base import Controller
 from flexarm.control.design.flexible_model import FlexibleModel
 from flexarm.control.hardware.measurement import Measurement
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 
 
-class Echo(Controller):
-    """Inner controller whose torques are the angles of its reference."""
-
-    memory = ()
-    sample_time = 1e-3
-
-    def update(self, t, measurement, reference):
-        return reference.joint_angle(t)
+def echo():
+    """Return an inner controller whose torques are the angles of its reference."""
+    return Law(lambda t, measurement, reference: reference.joint_angle(t), 1e-3)
 
 
 def one_link(count=1, hub=0.0, **changes):
@@ -59,7 +54,7 @@ def test_largest_damping_weight_of_a_uniform_beam_on_a_pin():
     """
     b = np.array([3.92660231, 7.06858275, 10.21017612])
     ratio = 2.0 * np.sin(b) / (b * (1.0 + np.sin(b) / np.sinh(b)))
-    controller = fa.OutputRedefinition(one_link(5), Echo())
+    controller = fa.OutputRedefinition(one_link(5), echo())
     lowest, largest = controller.damping_weights()
     assert lowest == -np.inf
     # Five modes of a clamped link represent the first ones of a link on a pin to this accuracy.
@@ -71,7 +66,7 @@ def test_heavy_payload_makes_every_weight_below_one_passive():
     largest = []
     for mass in (0.5, 50.0):
         arm = one_link(3, payload=fa.Payload(mass=mass))
-        largest.append(fa.OutputRedefinition(arm, Echo()).damping_weights()[1])
+        largest.append(fa.OutputRedefinition(arm, echo()).damping_weights()[1])
     assert largest[0] < largest[1] < 1.0
     assert largest[1] > 0.99
 
