@@ -210,6 +210,17 @@ DAMPING = [
 ]
 
 
+@pytest.mark.thorough_cases(
+    "adaptive_force",
+    "hybrid_force",
+    "integral_resonant_control",
+    "lqg",
+    "lqg_integral",
+    "lqg_scheduled",
+    "lqg_tip_integral",
+    "mu_synthesis",
+    "neural_force",
+)
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_recorded_run(name, tmp_path):
     arm = heavy()
@@ -328,6 +339,7 @@ def test_the_code_does_not_grow_with_the_period(tmp_path):
             fa.export_c(heavy(), tmp_path, controller=controller)
 
 
+@pytest.mark.thorough
 def test_controllers_around_each_other(tmp_path):
     damped = fa.PositivePositionFeedback(heavy(), LAWS["joint_pid"](), damping_ratio=0.2)
     scheduled = LAWS["loop_shaping_scheduled"]()

@@ -280,6 +280,7 @@ REASONS = {
 }
 
 
+@pytest.mark.thorough_cases("Searches")
 @pytest.mark.parametrize("kind", REASONS)
 def test_refused_with_the_reason(kind, tmp_path):
     with pytest.raises(fa.InputError, match=f"closed form, got {kind.__name__}.*{REASONS[kind]}"):

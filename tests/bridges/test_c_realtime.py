@@ -52,6 +52,7 @@ def test_closed_loop_over_udp_equals_simulate(name, tmp_path):
         )
 
 
+@pytest.mark.thorough
 def test_a_packet_of_another_length_ends_both_programs(tmp_path):
     """Here without the reference, which the controller follows."""
     at = free_address()

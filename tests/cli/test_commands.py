@@ -292,6 +292,7 @@ run: {duration: 0.01}
 """
 
 
+@pytest.mark.thorough_cases("run")
 @pytest.mark.parametrize("command", ["run", "check"])
 def test_warnings_of_the_design_of_a_drive_are_one_line(tmp_path, command):
     path = tmp_path / "scenario.yaml"

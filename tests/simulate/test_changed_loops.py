@@ -65,6 +65,7 @@ def test_combined_changes_are_examined_in_their_order():
     assert text.split(":")[1] == warned(one_link(second, mass=0.4))[0][0].split(":")[1]
 
 
+@pytest.mark.thorough
 def test_change_at_an_event_and_along_a_table():
     arm = one_link()
     event = fa.joint_event(arm, 1, 0.02, name="gate")
@@ -111,6 +112,7 @@ run: {{duration: 2.0, rate: 100}}
         assert ("the sampled loop is unstable after the change" in result.stderr) == expected
 
 
+@pytest.mark.thorough
 def test_warnings_agree_with_the_growth_on_random_arms():
     """Growth: of the joint rate within the last 1.5 s of the run."""
     rng = np.random.default_rng(2)

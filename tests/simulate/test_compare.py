@@ -100,6 +100,7 @@ def test_table_has_every_combination(arm, motion):
     ).all()
 
 
+@pytest.mark.thorough
 def test_load_on_one_plant_moves_a_joint_by_its_torque_over_the_gain():
     """At rest gain times angle is the moment of the force, and the link bends by F L^3 / 3 EI.
 

@@ -226,6 +226,7 @@ def test_contact_with_a_thin_post_is_not_missed(name, speed):
     assert float(result.joint_rate[-1, 0]) == pytest.approx(-speed, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [n for n in FOLLOWING if INTEGRATORS[n].adaptive])
 def test_grazing_contact_with_a_wall_is_not_missed(name):
     """A tip on a circle of 1 m reaches 2 mm into a wall, within 0.13 rad."""

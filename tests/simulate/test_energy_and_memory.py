@@ -64,6 +64,7 @@ def test_damping_never_increases_energy() -> None:
     assert energy[-1] < 0.95 * energy[0]
 
 
+@pytest.mark.thorough
 def test_memory_of_a_minute_at_one_kilohertz() -> None:
     """60001 samples of every channel within 200 MB in addition to the imports, in a separate
     process."""

@@ -84,6 +84,7 @@ def test_rigid_reference_on_request_and_with_torques_for_rigid_angles():
     np.testing.assert_array_equal(both.q.values, rigid.q.values)
 
 
+@pytest.mark.thorough
 def test_tip_inversion_as_reference(inverse):
     found = fa.run_scenario(scenario({**PD, "reference": "tip_inversion"}))
     options = {"reference": inverse.reference, "initial": inverse.initial, "rate": 100.0}
@@ -102,6 +103,7 @@ def test_integral_manifold_as_reference():
     assert found.attrs["reference_kind"] == "integral_manifold"
 
 
+@pytest.mark.thorough
 def test_torques_alone(inverse):
     arm = inverse.arm
     static = fa.quasi_static_reference(arm, inverse.motion)

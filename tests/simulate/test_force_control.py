@@ -85,6 +85,7 @@ def in_series(*stiffnesses):
     return 1.0 / sum(1.0 / k for k in stiffnesses)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("normal_stiffness", [20.0, 100.0])
 def test_impedance_is_a_spring_in_series_with_links_and_wall(normal_stiffness):
     """(F.9): the designed spring, the links and the wall."""
@@ -104,6 +105,7 @@ def test_impedance_with_measured_force_has_no_steady_error():
     assert settled(controller, 5e-3) == pytest.approx(1.0, rel=1e-4)
 
 
+@pytest.mark.thorough_cases("150.0")
 @pytest.mark.parametrize("stiffness", [50.0, 150.0])
 def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     """(F.12): its own spring, the position loop, the links and the wall."""
@@ -119,6 +121,7 @@ def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)  # as for the impedance
 
 
+@pytest.mark.thorough
 def test_admittance_without_a_spring_has_no_steady_error():
     controller = fa.Admittance(ARM, damping=100.0)
     assert settled(controller, 5e-3, duration=16.0) == pytest.approx(1.0, rel=1e-3)
@@ -230,6 +233,7 @@ def sliding():
 
 # On a wall three times as stiff the loop of the soft arm is unstable at the start, where it
 # vibrates for a tenth of a second without friction; sliding along the wall makes it stable.
+@pytest.mark.thorough_cases("plant0-contact0-2.0")
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.parametrize(
     ("plant", "contact", "limit"),

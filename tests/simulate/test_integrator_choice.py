@@ -108,6 +108,7 @@ def test_number_of_steps_of_a_full_mesh_does_not_grow_with_refinement():
     assert max(steps) < 1.5 * min(steps)
 
 
+@pytest.mark.thorough_cases("32")
 @pytest.mark.parametrize("elements", [8, 32])
 def test_default_tolerances_on_a_full_mesh(elements):
     """1e-6 of the reach, against a run with a tenth of the tolerance."""

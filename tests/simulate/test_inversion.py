@@ -19,6 +19,7 @@ def tip_error(arm, motion, torque, initial, duration):
     return np.hypot(*(run.tip.values - motion.tip(run.time.values)).T).max()
 
 
+@pytest.mark.thorough_cases("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
     """A hundredth of the error under rigid torques is documented; a five-hundredth is reached."""
@@ -53,6 +54,7 @@ def test_single_link_under_gravity():
     assert abs(found.initial[0]) > 0.05  # the joint is raised where the link sags
 
 
+@pytest.mark.thorough
 def test_light_damping_does_not_lengthen_the_torques():
     """Zeros of damped vibrations have a small real part, which must not extend the actuation."""
     spans, errors = [], []
@@ -97,6 +99,7 @@ def test_vertical_arm():
     assert np.abs(away).max() < 1e-3
 
 
+@pytest.mark.thorough
 def test_failed_inversion_reports_its_tip_error():
     arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:
@@ -152,6 +155,7 @@ def inverted(name):
     return arm, motion, fa.tip_inversion(arm, motion)
 
 
+@pytest.mark.sampled("middle joint fixed")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):
@@ -179,6 +183,7 @@ def test_redundant_joint_follows_the_rigid_motion():
     assert min(away[0], away[1]) > 1e-2  # the other two keep the tip on its path
 
 
+@pytest.mark.thorough
 def test_elastic_joints_keep_the_zeros_of_the_links():
     """A spring and a rotor without gear transmit the torque of the motor.
 

@@ -94,6 +94,7 @@ def test_stop_force_is_never_negative():
     assert released.sum() >= 2  # the case occurs
 
 
+@pytest.mark.thorough
 def test_flexible_arm_between_two_stops_conserves_energy():
     """Over many impacts the sum of bending, stop and kinetic energy is constant."""
     of = arm(flexible=True)

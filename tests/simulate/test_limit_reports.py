@@ -98,6 +98,7 @@ def test_a_motor_too_weak_for_gravity_is_reported():
     assert "torque_limit" not in warned[0]  # a PD has no integral, and no argument for it
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_warnings_agree_with_the_harm_on_random_arms():
@@ -195,6 +196,7 @@ def test_depth_of_contacts():
     assert len(warned) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")
 def test_batches_have_the_numbers_of_single_runs():
     arm = one_link()

@@ -87,6 +87,7 @@ def thrown():
     return {"arm": arm, "duration": 3.0, "initial": arm.rest([1.0, -0.5]), "contacts": contacts}
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_motion_that_no_tolerance_determines_gives_a_warning():
     """Runs at different tolerances once differed by 2 cm without a warning."""

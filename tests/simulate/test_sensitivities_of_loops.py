@@ -135,6 +135,7 @@ def test_every_controller_against_differences_or_with_a_reason(name):
     agrees(arm, 0.06, "initial[0]", {**given, "initial": arm.rest([0.25, -0.4])}, step=1e-5)
 
 
+@pytest.mark.thorough_cases("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_random_arms(seed):
     arm = fa.Arm(random_spec(np.random.default_rng(seed), links=2, elements=2))

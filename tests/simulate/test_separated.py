@@ -29,6 +29,7 @@ def test_error_on_the_papers_motion(duration, share):
     assert 0.5 * share < error / largest < share
 
 
+@pytest.mark.thorough
 def test_error_is_quadratic_in_the_deflection():
     """Twenty times as stiff as the paper's arm, and ten times."""
     shares, largest = [], []
@@ -77,6 +78,7 @@ def test_locked_joints_equal_prescribed_ones():
         assert np.abs(parts[name].values - wanted).max() < share * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 def test_added_torque_acts_as_in_the_full_model():
     arm = table_one_arm(rigidity=2000.0)
     line = paper_line(arm, 1.0)
