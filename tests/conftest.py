@@ -34,11 +34,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _is_thorough_case(item: pytest.Item) -> bool:
-    """Return whether the markers of a parametrised test leave this case to `make test-all`."""
-    case = getattr(item, "callspec", None)
-    if case is None:
-        return False
-    names = {case.id, *case.id.split("-")}
+    """Return whether ``thorough_cases`` or ``sampled`` leaves this test to `make test-all`."""
+    names = {item.name.partition("[")[0]}
+    if hasattr(item, "callspec"):
+        names |= {item.callspec.id, *item.callspec.id.split("-")}
     left_out, sample = item.get_closest_marker("thorough_cases"), item.get_closest_marker("sampled")
     return bool(left_out and names & set(left_out.args)) or bool(
         sample and not names & set(sample.args)

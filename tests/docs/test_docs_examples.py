@@ -57,11 +57,25 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.sampled(
+    "CONTRIBUTING.md",
+    "docs/reference/file-format.md",
+    "docs/how-to/modes.md",
+    "docs/how-to/read-the-result.md",
+    "docs/how-to/prescribe-a-motion.md",
+    "docs/how-to/find-equilibrium.md",
+    "docs/how-to/handle-errors.md",
+    "docs/how-to/differentiate-a-step.md",
+    "docs/how-to/plan-a-motion.md",
+    "docs/how-to/describe-an-arm.md",
+    "docs/tutorials/first-run.md",
+)
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_page(page: str, folder: Path) -> None:
     run_blocks(page)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("page", "program"),
     sorted(
