@@ -139,6 +139,7 @@ def test_contact_run(kind, tmp_path):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=limit, err_msg=channel)
 
 
+@pytest.mark.thorough
 def test_scenario_with_a_pressed_motion(tmp_path):
     file = tmp_path / "wipe.yaml"
     file.write_text(

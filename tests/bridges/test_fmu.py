@@ -80,6 +80,7 @@ def outputs(path):
     return [one.name for one in described.modelVariables if one.causality == "output"]
 
 
+@pytest.mark.thorough_cases("2.0")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_validator(exported, version):
     """Schema, names, units, structure, and combinations of causality and variability."""
@@ -124,6 +125,7 @@ def test_run_is_that_of_simulate(exported, version, kind):
         assert error < limit, (name, error)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", VERSIONS)
 def test_derivatives_of_an_arm_with_every_option(version, tmp_path):
     """Without an integrator: equal to rounding to the arm that has the changed parameters."""
@@ -302,6 +304,7 @@ def test_other_controllers(name, tmp_path):
         assert np.abs(found[channel] - wanted).max() < 1e-8 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["lqg", "lqg_scheduled", "lqg_tip_integral"])
 def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
     """Inputs for the nominal motion are at rest by default, in the posture of the design."""
@@ -323,6 +326,7 @@ def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
         assert np.abs(found[name] - wanted).max() < 1e-5 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough_cases("3.0")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatch):
     """The warning gives the reason, and FMPy's own build makes the binary."""

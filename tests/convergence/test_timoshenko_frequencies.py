@@ -150,6 +150,7 @@ def test_modes_of_an_arm_of_one_link(slenderness, joints):
     assert np.all(error < 8.0 * bending_error(exact, 48))
 
 
+@pytest.mark.sampled("clamped L/r=200")
 @pytest.mark.parametrize("case", CLAMPED, ids=label)
 def test_error_approaches_that_of_an_euler_bernoulli_beam(case):
     exact = np.array(case["lambda"][:3])
@@ -199,6 +200,7 @@ def test_arms_of_two_stocky_links_have_order_four():
     assert np.all((reduced > 0.0) & (reduced < 1e-3))  # omitted shapes
 
 
+@pytest.mark.thorough
 def test_without_rotary_inertia_the_order_is_two():
     """A rotation without inertia has no mass; see ``beams.interior``."""
     two = np.ones(2)

@@ -36,6 +36,7 @@ def test_objects_that_flexarm_returns_are_public():
     assert set(fa.__all__) >= MADE_BY_FLEXARM
 
 
+@pytest.mark.thorough_cases("write_result")
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_base_calls_are_accepted(name):
     if name.startswith("to_jax"):

@@ -99,6 +99,7 @@ PATHS = {
 }
 
 
+@pytest.mark.thorough_cases("missing folder")
 @pytest.mark.parametrize("kind", PATHS)
 def test_every_path_argument_names_a_path_that_cannot_be_used(kind):
     arguments = pairs(OF_PATHS, is_path)

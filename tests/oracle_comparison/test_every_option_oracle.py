@@ -152,6 +152,7 @@ def test_energy_with_springs_and_stops(seed):
     np.testing.assert_allclose(b.arm.tip(b.q), oracle.tip(q), rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_every_option_is_drawn():
     arms = [case(seed)[0] for seed in SEEDS]
     joints = [joint for b in arms for joint in b.arm.spec.joints]

@@ -121,6 +121,7 @@ def test_energy_and_tip(seed):
     np.testing.assert_allclose(d.arm.tip_velocity(d.q, d.qd), velocity, rtol=0, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_random_arms_have_every_kind_of_option():
     arms = [case(seed)[0].arm for seed in SEEDS]
     assert len(arms) >= 40
