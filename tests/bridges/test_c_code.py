@@ -173,6 +173,7 @@ def test_wrong_arguments_write_nothing(tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.thorough
 def test_files_of_others_are_not_replaced(tmp_path):
     arm, own = parametric("linear"), "all:\n\techo mine\n"
     (tmp_path / "Makefile").write_text(own)

@@ -210,17 +210,7 @@ DAMPING = [
 ]
 
 
-@pytest.mark.thorough_cases(
-    "adaptive_force",
-    "hybrid_force",
-    "integral_resonant_control",
-    "lqg",
-    "lqg_integral",
-    "lqg_scheduled",
-    "lqg_tip_integral",
-    "mu_synthesis",
-    "neural_force",
-)
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_recorded_run(name, tmp_path):
     arm = heavy()
@@ -258,6 +248,7 @@ class InC(fa.Controller):
         return torque
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "readings", "references"),
     [
@@ -323,6 +314,7 @@ def test_the_controller_is_not_modified(tmp_path):
     assert np.array_equal(controller.proportional, before)
 
 
+@pytest.mark.thorough
 def test_the_code_does_not_grow_with_the_period(tmp_path):
     sizes, memories = [], []
     for period in (0.4, 4.0):

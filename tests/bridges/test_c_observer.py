@@ -40,7 +40,7 @@ FILTERS = {
 }
 
 
-@pytest.mark.sampled("no_gravity")
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(FILTERS))
 def test_recorded_run(name, tmp_path):
     observer = FILTERS[name]()

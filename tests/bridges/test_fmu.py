@@ -266,6 +266,7 @@ def closed_loop(name, version, kind, tmp_path):
     return run, found[last]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_closed_loop(version, kind, tmp_path):
@@ -286,6 +287,7 @@ def test_closed_loop(version, kind, tmp_path):
     assert np.abs(torque - wanted).max() < 1e-4 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [
@@ -326,7 +328,7 @@ def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
         assert np.abs(found[name] - wanted).max() < 1e-5 * np.abs(wanted).max()
 
 
-@pytest.mark.thorough_cases("3.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", VERSIONS)
 def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatch):
     """The warning gives the reason, and FMPy's own build makes the binary."""
@@ -346,6 +348,7 @@ def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatc
     assert found["time"][-1] == 0.01
 
 
+@pytest.mark.thorough
 def test_equal_exports_are_equal_files(tmp_path):
     paths = [fa.export_fmu(damped().rigid(), tmp_path / f"{k}.fmu") for k in range(2)]
     assert paths[0].read_bytes() == paths[1].read_bytes()
@@ -368,6 +371,7 @@ def test_wrong_arguments_write_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 def test_command(tmp_path):
     """A scenario: its controller, and its initial state at the start of the motion."""
     folder = tmp_path / "my-arm"

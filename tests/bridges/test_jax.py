@@ -117,6 +117,7 @@ def test_gradient_of_friction_at_rest(small):
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
 
 
+@pytest.mark.thorough
 def test_derivative_by_a_parameter(small):
     arm, model = small
     q = arguments(arm, 3)["q"]

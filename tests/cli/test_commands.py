@@ -26,6 +26,7 @@ def test_version():
     assert outcome.stdout == f"flexarm {fa.__version__}\n"
 
 
+@pytest.mark.sampled("paper", "run", "check", "linearize", "schema", "init")
 @pytest.mark.parametrize(
     "command", ["paper", "run", "check", "modes", "linearize", "schema", "init"]
 )

@@ -53,6 +53,14 @@ def test_base_calls_are_accepted(name):
     assert not missing, f"{name} returns a {type(returned).__name__} with methods without base call"
 
 
+@pytest.mark.sampled(
+    "plot.bending_moment-result",
+    "plot.compare-channels",
+    "plot.history-channels",
+    "plot.phase_portrait-channel",
+    "plot.response_figure-omega",
+    "plot.tracks_figure-tracks",
+)
 @pytest.mark.parametrize(
     ("name", "argument"),
     [

@@ -246,6 +246,7 @@ def closed_loop():
     return fa.simulate(arm, 0.8, controller=pd, reference=motion, rate=200.0)
 
 
+@pytest.mark.thorough_cases(".nc")
 @pytest.mark.parametrize("suffix", ["", ".nc"])
 def test_the_torque_of_a_closed_loop_is_a_zero_order_hold(closed_loop, suffix, tmp_path):
     record = closed_loop
@@ -328,6 +329,7 @@ def test_a_vector_without_derivatives_ends_the_search_at_the_one_before(monkeypa
         fa.identify(arm_of(ONE), short(), [RIGIDITY], progress=False)
 
 
+@pytest.mark.thorough
 def test_outliers_count_little_with_a_robust_loss():
     bench = short()
     data = bench.data.copy(deep=True)
@@ -373,6 +375,7 @@ def test_progress_shows_the_fit_of_each_channel(capsys):
     assert "strain_1" in str(found)
 
 
+@pytest.mark.thorough
 def test_a_record_in_wrong_units_is_reported():
     """Degrees read as radians: the best rigidity is far off."""
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5)])

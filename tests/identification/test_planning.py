@@ -183,7 +183,7 @@ def small(limits, **settings):
 
 # Two samples per period of the highest sine: their central differences are too small. The spline
 # reaches the limit in the first case, the torque in the second one.
-@pytest.mark.thorough_cases("band1-3")
+@pytest.mark.thorough
 @pytest.mark.parametrize(("band", "lines"), [((30.0, 45.0), 2), ((20.0, 44.0), 3)])
 def test_the_torque_rate_is_limited_also_between_samples(band, lines):
     found = small(fa.MotionLimits(torque_rate=5.0), band=band, lines=lines, rate=100.0)

@@ -103,6 +103,7 @@ def test_estimated_process_noise_is_small_without_disturbances():
     assert simulated.torque_noise is None
 
 
+@pytest.mark.thorough_cases("prediction_error")
 @pytest.mark.parametrize("method", ["output_error", "prediction_error"])
 def test_a_fit_whose_noise_still_changes_has_not_converged(method, monkeypatch):
     given = record(1)

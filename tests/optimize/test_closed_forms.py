@@ -35,6 +35,7 @@ def test_rigid_link_accelerates_and_brakes_with_the_largest_torque():
     np.testing.assert_allclose(motion.joint_angle([0.0, 9.0]).ravel(), [0.2, 1.2], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_two_masses_and_a_spring_equal_the_published_switching_times():
     rotors = fa.Joint(hub_inertia=1.0, rotor_inertia=1.0, stiffness=1.0)
     arm = fa.Arm(links=[fa.Link(mass_per_length=1e-9, **BAR)], joints=[rotors])

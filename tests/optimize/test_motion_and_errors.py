@@ -85,6 +85,7 @@ def test_under_gravity_the_arm_starts_and_ends_in_equilibrium():
     assert motion.remaining.tip_error < 1e-5
 
 
+@pytest.mark.thorough
 def test_only_the_given_modes_rest_at_the_end():
     full = arm(modes=3)
     one, every = (
@@ -151,6 +152,7 @@ def test_a_feasible_iterate_that_is_no_solution_names_fast_modes(monkeypatch):
         call()
 
 
+@pytest.mark.thorough
 def test_guess_selects_the_side_of_an_obstacle():
     """The tip of a rigid arm passes a post in its way on the side of the guess."""
     rigid = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=0.5)] * 2)

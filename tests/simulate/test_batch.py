@@ -291,6 +291,7 @@ def test_only_the_requested_samples_are_stored():
     }
 
 
+@pytest.mark.thorough
 def test_memory_is_that_of_the_dataset_and_of_one_run():
     runs, samples = 40, 20_000
     reductions = {"peak": fa.Reduction("peak", "tip")}

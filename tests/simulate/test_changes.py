@@ -168,6 +168,7 @@ class TestFunctionsOfTime:
         assert errors[1] < 2e-4
         assert 3.5 < errors[0] / errors[1] < 4.5
 
+    @pytest.mark.thorough
     def test_default_interval(self):
         change = fa.Change("joints[0].stiffness", to=lambda t: 40.0 - 10.0 * t)
         run = self.run({"to": change.to}, change.interval)

@@ -98,6 +98,7 @@ HARDWARE = fa.Hardware(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("hardware", [None, HARDWARE], ids=["exact", "hardware"])
 def test_plant_gives_the_same_digits(hardware):
     arm = changing_links()

@@ -45,6 +45,7 @@ def inverse():
     return fa.tip_inversion(arm, line(arm))
 
 
+@pytest.mark.thorough
 def test_default_is_the_bent_arm_with_its_torque():
     arm = fa.Arm(spec())
     static = fa.quasi_static_reference(arm, line(arm))

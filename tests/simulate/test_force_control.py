@@ -127,6 +127,7 @@ def test_admittance_without_a_spring_has_no_steady_error():
     assert settled(controller, 5e-3, duration=16.0) == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("away", [-5e-3, 5e-3])
 def test_hybrid_has_no_steady_error(away):
     assert settled(fa.HybridForce(ARM), away) == pytest.approx(1.0, rel=1e-4)
@@ -233,7 +234,7 @@ def sliding():
 
 # On a wall three times as stiff the loop of the soft arm is unstable at the start, where it
 # vibrates for a tenth of a second without friction; sliding along the wall makes it stable.
-@pytest.mark.thorough_cases("plant0-contact0-2.0")
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.parametrize(
     ("plant", "contact", "limit"),
@@ -294,6 +295,7 @@ def strokes(t):
     return 2.0 * min(max(rise, 0.0), 1.0)
 
 
+@pytest.mark.thorough_cases("AdaptiveForce")
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce])
 def test_tip_presses_lifts_off_and_presses_again(kind):
     """The path is 2 mm before the wall, and 20 mm further away where the force is zero."""

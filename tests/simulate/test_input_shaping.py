@@ -128,6 +128,7 @@ def test_damped_modes(method):
     assert left < 1e-5
 
 
+@pytest.mark.thorough_cases("0.0")
 @pytest.mark.parametrize("ratio", [0.0, 0.1])
 def test_specified_insensitivity_limits_the_vibration_in_its_range(ratio):
     """The arm vibrates as the sensitivity of the shaper predicts, within the tolerance."""
@@ -163,6 +164,7 @@ def test_two_modes_are_at_rest_after_the_motion():
     assert both < 1e-9 * plain
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
 def test_frequency_that_changes_along_the_motion(profile):
     """A folding elbow raises the lowest frequency by half; impulses follow its phase."""

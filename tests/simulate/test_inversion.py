@@ -155,7 +155,7 @@ def inverted(name):
     return arm, motion, fa.tip_inversion(arm, motion)
 
 
-@pytest.mark.sampled("middle joint fixed")
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):

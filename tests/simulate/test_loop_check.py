@@ -156,6 +156,7 @@ ENCODERS = fa.Hardware(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("rigidity", "payload"), [(1.0, 0.1), (1.0, 0.2), (0.7, 0.1)])
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
 def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, payload):

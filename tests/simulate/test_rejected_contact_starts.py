@@ -57,6 +57,7 @@ def table():
     return fa.SurfaceTable(x, 0.3 + 0.0 * x)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("surface", "normal"),
     [

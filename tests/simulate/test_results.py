@@ -120,6 +120,7 @@ def test_result_contains_its_arm(result, arm, tmp_path):
     assert fa.load_arm(path).spec == arm.spec
 
 
+@pytest.mark.thorough
 def test_netcdf_round_trip(result, tmp_path):
     path = tmp_path / "run.nc"
     result.to_netcdf(path, engine="h5netcdf")
@@ -195,6 +196,7 @@ def test_rates_are_the_derivatives_of_their_channels(arm):
         assert abs(gained - mean).max() < 0.01 * abs(slopes).max(), name
 
 
+@pytest.mark.thorough
 @settings(max_examples=60)
 @given(st.integers(1, 400), st.sampled_from([1.0, 3.0, 10.0, 30.0, 44.1, 100.0, 1000.0, 1 / 3]))
 def test_samples_are_at_multiples_of_the_period_despite_rounding(count, rate):

@@ -47,6 +47,7 @@ def events_of(arm, kind, terminal):
 PATHS = ["payload.mass", "links[0].length", "initial_rate[0]", "links[1].flexural_rigidity"]
 
 
+@pytest.mark.sampled("joint-False", "tip-False", "own-True")
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("kind", ["joint", "stop", "tip", "contact", "own"])
 def test_events_against_differences(kind, terminal):

@@ -122,6 +122,7 @@ REFUSED = dict.fromkeys(
 )
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_controller_against_differences_or_with_a_reason(name):
     arm = two_links()
@@ -205,6 +206,7 @@ def test_first_angles_without_a_reference():
     agrees(arm, 0.1, "initial[0]", given)
 
 
+@pytest.mark.thorough
 def test_a_start_that_a_controller_stores_without_declaring_it():
     arm = two_links()
     given = {"controller": example("lqg"), "initial": arm.rest([0.3, 0.1]), **FIXED}

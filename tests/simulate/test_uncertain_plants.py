@@ -93,6 +93,7 @@ def times_as_believed(controller):
     return errors[:, 1] / errors[:, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("made", [adaptive, sliding_mode, network])
 def test_errors_grow_at_most_threefold_with_twice_the_payload_and_softer_links(made):
     assert np.all(times_as_believed(made()) <= LIMIT)
@@ -104,6 +105,7 @@ def test_errors_of_computed_torque_grow_more():
     assert np.all(times_as_believed(plain) > LIMIT)
 
 
+@pytest.mark.thorough
 def test_errors_of_sliding_mode_at_the_end_of_its_range_grow_more():
     """The layer and the bounds cover the payload only: joint errors are 6 times as large."""
     careless = fa.SlidingMode(

@@ -55,6 +55,7 @@ def test_full_basis_is_the_finite_element_model(matrices):
     np.testing.assert_allclose(link.basis @ link.projector, np.eye(12), atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_lowest_frequencies_are_accurate_on_the_finest_mesh():
     """Directly from K and M the lowest frequency of 256 elements is accurate to 1e-6 only."""
     link = uniform(256)

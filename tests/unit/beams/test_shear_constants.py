@@ -114,6 +114,7 @@ class TestIntegrals:
             found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
         )
 
+    @pytest.mark.sampled("(1, 1, None)-D0", "(2, 3, None)-D0", "(2, 3, None)-G", "(3, 4, 4)-G")
     @pytest.mark.parametrize("name", ["D0", "D1", "G"])
     def test_axial_displacement_follows_from_the_slope_of_the_axis(self, table, name):
         if name == "G":

@@ -115,6 +115,7 @@ def learning(duration, sample_time, **options):
     return plant, controller, run, swing
 
 
+@pytest.mark.thorough
 def test_lyapunovs_function_decreases_by_the_power_of_the_damping():
     sample_time = 2e-4
     plant, controller, run, _ = learning(2.0, sample_time)

@@ -126,6 +126,7 @@ def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN),
 BOTH = pytest.mark.parametrize("kind", [fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter])
 
 
+@pytest.mark.thorough_cases("UnscentedKalmanFilter")
 @BOTH
 def test_filter_of_a_linear_arm_equals_the_kalman_filter(kind):
     """A single link with one mode hardly turns, so it is almost linear."""
@@ -193,7 +194,7 @@ def test_errors_have_the_covariance_of_the_filter(kind):
     assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
 
 
-@pytest.mark.thorough_cases("2.0", "3.0")
+@pytest.mark.sampled("1.0")
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
 def test_payload_is_estimated(factor):
     arm = two_links()

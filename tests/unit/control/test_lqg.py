@@ -181,6 +181,7 @@ def test_nonlinear_loop_has_the_linear_poles():
         assert missed(slow) < 0.2 * missed(wrong)
 
 
+@pytest.mark.thorough
 def test_integral_removes_the_error_of_a_wrong_payload():
     arm = arm_with_gauges(gravity=(0.0, -9.81))
     plant = arm_with_gauges(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))
@@ -202,6 +203,7 @@ def test_integral_removes_the_error_of_a_wrong_payload():
     assert errors["joint_angle"] < 1e-3 * errors[None]
 
 
+@pytest.mark.thorough
 def test_integral_of_the_tip_removes_its_sag():
     arm = arm_with_gauges(gravity=(0.0, -9.81))
     wanted = arm.rigid().tip(POSTURE)[:2]

@@ -265,6 +265,7 @@ def test_run_and_export(design):
     np.testing.assert_allclose(found[0][:, angles], wanted[0][:, :2], rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_without_slycot_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "slycot", None)
     with pytest.raises(fa.InputError, match="robust"):

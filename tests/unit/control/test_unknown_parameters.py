@@ -79,6 +79,7 @@ def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind
     assert np.all(narrowed / runs < 0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "duration", "tolerance"),
     [

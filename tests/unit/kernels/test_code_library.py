@@ -86,6 +86,7 @@ def code_files(tmp_path, name):
     return list(tmp_path.glob(f"cache/flexarm/kernels-*/*.{name}-*.code"))
 
 
+@pytest.mark.thorough
 def test_machine_code_exists_once_and_callers_refer_to_it(call):
     fresh = call()
     assert fresh["value"] == 3.0
@@ -249,6 +250,7 @@ def states_of_a_compilation(tmp_path, *arguments):
     return done.stdout.splitlines()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
 def test_fork_during_a_compilation_does_not_change_the_child(tmp_path):
     expected = ["during False False", "child True True", "after True True 2.0"]

@@ -161,6 +161,7 @@ def test_readings_of_instruments_are_channels_at_their_own_times():
     assert axes.get_ylabel() == "angle [rad]"
 
 
+@pytest.mark.thorough
 def test_plotly_draws_the_same_lines():
     pytest.importorskip("plotly")
     figure = fa.plot.history(result(), ["torque", "tip"], backend="plotly")

@@ -260,7 +260,7 @@ EDITED = {
 }
 
 
-@pytest.mark.thorough_cases("object")
+@pytest.mark.sampled("text")
 @pytest.mark.parametrize("value", EDITED)
 def test_edited_attributes_are_shown_or_named(value):
     """Another program, or the user, may have replaced any attribute of a result."""
