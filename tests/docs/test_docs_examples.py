@@ -151,7 +151,7 @@ def run_command(block: Block, line: str) -> str:
     if not words or words[0] not in ("flexarm", "make"):
         return ""
     if words[0] == "make":
-        chores = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+        chores = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
         assert set(words[1:]) <= set(chores), f"{block}: the Makefile has no such chore: {line}"
         return ""
     if words[1] in ELSEWHERE:
