@@ -1,8 +1,9 @@
 """Wrong calls, and what they raise word for word.
 
 Each table ``*.txt`` of this folder reads like a session of Python: after a call stand the kind and
-the message of its error, wrapped; lines without an error prepare the next ones. After a change of
-wording, ``WRITE=1 python -m pytest tests/messages`` writes the tables again: read the difference.
+the message of its error, wrapped; lines without an error prepare the next ones. All names of
+``arms`` and ``controllers`` are there. After a change of wording, ``WRITE=1 python -m pytest
+tests/messages`` writes the tables again: read the difference.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import arms
+import controllers
 import flexarm as fa
 
 TABLES = sorted(Path(__file__).parent.glob("*.txt"))
@@ -50,7 +53,7 @@ def _entered(source: str) -> str:
 
 def today(table: str) -> str:
     """Return the table with the messages of today."""
-    names: dict[str, object] = {"fa": fa, "np": np}
+    names: dict[str, object] = {**vars(arms), **vars(controllers), "fa": fa, "np": np}
     return "".join(
         piece if isinstance(piece, str) else _entered(piece.source) + raised(piece.source, names)
         for piece in doctest.DocTestParser().parse(table)
