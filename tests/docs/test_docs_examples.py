@@ -67,7 +67,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "docs/how-to/handle-errors.md",
     "docs/how-to/differentiate-a-step.md",
     "docs/how-to/plan-a-motion.md",
-    "docs/how-to/describe-an-arm.md",
     "docs/tutorials/first-run.md",
 )
 @pytest.mark.parametrize("page", PAGES)

@@ -131,6 +131,7 @@ def test_filter_has_no_phase_shift_and_the_squared_gain_of_its_order():
 # Trials -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_learning_with_the_model_converges_at_the_tip_of_another_arm():
     model = two_links()
     motion = swing(model)
@@ -174,6 +175,7 @@ def test_predicted_and_measured_rates_agree_with_the_model():
     np.testing.assert_allclose(found.error_rms, found.predicted_error_rms, rtol=0.01)
 
 
+@pytest.mark.thorough
 def test_predicted_and_measured_rates_agree_without_a_model():
     arm = two_links()
     motion = swing(arm, size=0.05)

@@ -183,12 +183,14 @@ def unresolved():
     return fa.optimal_motion(*call, duration=1.2, intervals=12, modes=1)
 
 
+@pytest.mark.thorough
 def test_modes_that_are_not_resolved_rest_in_the_simulation():
     motion = unresolved()
     assert motion.remaining.tip_error < 1e-3 * 1.8
     assert motion.remaining.joint_error < 1e-6
 
 
+@pytest.mark.thorough
 def test_a_missed_goal_is_reported(monkeypatch):
     monkeypatch.setattr(optimal, "corrected", lambda task, plan: plan)
     with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*Limit the torque_rate"):
