@@ -158,6 +158,7 @@ def test_specialized_entries_have_small_errors() -> None:
     assert max(point.error for point in found) < 1e-4
 
 
+@pytest.mark.thorough
 def test_warm_runs_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """`flexarm paper` is called with `--help`; its figures are tested in `tests/cli`."""
     least = startup._least

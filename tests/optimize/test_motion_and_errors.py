@@ -197,6 +197,7 @@ def test_a_missed_goal_is_reported(monkeypatch):
         unresolved()
 
 
+@pytest.mark.thorough
 def test_joints_without_inertia_reach_their_goal():
     """Their angles follow modes that are faster than the default intervals resolve.
 

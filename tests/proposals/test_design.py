@@ -60,6 +60,7 @@ def moved():
     )
 
 
+@pytest.mark.thorough
 def test_the_proposal_has_the_required_margin_on_all_arms(moved):
     chosen = moved.table.sel(candidate=moved.chosen)
     assert chosen.disk_margin >= 0.4
@@ -118,6 +119,7 @@ def test_the_reasons_name_every_candidate_and_the_file_begins_with_them(moved, t
         moved.save(tmp_path / "design.txt")
 
 
+@pytest.mark.thorough
 def test_little_computing_power_excludes_models_in_the_controller():
     found = fa.design(one_link(), "hold", computing="low", progress=False)
     assert found.table.candidate.values.tolist() == ["integral resonant", "joint PD"]
@@ -125,6 +127,7 @@ def test_little_computing_power_excludes_models_in_the_controller():
     assert "more computing power" in " ".join(found.reasons)
 
 
+@pytest.mark.thorough
 def test_without_gauges_the_joints_are_controlled_and_the_reasons_recommend_gauges():
     found = fa.design(one_link(), "hold", sensors="joints", progress=False)
     assert found.table.candidate.values.tolist() == ["loop shaping", "joint PD"]
@@ -162,6 +165,7 @@ def test_the_wall_of_a_force_faces_the_base():
     assert case_of(other)["contacts"][0]["surface"]["normal"] == pytest.approx([-1.0, 0.0])
 
 
+@pytest.mark.thorough
 def test_a_force_is_followed():
     found = fa.design(two_links(gauges=False), "force", force=2.0, duration=1.0, progress=False)
     chosen = found.table.sel(candidate=found.chosen, plant="nominal")

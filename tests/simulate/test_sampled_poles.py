@@ -16,7 +16,6 @@ TICK = 0.002
 ANGLES = np.array([0.3, 0.8])
 
 
-@pytest.fixture(scope="module")
 def arm():
     rod = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1, "damping": 0.01}
     joints = [0.05, {"hub_inertia": 0.05, "mass": 0.2}]
