@@ -102,7 +102,7 @@ class PressingInC(fa.Controller):
         return torque
 
 
-@pytest.mark.thorough_cases("AdaptiveForce", "NeuralForce")
+@pytest.mark.sampled("HybridForce")
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce, fa.Admittance, fa.NeuralForce])
 def test_contact_run(kind, tmp_path):
     """The same run against a wall, whether the loop is closed by Python or by C."""

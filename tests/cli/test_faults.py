@@ -65,7 +65,7 @@ def full_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
 
 
-@pytest.mark.sampled("run plot", "modes csv", "schema")
+@pytest.mark.sampled("schema")
 @posix_only
 @pytest.mark.parametrize("what", OUTPUTS)
 def test_full_disk_gives_an_error_and_keeps_the_older_file(what, good, tmp_path):

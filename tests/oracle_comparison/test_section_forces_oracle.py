@@ -67,7 +67,7 @@ def test_lagrange_equations_beyond_a_section(seed):
         assert np.all(abs(error) < ROUNDING * scale(b, motion)), (section, error, exact)
 
 
-@pytest.mark.thorough_cases("1200", "1201")
+@pytest.mark.sampled("1202", "1208", "1215")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_newtons_law_beyond_a_section(seed):
     """For the linear theory, and for the forces of the second-order one, which move points as

@@ -159,6 +159,7 @@ def test_each_sample_has_its_own_noise_on_request():
     assert not np.intersect1d(seeds["tip_error_rms"].values, own).size
 
 
+@pytest.mark.thorough
 def test_comparison_in_processes_has_the_same_numbers(monkeypatch):
     monkeypatch.setattr(processes, "WORTH", 0.0)
     drives = {"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}
