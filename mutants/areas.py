@@ -254,8 +254,6 @@ AREAS: dict[str, Area] = {
                 tests=(
                     f"{_SURFACES}::test_closed_line_that_crosses_itself_is_rejected",
                     f"{_SURFACES}::test_crossing_is_the_first_of_all_pairs",
-                    f"{_SURFACES}::test_closed_line_without_area_is_rejected",
-                    f"{_SURFACES}::test_wrong_surfaces_are_rejected",
                     "unit/model/test_contact_specs.py",
                 ),
             ),

@@ -5,6 +5,8 @@ import io
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 
 from docs_pages import blocks
@@ -16,6 +18,7 @@ from flexarm.cli.main import app
 PAGE = "docs/how-to/export-to-other-programs.md"
 
 
+@pytest.mark.thorough
 def test_blocks_of_the_page(tmp_path, monkeypatch):
     """Blocks that need a toolbox have a title and are not run."""
     monkeypatch.chdir(tmp_path)

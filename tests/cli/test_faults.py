@@ -65,6 +65,7 @@ def full_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
 
 
+@pytest.mark.sampled("schema")
 @posix_only
 @pytest.mark.parametrize("what", OUTPUTS)
 def test_full_disk_gives_an_error_and_keeps_the_older_file(what, good, tmp_path):
@@ -118,6 +119,7 @@ main()
 """
 
 
+@pytest.mark.thorough
 @posix_only
 def test_sigterm_while_writing_leaves_no_temporary_file(good, tmp_path):
     ended = run("run", good, "--out", tmp_path / "run.nc", code=WAITING.format(signal="SIGTERM"))
@@ -166,6 +168,7 @@ def test_sigterm_does_not_wait_for_a_stalled_reader():
     assert run(code=STALLED).returncode == 143
 
 
+@pytest.mark.thorough
 @posix_only
 def test_next_write_removes_the_temporary_file_after_sigkill(good, tmp_path):
     out = tmp_path / "run.nc"
@@ -176,6 +179,7 @@ def test_next_write_removes_the_temporary_file_after_sigkill(good, tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([good, out])
 
 
+@pytest.mark.thorough
 def test_import_does_not_change_signal_handlers():
     code = """
 import signal
@@ -211,6 +215,7 @@ def test_arm_from_a_pipe_is_read_once(tmp_path):
     writer.join()
 
 
+@pytest.mark.thorough
 @posix_only
 def test_standard_input_is_read(good):
     with open(good) as stream:

@@ -78,6 +78,7 @@ def line(reason):
     return f"flexarm: standard output could not be written: {reason}.\n"
 
 
+@pytest.mark.thorough
 @posix_only
 def test_every_command_reports_a_standard_output_that_cannot_be_written(good, tmp_path):
     """The help of every command, and the output of some that print in different ways."""
@@ -97,6 +98,7 @@ def test_files_are_written_although_the_output_is_not(tmp_path):
     assert len(list((tmp_path / "arm").iterdir())) == 2
 
 
+@pytest.mark.thorough
 @posix_only
 def test_an_error_stream_that_cannot_be_written_changes_nothing(good, tmp_path):
     """Neither the exit status of an error, nor a run with its progress."""

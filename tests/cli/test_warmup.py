@@ -5,6 +5,7 @@ import re
 import time
 from types import SimpleNamespace
 
+import pytest
 from typer.testing import CliRunner
 
 from flexarm.cli import features
@@ -14,6 +15,7 @@ from flexarm.kernels.compilation import cache
 from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 
+@pytest.mark.thorough
 def test_warmup_prints_the_compiled_features(monkeypatch):
     # Two features only: tests/conformance/test_every_kernel_is_warmed_up.py tests all.
     some = ("forward dynamics and derivatives", "closed loops")

@@ -138,6 +138,7 @@ def commands_of(group: Any, before: str = "") -> dict[str, Any]:
     return found
 
 
+@pytest.mark.thorough
 def test_separation_table_repeats() -> None:
     """Deflections and errors are as shown; times depend on the machine and are only positive."""
     module = script("measure_separation")
@@ -150,6 +151,7 @@ def test_separation_table_repeats() -> None:
     assert all(ratio > 0.0 for row in rows for ratio in row.ratios)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", ["as believed", "all at their worst"])
 def test_force_table_repeats(case: str) -> None:
     """Some cells are compared; a tip that bounces may do so differently on another machine."""
@@ -163,6 +165,7 @@ def test_force_table_repeats(case: str) -> None:
         assert float(shown_beside.strip(" m")) == pytest.approx(beside, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_integrator_table_repeats() -> None:
     module = script("measure_integrators")
     found = part_pattern("integrators").search(text_of(ACCURACY_PAGE))

@@ -59,6 +59,7 @@ def executor(**changes):
     return Executor(PreparedStudy(StudySpec(**content(**changes))))
 
 
+@pytest.mark.thorough_cases("diverging", "gains", "drives")
 @pytest.mark.parametrize("changes", VARIED.values(), ids=VARIED)
 def test_chunks_do_not_change_numbers(changes, monkeypatch):
     study = executor(**changes)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.base.errors import InputError, Problem, check_array, public_call, public_call_as
+from flexarm.base.errors import InputError, check_array, public_call, public_call_as
 from flexarm.model import RunSettings
 from flexarm.model.quantities import Count, Flag, Number
 
@@ -21,13 +21,6 @@ def scaled(factor: float, *, by: float = 2.0) -> float:
 @public_call_as("plot.scaled")
 def drawn(factor):
     return check_array("factor", factor, ())
-
-
-@public_call
-def located(factor):
-    if factor < 0.0:
-        raise InputError(Problem("x", "is wrong", where="file:3"), Problem("y", "is wrong"))
-    return scaled("no")
 
 
 @public_call
@@ -99,14 +92,6 @@ def test_problem_gets_the_name_of_the_call(call, where):
     (problem,) = caught.value.problems
     assert problem.where == where
     assert caught.value.args == caught.value.problems
-
-
-def test_location_is_kept_and_the_inner_call_names_its_own_argument():
-    with pytest.raises(InputError) as caught:
-        located(-1.0)
-    assert [problem.where for problem in caught.value.problems] == ["file:3", "located"]
-    with pytest.raises(InputError, match=r"^scaled: factor must be a number, got 'no'\.$"):
-        located(1.0)
 
 
 def test_link_of_an_arm_is_named_by_its_index():

@@ -285,6 +285,7 @@ def _mistake(rng, spec):
     return with_numbers(spec, {p: factor * number_at("path", spec, p) for p in together})
 
 
+@pytest.mark.thorough
 def test_half_of_all_mistakes_of_a_factor_of_1000_are_noticed():
     """A floor for random numbers: many remain plausible, such as a thousandth of an inertia."""
     rng, noticed, count = np.random.default_rng(7), 0, 400
