@@ -10,7 +10,7 @@ import flexarm as fa
 from bridges.c_code_tools import make
 from bridges.test_c_controllers import OwnController, heavy
 from conformance.controller_examples import SAMPLE_TIME, joint_pd
-from flexarm.bridges.c_code.laws.traced_controller import traced_controller
+from flexarm.bridges.c_code.traced_law import traced_controller
 
 
 class Functions(OwnController):

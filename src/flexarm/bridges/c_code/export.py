@@ -117,9 +117,9 @@ def exported(
 ) -> Exported:
     """Return the functions of the arm, of the controller and of the filter."""
     from flexarm.bridges.c_code.exported import Exported
-    from flexarm.bridges.c_code.laws.traced_controller import traced_controller
     from flexarm.bridges.c_code.model_functions import model_functions
     from flexarm.bridges.c_code.observer import exported_observer
+    from flexarm.bridges.c_code.traced_law import traced_controller
 
     arm = model.arm
     traced = None if controller is None else traced_controller(arm, controller)

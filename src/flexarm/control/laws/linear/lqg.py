@@ -210,7 +210,7 @@ class LQG(LQGParameters, OfArm, Controller):
         feedback, more = self._feedback(memory, state, arrays, inputs)
         desired = nominal + feedback
         torque = self._within_limits(desired, memory)
-        force = np.broadcast_to(forces[0], (*estimate.shape[:-1], forces.shape[-1]))
+        force = np.broadcast_to(forces[0], (*estimate.shape[:-1], forces.shape[-1]), subok=True)
         pushed = np.concatenate([estimate, torque - nominal, force], axis=-1)
         integral = memory["integral"]
         if self._integrals:
