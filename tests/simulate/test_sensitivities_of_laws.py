@@ -15,27 +15,24 @@ class Law(fa.Controller):
     """Torque by a function of the measurement."""
 
     sample_time = 0.01
-    memory = ()
 
     def __init__(self, torque):
         self.torque = torque
 
-    def update(self, t, measurement, reference):
-        return [self.torque(measurement)]
+    def step(self, memory, readings, inputs):
+        return memory, [self.torque(readings)]
 
 
 class ConditionalIntegral(fa.Controller):
     sample_time = 0.01
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum = 0.0
+    def initial_memory(self, readings, inputs):
+        return {"sum": 0.0}
 
-    def update(self, t, measurement, reference):
-        error = measurement.joint_angle[0] - 0.3
-        if abs(error) < 0.01:
-            self.sum = self.sum + error
-        return [-5.0 * error - measurement.joint_rate[0] - 50.0 * self.sum]
+    def step(self, memory, readings, inputs):
+        error = readings.joint_angle[0] - 0.3
+        total = memory["sum"] + (error if abs(error) < 0.01 else 0.0)
+        return {"sum": total}, [-5.0 * error - readings.joint_rate[0] - 50.0 * total]
 
 
 def damped(measurement):

@@ -114,11 +114,8 @@ def agrees(arm, duration, path, given, step=2e-3, **more):
 
 
 FIXED = {"integrator": "rk4", "step": SAMPLE_TIME / 8, "rate": 1.0 / SAMPLE_TIME}
-#: Controllers whose update is not a smooth function of declared memory and readings, with a text of
-#: the message.
-REFUSED = dict.fromkeys(
-    ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "declare its memory"
-)
+#: Controllers without a step that can be linearised, with a text of the message.
+REFUSED = dict.fromkeys(("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "have a step")
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -172,11 +169,13 @@ def test_instruments_and_motors():
 def test_other_channels_as_readings():
     class TipSpring(fa.Controller):
         sample_time = SAMPLE_TIME
-        memory = ()
 
-        def update(self, t, measurement, reference):
-            x, y = measurement.tip
-            return [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * measurement.joint_rate[1]]
+        def planned(self, t, reference):
+            return {}
+
+        def step(self, memory, readings, inputs):
+            x, y = readings.tip
+            return memory, [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * readings.joint_rate[1]]
 
     arm = two_links()
     read = [fa.Instrument("tip"), fa.Instrument("joint_rate")]
@@ -219,30 +218,28 @@ class Own(fa.Controller):
     """A law of a user; subclasses say how it goes on."""
 
     sample_time = SAMPLE_TIME
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum, self.hidden = np.zeros(2), np.zeros(2)
+    def initial_memory(self, readings, inputs):
+        return {"sum": np.zeros(2)}
 
-    def update(self, t, measurement, reference):
-        self.sum = self.sum + 0.1 * np.tanh(measurement.joint_angle)
-        damping = [0.8, 0.3] * np.tanh(measurement.joint_rate)
-        return -np.sin(measurement.joint_angle) - damping - 0.1 * self.sum * np.cos(self.sum)
+    def step(self, memory, readings, inputs):
+        total = memory["sum"] + 0.1 * np.tanh(readings.joint_angle)
+        damping = [0.8, 0.3] * np.tanh(readings.joint_rate)
+        torque = -np.sin(readings.joint_angle) - damping - 0.1 * total * np.cos(total)
+        return {"sum": total}, torque
 
 
 class Undeclared(Own):
-    memory = ()
+    hidden = np.zeros(2)
 
-    def update(self, t, measurement, reference):
-        self.hidden = self.hidden + measurement.joint_angle
-        return -0.1 * self.hidden
+    def step(self, memory, readings, inputs):
+        self.hidden = self.hidden + readings.joint_angle
+        return memory, -0.1 * self.hidden
 
 
 class Switching(Own):
-    memory = ()
-
-    def update(self, t, measurement, reference):
-        return -0.1 * np.sign(measurement.joint_rate)
+    def step(self, memory, readings, inputs):
+        return memory, -0.1 * np.sign(readings.joint_rate)
 
 
 def test_a_controller_of_the_user():
@@ -255,7 +252,7 @@ def test_a_controller_of_the_user():
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"controller": Undeclared()}, "more than its memory and readings"),
+        ({"controller": Undeclared()}, "more than its memory, readings"),
         ({"controller": Switching(), "initial": None}, "be differentiable"),
         (
             {"hardware": fa.Hardware(instruments=[fa.Instrument("joint_angle", resolution=1e-3)])},
@@ -280,7 +277,7 @@ def test_what_has_no_derivative_is_named(changes, text):
         fa.sensitivities(arm, 0.02, **given | changes)
 
 
-def test_a_law_that_does_not_declare_its_memory():
+def test_a_controller_without_a_step():
     class Plain:
         sample_time = SAMPLE_TIME
 
@@ -290,7 +287,7 @@ def test_a_law_that_does_not_declare_its_memory():
         def update(self, t, measurement, reference):
             return -measurement.joint_angle
 
-    with pytest.raises(fa.InputError, match="declare its memory"):
+    with pytest.raises(fa.InputError, match="have a step"):
         fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=Plain())
 
 

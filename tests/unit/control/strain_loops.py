@@ -1,4 +1,4 @@
-"""Arms, and laws of strain damping as they are read from ``update``, for their tests."""
+"""Arms, and laws of strain damping as their steps have them, for their tests."""
 
 import control
 import numpy as np
@@ -13,11 +13,10 @@ TICK = 1e-4
 class Echo(Controller):
     """Inner controller whose torques are the angles of its reference."""
 
-    memory = ()
     sample_time = TICK
 
-    def update(self, t, measurement, reference):
-        return reference.joint_angle(t)
+    def step(self, memory, readings, inputs):
+        return memory, inputs["reference_angle"]
 
 
 def one_link(modes=1, **changes):

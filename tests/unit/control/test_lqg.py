@@ -108,9 +108,13 @@ class Shaken(fa.Controller):
 
     def update(self, t, measurement, reference):
         states = self.controller.designs[0].A.shape[0]
-        foreseen = self.controller.designs[0].C @ self.controller._known[:states]
+        foreseen = self.controller.designs[0].C @ self.controller.memory.get(
+            "prediction", np.zeros(states)
+        )
         torque = self.controller.update(t, measurement, reference)
-        self.innovations.append(self.controller._known[states:] - foreseen)
+        nominal = self.controller.planned(t, reference)["nominal_reading"]
+        measured = np.concatenate([measurement.joint_angle, measurement.strain])
+        self.innovations.append(measured - nominal - foreseen)
         return torque + self.generator.normal(0.0, self.size, 2)
 
 

@@ -16,11 +16,10 @@ ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 class Echo(Controller):
     """Inner controller whose torques are the angles of its reference."""
 
-    memory = ()
     sample_time = 1e-3
 
-    def update(self, t, measurement, reference):
-        return reference.joint_angle(t)
+    def step(self, memory, readings, inputs):
+        return memory, inputs["reference_angle"]
 
 
 def one_link(count=1, hub=0.0, **changes):

@@ -15,7 +15,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.bridges.c_code.traced_law import TracedController, gain_table
+from flexarm.bridges.c_code.traced_law import TracedController, gain_table, refusal
 from flexarm.bridges.c_code.traced_plans import around
 from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
@@ -289,6 +289,9 @@ def replay(
     Returns:
         The inputs of the exported function (samples, size) by name, and the torques (samples,
         joints).
+
+    Raises:
+        InputError: if the step depends on attributes that it changes.
     """
     mine: Any = deepcopy(traced.controller)
     mine.reset()
@@ -311,6 +314,7 @@ def replay(
         if table:
             row["joint_angle"] = row["joint_angle"] - start + reference.joint_angle(t)
         given = Measurement(**row)
+        before = mine.memory
         torques.append(np.array(mine.update(t, given, reference), dtype=np.float64))
         planned = planner.planned(t, reference)
         row |= {
@@ -324,6 +328,10 @@ def replay(
         if presses:
             row |= pressed_values(planned, t, reference)
         rows.append(row)
+    other: Any = deepcopy(traced.controller)  # has made no step
+    other.reset()
+    if not np.array_equal(other.step(before, given, planned)[1], torques[-1]):
+        raise refusal(mine, "Its step changes attributes of the controller.")
     inputs = {name: np.array([np.ravel(row[name]) for row in rows]) for name in rows[0]}
     return inputs, np.array(torques)
 

@@ -103,7 +103,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
         raise
     except Exception as error:  # a user's code over symbols may raise any
         cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
-        raise _refusal(controller, f"Its step {cause}{error}".rstrip(".") + ".") from None
+        raise refusal(controller, f"Its step {cause}{error}".rstrip(".") + ".") from None
     functions = _functions(controller, inputs, [first, later] if size else [later])
     table = gain_table(controller)
     if table:
@@ -157,7 +157,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
         shapes.update({name: np.shape(value) for name, value in memory.items()})
         if (count := sum(map(np.size, memory.values()))) > _MOST_MEMORY:
             reason = f"It has a memory of {count} numbers, more than {_MOST_MEMORY}."
-            raise _refusal(law, reason)
+            raise refusal(law, reason)
         return memory
 
     def kept(readings: Measurement, inputs: Arrays) -> Arrays:
@@ -198,7 +198,7 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
         if reason is None and not is_law(part):
             reason = "It has an update instead of a step."
         if reason is not None:
-            raise _refusal(part, reason)
+            raise refusal(part, reason)
     presses = any(isinstance(part, TaskController) for part in around(controller))
     pressed: Any = PressedInputs(_Inputs().array, arm.joints) if presses else None
     needed = requirements_of(controller, arm, pressed)
@@ -208,7 +208,7 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
     sizes = reading_sizes(arm)
     unknown = [name for name in needed.measured if name not in sizes]
     if unknown:
-        raise _refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
+        raise refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
     return list(needed.measured or ("joint_angle", "joint_rate"))
 
 
@@ -234,7 +234,7 @@ def _functions(
         found = casadi.vertcat(*outputs.values())
         used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(found, s)}
         if not {one.element_hash() for one in casadi.symvar(found)} <= known:
-            raise _refusal(controller, "Its step changes attributes of the controller.")
+            raise refusal(controller, "Its step changes attributes of the controller.")
     kind = type(controller).__name__
     summaries = {
         "controller_start": f"Torque of {kind} at the first sample, where its memory starts.",
@@ -254,7 +254,7 @@ def _functions(
     return tuple(functions)
 
 
-def _refusal(controller: object, reason: str) -> InputError:
+def refusal(controller: object, reason: str) -> InputError:
     rule, value = "have a law in closed form", type(controller).__name__
     return InputError(Problem("controller", rule, value, reason))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.analysis.linear_controller import LinearController, StepMap
-from flexarm.control.contract.base import Reference, Rest, is_law
+from flexarm.control.contract.base import Reference, Rest, has_poles
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.simulation.derivatives.differences import local_slopes
 
@@ -33,12 +33,12 @@ class UpdateDerivatives:
         stored: names of first readings on which planned inputs depend, without a reference.
 
     Raises:
-        InputError: if the controller has no ``step``.
+        InputError: if the controller has no ``step`` that can be linearised.
     """
 
     def __init__(self, controller: Any, reference: Reference | None) -> None:
-        if not is_law(controller):
-            rule = "have a step, for derivatives of runs"
+        if not has_poles(controller):
+            rule = "have a step that can be linearised, for derivatives of runs"
             hint = "Write step instead of update; see the page on your own controllers."
             raise InputError(Problem("controller", rule, type(controller).__name__, hint))
         self.stored: list[str] = []
