@@ -299,7 +299,7 @@ def test_the_controller_is_not_modified(tmp_path):
 
 def test_a_memory_of_too_many_numbers(tmp_path):
     network = example("rbf_adaptive", centres=40)
-    with pytest.raises(fa.InputError, match=r"memory of 32000 numbers, more than 2000\."):
+    with pytest.raises(fa.InputError, match=r"memory of 32000 numbers, more than 500\."):
         fa.export_c(heavy(), tmp_path, controller=network)
 
 

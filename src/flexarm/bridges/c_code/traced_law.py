@@ -47,8 +47,8 @@ _REFUSED: dict[type[Any], str] = {
     MPC: "It solves an optimisation problem at every sample.",
     RepetitiveControl: "Its memory is a whole period.",
 }
-#: Most numbers in a memory: each of them is a statement in C.
-_MOST_MEMORY = 2_000
+#: Most numbers in a memory: each of them is a statement in C, and gcc takes 19 s for 500 weights.
+_MOST_MEMORY = 500
 
 
 @dataclass(frozen=True, eq=False)

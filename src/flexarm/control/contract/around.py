@@ -27,7 +27,7 @@ class Around(Controller):
     inner: Any
 
     @property
-    def sample_time(self) -> float:  # type: ignore[override]
+    def sample_time(self) -> float:
         """Sample time of the inner controller, s."""
         found: float = self.inner.sample_time
         return found
@@ -55,7 +55,7 @@ class Around(Controller):
         return law_of(self.inner).planned(t, reference)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """Return the memory of the inner controller."""
+        """Return the memory of the inner controller, with its names here."""
         inside = law_of(self.inner).initial_memory(readings, inputs)
         return {_INNER + name: value for name, value in inside.items()}
 
@@ -70,7 +70,9 @@ class Around(Controller):
         start = len(_INNER)
         return {name[start:]: memory[name] for name in memory if name.startswith(_INNER)}
 
-    def _required(self, arm: Arm, reference: Reference | None, joints: int) -> Any:
+    def _required(
+        self, arm: Arm, reference: Reference | None, joints: int
+    ) -> ControllerRequirements:
         """Return the requirements of the inner controller and those of ``joints`` joints."""
         inner = requirements_of(self.inner, arm, reference)
         return ControllerRequirements(

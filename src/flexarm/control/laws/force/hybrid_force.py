@@ -93,7 +93,7 @@ class HybridForce(HybridForceParameters, TaskController):
         error, limit = request.force - felt, _MOST_CORRECTION * request.force
         touching = self._touching(memory, felt)
         memory["touched"] = memory["touched"] or touching
-        push = self.force_proportional * error + memory["integral"] + against
+        push: float = self.force_proportional * error + memory["integral"] + against
         if memory["touched"]:
             # Integrate without contact as well, so that a bouncing tip has the correct mean force.
             added = memory["integral"] + self.force_integral * self.sample_time * error

@@ -63,7 +63,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         nothing = 0.0 * now[0]
         # The first sample has no interval before it that the estimate could follow.
         own = {"momentum": now, "commanded": nothing, "estimate": nothing, "intervals": np.zeros(1)}
-        return own | super().initial_memory(readings, inputs)
+        return {**own, **super().initial_memory(readings, inputs)}
 
     def step(
         self, memory: Arrays, readings: Measurement, inputs: Arrays
@@ -80,4 +80,4 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         inside, torque = self._inner_step(memory, readings, inputs)
         torque = torque - self.compensation * estimate
         own = {"momentum": now, "commanded": torque, "estimate": estimate, "intervals": np.ones(1)}
-        return own | inside, torque
+        return {**own, **inside}, torque
