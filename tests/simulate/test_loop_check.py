@@ -274,24 +274,6 @@ def test_failed_analysis_does_not_end_the_run(fault):
     assert run.attrs["unstable_loop"] == ""
 
 
-@pytest.mark.parametrize(
-    ("memory", "message"),
-    [
-        (("integrall",), "memory must name attributes of the controller, got 'integrall'"),
-        (("name",), "memory must name numbers and arrays; 'name' is neither"),
-        ("integral", "memory must be a tuple of names"),
-    ],
-)
-def test_memory_with_unknown_names_is_rejected(memory, message):
-    arm = paper_arm(hub_inertia=0.1)
-    controller = Integrating([4.0, 1.0], [0.5, 0.05])
-    controller.memory = memory
-    with pytest.raises(fa.InputError, match=message):
-        fa.simulate(arm, 0.01, controller=controller)
-    with pytest.raises(fa.InputError, match=message):
-        fa.loop_margins(controller, arm)
-
-
 def test_incommensurable_sample_times_are_not_analysed():
     """97, 101 and 103 ms at 1 ms: a period of a million samples."""
     arm = paper_arm(hub_inertia=0.1)

@@ -153,7 +153,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
         }
 
     def initial(readings: Measurement, inputs: Arrays) -> Arrays:
-        memory = law.initial_memory(readings, inputs)
+        memory: Arrays = law.initial_memory(readings, inputs)
         shapes.update({name: np.shape(value) for name, value in memory.items()})
         if (count := sum(map(np.size, memory.values()))) > _MOST_MEMORY:
             reason = f"It has a memory of {count} numbers, more than {_MOST_MEMORY}."

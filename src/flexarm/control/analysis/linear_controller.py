@@ -178,7 +178,11 @@ class StepMap:
 
 def _floats(memory: Arrays) -> dict[str, Any]:
     """Return the numbers of a memory that are differentiated."""
-    return {name: value for name, value in memory.items() if np.asarray(value).dtype.kind in "fc"}
+    return {
+        name: value
+        for name, value in memory.items()
+        if np.asarray(value).dtype.kind in "fc" and not name.rpartition(".")[2].startswith("_")
+    }
 
 
 def _split(numbers: Any, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:

@@ -113,8 +113,8 @@ class Controller(ABC):
        applies until the next sample. It depends on its arguments and on the parameters of the
        controller only, and changes no attribute and no argument.
     2. The memory is a dictionary of arrays. ``initial_memory`` returns that of the first sample;
-       the names and shapes stay the same. Numbers that are no floats, such as counters and truth
-       values, are not differentiated.
+       the names and shapes stay the same. Not differentiated are numbers that are no floats, such
+       as counters and truth values, and names with an underscore: iterates that change little.
     3. ``planned`` returns the inputs of a sample that are known in advance, by name: those of the
        reference by default. Exported code has them as arguments. Without a reference, a loop
        follows a `Rest` at its first measured angles.
@@ -174,6 +174,10 @@ class Controller(ABC):
     def memory(self) -> Arrays:
         """Memory after the last update, by name; empty after ``reset``."""
         return {} if self._memory is None else self._memory
+
+    @memory.setter
+    def memory(self, value: Arrays) -> None:
+        self._memory = value
 
     def reset(self) -> None:
         """Clear all state of the previous run."""

@@ -89,7 +89,7 @@ class JointPID(JointFollower, JointPIDParameters):
         """See ``Controller.initial_memory``."""
         start = {"integral": 0.0 * readings.joint_angle}
         if isinstance(self._weight, SaggingArm):
-            start["sag"] = self._weight.first_sag(readings.joint_angle)
+            start["_sag"] = self._weight.first_sag(readings.joint_angle)
         return start
 
     def step(
@@ -101,7 +101,7 @@ class JointPID(JointFollower, JointPIDParameters):
         torque: FloatArray = self.proportional * error + memory["integral"]
         torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
         if isinstance(self._weight, SaggingArm):
-            pull, after["sag"] = self._weight.gravity_torque(readings.joint_angle, memory["sag"])
+            pull, after["_sag"] = self._weight.gravity_torque(readings.joint_angle, memory["_sag"])
             torque = torque + pull
         elif self._weight is not None:
             torque = torque + self._weight.gravity_torque(readings.joint_angle)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,7 +76,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         error = inputs["reference_angle"] - readings.joint_angle
         start = np.ones((*error.shape[:-1], 1))
         bound = self.bound + start * (self.start_bound - self.bound)
-        return {"fading": start, "outside": 0, "first": _largest(error / bound)}
+        return {"fading": start, "outside": 0, "_first": _largest(error / bound)}
 
     def step(
         self, memory: Arrays, readings: Measurement, inputs: Arrays
@@ -100,13 +100,15 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
 
     def report(self) -> dict[str, float]:
         """Return the number of samples outside the bound, and the first error over its bound."""
-        return {"bound_exceeded": self.outside, "bound_first_ratio": self.memory.get("first", 0.0)}
+        return {
+            "bound_exceeded": self.outside,
+            "bound_first_ratio": float(self.memory.get("_first", 0.0)),
+        }
 
 
-def _largest(ratio: FloatArray) -> float:
-    """Return the largest ratio of one run; 0 for symbols and many runs, which are not counted."""
-    counted = ratio.dtype.kind == "f" and ratio.ndim == 1
-    return float(np.abs(ratio).max()) if counted else 0.0
+def _largest(ratio: FloatArray) -> Any:
+    """Return the largest ratio of each run; 0 for symbols, which are not counted."""
+    return np.abs(ratio).max(axis=-1) if ratio.dtype.kind == "f" else 0.0
 
 
 def _split(ratio: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
