@@ -210,7 +210,9 @@ class LQG(LQGParameters, OfArm, Controller):
         feedback, more = self._feedback(memory, state, arrays, inputs)
         desired = nominal + feedback
         torque = self._within_limits(desired, memory)
-        force = np.broadcast_to(forces[0], (*estimate.shape[:-1], forces.shape[-1]), subok=True)
+        force = forces[0]
+        if estimate.ndim > 1:  # of many runs, which have one nominal motion
+            force = np.broadcast_to(force, (*estimate.shape[:-1], force.size))
         pushed = np.concatenate([estimate, torque - nominal, force], axis=-1)
         integral = memory["integral"]
         if self._integrals:
