@@ -12,8 +12,8 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.analysis.linear_controller import linear_controller, memory_of
-from flexarm.control.contract.base import Controller, Reference, requirements_of
+from flexarm.control.analysis.linear_controller import linear_controller
+from flexarm.control.contract.base import Controller, Reference, has_poles, requirements_of
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.control.hardware.measurement import FloatArray
@@ -61,11 +61,11 @@ def check_linear(controller: Controller, arm: Arm, reference: Reference) -> tupl
     """Return the readings of a controller that can be linearised along a trial.
 
     Raises:
-        InputError: if it does not declare its memory, or requires other readings.
+        InputError: if it has no ``step``, or requires other readings.
     """
-    if memory_of(controller) is None:
+    if not has_poles(controller):
         hint = "It is needed to predict the next trial; see flexarm.Controller."
-        raise InputError(Problem("controller", "declare its memory", shown(controller), hint))
+        raise InputError(Problem("controller", "have a step", shown(controller), hint))
     names = requirements_of(controller, arm, reference).measured or JOINTS
     if others := [name for name in names if name not in LINEAR_SIGNALS]:
         rule = "require no readings except " + ", ".join(LINEAR_SIGNALS)
