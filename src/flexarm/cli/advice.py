@@ -12,7 +12,7 @@ from flexarm.cases.scenario.scenario import Prepared
 from flexarm.control.analysis.sample_time import PHASE, controlled_modes, recommended_sample_time
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
-from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.loop.stability import LoopPole
 
 Rows = list[tuple[str, str]]
@@ -63,13 +63,12 @@ def about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Rows
     Without arguments, it is that of an arm which moves freely for one second.
     """
     arguments = dict(options or {"duration": 1.0})
-    requested, step = arguments.pop("integrator", "auto"), arguments.pop("step", None)
-    duration = arguments.pop("duration")
-    recommended = integrator_of(arm, duration, "auto", None, arguments)
+    requested, step = arguments.get("integrator", "auto"), arguments.get("step")
+    recommended = integrator_of(arm, **{**arguments, "integrator": "auto", "step": None})
     text = f"{recommended.integrator.name} is recommended: {recommended.reason}"
     if requested == "auto" and step is None:
         return [("integrator", text)]
-    used = integrator_of(arm, duration, requested, step, arguments)
+    used = integrator_of(arm, **arguments)
     reason = f" ({used.reason})" if requested == "auto" else ""
     return [("integrator", f"{used.integrator.name}{reason}; {text}")]
 

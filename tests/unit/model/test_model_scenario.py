@@ -9,7 +9,7 @@ from flexarm.model import (
     InitialState,
     Link,
     NoDrive,
-    RunSettings,
+    RunSpec,
     Scenario,
     TorqueDrive,
 )
@@ -27,7 +27,7 @@ def test_defaults():
     assert scenario.drive == NoDrive()
     assert scenario.motion is None
     assert scenario.initial == InitialState(joint_angle=None, joint_rate=None)
-    assert scenario.run == RunSettings(duration=2.0, rate=1000.0, integrator="auto")
+    assert scenario.run == RunSpec(duration=2.0, rate=1000.0, integrator="auto")
     motion = Scenario(arm=ARM, run=RUN, motion=LINE).motion
     assert (motion.profile, motion.elbow, motion.start_time) == ("quintic", "up", 0.0)
 
@@ -178,4 +178,4 @@ def test_joints_are_counted_in_an_arm_with_other_problems():
 
 def test_a_key_that_looks_like_the_tag_of_a_union_is_unknown():
     with pytest.raises(ModelError, match=r"is not a known key\. Known: duration, rate"):
-        RunSettings(**{"duration": 1, "<list>": 2})
+        RunSpec(**{"duration": 1, "<list>": 2})

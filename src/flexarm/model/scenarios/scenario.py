@@ -74,7 +74,7 @@ class InitialState(Record):
             yield Fault(("equilibrium",), "must be true with balance")
 
 
-class RunSettings(Record):
+class RunSpec(Record):
     """Duration, recording and integrator of a run."""
 
     duration: Positive = Field(description="Simulated time (s).")
@@ -129,7 +129,7 @@ class Scenario(Record):
         default=(), description="Numbers of the simulated arm that change during the run."
     )
     initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
-    run: RunSettings = Field(description="Settings of the run.")
+    run: RunSpec = Field(description="Settings of the run.")
 
     _hints: ClassVar[dict[str, str]] = {
         "arm": "In Python, load_arm_spec reads a file.",

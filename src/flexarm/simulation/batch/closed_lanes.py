@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError
 from flexarm.control.contract.base import Reference, report_of
@@ -17,11 +16,11 @@ from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.simulation.batch.execution import ClosedLoop
 from flexarm.simulation.batch.lane_loop import LaneLoop, LoopOfRun, can_read
-from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, fits_lanes, is_absent
+from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, fits_lanes
 from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import instrument_warning, motor_warning
-from flexarm.simulation.calls.preparation import RunOptions, start_of
+from flexarm.simulation.calls.preparation import Situation, start_of
 from flexarm.simulation.loop.actuators import Acting
 from flexarm.simulation.loop.requirements import misfits
 from flexarm.simulation.loop.sampled_reference import sampled_reference
@@ -30,14 +29,9 @@ from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.work.estimate import choose_by_samples
 
 
-def fits_closed_lanes(
-    variations: Variations,
-    options: RunOptions,
-    acting: Mapping[str, Any],
-    channels: Collection[str],
-) -> bool:
+def fits_closed_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
     """Return whether lanes support runs with controllers, as far as known before their start."""
-    fits = fits_lanes(variations, options, acting, channels) and is_absent(acting["contacts"])
+    fits = fits_lanes(variations, shared, channels) and not shared.environment.contacts
     return fits and can_read(variations.hardware)
 
 
@@ -52,12 +46,11 @@ class ClosedLanes(Lanes):
     def __init__(
         self,
         variations: Variations,
-        options: RunOptions,
+        shared: Situation,
         channels: Collection[str],
         alone: ClosedLoop,
-        environment: Environment,
     ) -> None:
-        super().__init__(variations, options, channels, alone, environment)
+        super().__init__(variations, shared, channels, alone)
         self._references: dict[tuple[int, float], Reference | None] = {}
         self._poles: dict[tuple[Any, ...], Poles] = {}
 
@@ -79,7 +72,7 @@ class ClosedLanes(Lanes):
         Raises:
             InputError: if an argument does not fit the arm or the controller.
         """
-        own, duration = self._variations, self._options.duration
+        own, duration = self._variations, self._shared.duration
         controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
         assert controller is not None
         sample_time, loads = controller.sample_time, self._loads_on(arm)
@@ -101,12 +94,12 @@ class ClosedLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         longest = float(run.drive.controller.sample_time)
-        choice = choose_by_samples(choice, run.arm, longest, self._options.duration)
+        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
-        own, options = self._variations, self._options
+        own = self._variations
         controller, reference = own.controller(k), own.reference(k)
         assert controller is not None
         # Arms with changed parameters are not kept, so that another one may have the same id.
@@ -114,11 +107,11 @@ class ClosedLanes(Lanes):
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
         model, q = self._alone.model or arm, arm.unpadded(state[0])
         loop = controller, reference, own.hardware, ()
-        return instability(model, arm, *loop, q, options.duration, known)
+        return instability(model, arm, *loop, q, self._shared.duration, known)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
         loops = [run.drive for run in ready]
-        duration, users = self._options.duration, self._alone.users
+        duration, users = self._shared.duration, self._alone.users
         loads = ready[0].loads
         loop = LaneLoop([run.arm for run in ready], loops, duration, users, loads)
         loop.execute(advance, runs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
@@ -37,7 +36,7 @@ from flexarm.simulation.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.channels import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.calls.limits import deep_contact
-from flexarm.simulation.calls.preparation import RunOptions
+from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
@@ -56,27 +55,18 @@ MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
-#: Arguments of ``simulate`` that act on an arm, in lanes too.
-_IN_LANES = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
 #: Function that advances runs under a drive to their ends, or by at most that many steps.
 Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
 
-def fits_lanes(
-    variations: Variations,
-    options: RunOptions,
-    acting: Mapping[str, Any],
-    channels: Collection[str],
-) -> bool:
-    """Return whether lanes support the runs, as far as that is known before their start.
-
-    Args:
-        acting: as for ``OpenLoop``.
-    """
-    plain = all(is_absent(value) for name, value in acting.items() if name not in _IN_LANES)
-    if not plain or options.specialized or options.stations:
+def fits_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
+    """Return whether lanes support the runs, as far as that is known before their start."""
+    settings, contacts = shared.settings, shared.environment.contacts
+    if shared.events or shared.prescribed or shared.changes:
         return False
-    unknown = BY_FORCES if is_absent(acting["contacts"]) else BY_FORCES - BY_CONTACTS
+    if settings.specialized or settings.stations:
+        return False
+    unknown = BY_FORCES - BY_CONTACTS if contacts else BY_FORCES
     return all(map(arm_fits_lanes, variations.arms)) and not unknown.intersection(channels)
 
 
@@ -85,10 +75,6 @@ def arm_fits_lanes(arm: Arm) -> bool:
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
-
-
-def is_absent(value: Any) -> bool:
-    return value is None or (isinstance(value, list | tuple | dict) and not value)
 
 
 class Ready(NamedTuple):
@@ -108,24 +94,20 @@ class Lanes(ABC):
 
     Runs that fail, that need another method, or whose functions of time fail are executed by
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
-
-    Args:
-        environment: loads, base acceleration and contacts of all runs.
     """
 
     def __init__(
         self,
         variations: Variations,
-        options: RunOptions,
+        shared: Situation,
         channels: Collection[str],
         alone: OpenLoop | ClosedLoop,
-        environment: Environment,
     ) -> None:
-        self._variations, self._environment = variations, environment
+        self._variations, self._shared, self._settings = variations, shared, shared.settings
         self._factors: dict[tuple[int, ...], PiecewiseCubic] = {}
         self._loads: LoadHistory | None = None  # of the only arm
-        self._options, self._channels, self._alone = options, channels, alone
-        self._times = options.times
+        self._channels, self._alone = channels, alone
+        self._times = shared.times
         self._observed = set(channels) - BY_CONTACTS
         self._steppers: dict[tuple[int, ...], LaneStepper] = {}
         arm = variations.arms[0]
@@ -135,9 +117,11 @@ class Lanes(ABC):
 
     def _tolerance_of(self, arm: Arm) -> Tolerance:
         """Return the tolerance of runs of an arm, without their highest frequencies."""
-        atol, rtol, horizon = self._options.atol, self._options.rtol, self._options.duration
-        absolute, scale = absolute_tolerance(arm, atol, rtol)
-        return Tolerance(absolute, rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
+        settings, horizon = self._settings, self._shared.duration
+        absolute, scale = absolute_tolerance(arm, settings.atol, settings.rtol)
+        return Tolerance(
+            absolute, settings.rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale
+        )
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -147,7 +131,7 @@ class Lanes(ABC):
         groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
         method = None
         for place, run in enumerate(ready):
-            if place == 0 or self._options.integrator == "auto":
+            if place == 0 or self._settings.integrator == "auto":
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
@@ -186,7 +170,7 @@ class Lanes(ABC):
         if self._loads is not None:
             return self._loads
         with self._alone.users:
-            found = self._options.loads_of(arm, self._environment, self._factors)
+            found = self._shared.loads_of(arm, self._factors)
         if self._arm is not None:
             self._loads = found
         return found
@@ -205,7 +189,7 @@ class Lanes(ABC):
 
     def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
         """Return the highest frequencies (k,) of runs, rad/s."""
-        least = 1.0 / self._options.duration
+        least = 1.0 / self._shared.duration
         if self._arm is not None and ready:
             return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
         return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
@@ -220,7 +204,7 @@ class Lanes(ABC):
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
-        requested = self._options.integrator, self._options.step
+        requested = self._settings.integrator, self._settings.step
         return choose_integrator(*requested, run.arm, tolerance, run.touch)
 
     def _advance(
@@ -236,7 +220,7 @@ class Lanes(ABC):
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
         placed = [run.loads.placed for run in ready]
         runs = LaneRuns(
-            *arms_of_runs(arms, placed, self._options.atol, self._options.duration),
+            *arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -244,7 +228,7 @@ class Lanes(ABC):
             status=np.full(count, Status.PAUSED.value),
             sample_times=self._times,
             samples=np.empty((count, self._times.size, *states.shape[1:])),
-            until=np.full(count, self._options.duration),
+            until=np.full(count, self._shared.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
@@ -329,7 +313,7 @@ class Lanes(ABC):
             [run.number for run in own],
             times,
             channels,
-            self._options.duration,
+            self._shared.duration,
             DURATION,
             "",
             method.name,
@@ -362,7 +346,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, self._options.rtol)
+        history = self._alone.history(k, arm, state, self._settings.rtol)
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
@@ -373,7 +357,7 @@ class OpenLanes(Lanes):
             return True
         tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        default = self._options.atol is None
+        default = self._settings.atol is None
         steps = int(runs.counts[place, STEPS])
         return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
@@ -385,9 +369,9 @@ class OpenLanes(Lanes):
         Raises:
             InputError: if the run starts deep inside a surface.
         """
-        if not self._environment.contacts:
+        if not self._shared.environment.contacts:
             return loads, 0.0
-        contacts = contacts_of_run(arm, self._environment.contacts, state)
+        contacts = contacts_of_run(arm, self._shared.environment.contacts, state)
         refuse_deep_start(arm, state, contacts)
         placed = loads.placed._replace(contacts=contacts)
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
@@ -395,13 +379,13 @@ class OpenLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
-        choice = choose_by_drive(choice, run.arm, stops, self._options.duration)
+        choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
         start = Start(
             run.arm,
             run.state,
             self._tolerance_of(run.arm)._replace(fastest=touch),
-            self._options.duration,
+            self._shared.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )
         return choose_by_work(choice, start)

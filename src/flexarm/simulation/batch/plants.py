@@ -20,8 +20,13 @@ from flexarm.simulation.batch.lane_arrays import arms_of_runs, factors_of
 from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.run.failures import failure_of
 from flexarm.simulation.run.integrator_choice import choose_integrator
-from flexarm.simulation.run.new_run import RTOL, UNBOUNDED
-from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.simulation.run.new_run import UNBOUNDED
+from flexarm.simulation.run.tolerance import (
+    RTOL,
+    absolute_tolerance,
+    fastest_frequencies,
+    tip_units,
+)
 from flexarm.simulation.run.work.estimate import choose_by_samples
 
 #: Attempted steps of one sample time, after which a plant fails.

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count, check_kind, check_options
 from flexarm.base.errors import (
@@ -29,7 +28,7 @@ from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
-from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.simulation.batch.execution import ACTING, ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes
 from flexarm.simulation.batch.recording import TAKEN, Recorder
 from flexarm.simulation.batch.reductions import (
@@ -40,10 +39,11 @@ from flexarm.simulation.batch.reductions import (
 )
 from flexarm.simulation.batch.variations import variations_of
 from flexarm.simulation.calls.plausible_run import implausible_run
-from flexarm.simulation.calls.preparation import Torque, run_options
+from flexarm.simulation.calls.preparation import Situation, Torque
 from flexarm.simulation.calls.result import arm_text, package_version, software_versions
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings, settings_of
 from flexarm.simulation.run.tolerance import absolute_tolerance
 
 if TYPE_CHECKING:
@@ -51,21 +51,12 @@ if TYPE_CHECKING:
 
 #: A function that executes a block of runs, and the blocks.
 Work = tuple[Callable[[range], Iterable[Outcome]], list[range]]
-#: Options of ``simulate`` that are the same for all runs, with their defaults.
+#: Options of ``simulate`` that are the same for all runs.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
-    *("initial_rate", "rate", "progress"),
+    *("initial_rate", "rate", "progress", "settings"),
 }
-OPTIONS = {
-    name: parameter.default
-    for name, parameter in signature(simulate).parameters.items()
-    if name not in _OWN
-}
-#: Options that act on the arm, besides its torques.
-_ACTING = (
-    *("tip_force", "loads", "base_acceleration", "contacts"),
-    *("events", "prescribed", "changes"),
-)
+OPTIONS = signature(simulate).parameters.keys() - _OWN
 #: Runs that a thread executes before it reports its progress, one at a time or in lanes, and the
 #: memory (bytes) to which the states of the latter are limited.
 _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
@@ -91,6 +82,7 @@ def simulate_batch(
     stride: int = 1,
     threads: int | None = None,
     progress: bool | None = None,
+    settings: RunSettings | None = None,
     **options: Any,
 ) -> xr.Dataset:
     """Simulate many runs and return them as one labelled dataset with the dimension ``run``.
@@ -121,6 +113,7 @@ def simulate_batch(
         threads: number of threads, by default one for each core that this process may use.
             Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
+        settings: as in ``simulate``.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
 
@@ -147,8 +140,12 @@ def simulate_batch(
     """
     started = time.perf_counter()
     check_options(options, OPTIONS, "simulate_batch")
+    keywords = {name: options.pop(name) for name in list(options) if name not in ACTING}
+    keywords |= {"progress": progress} if settings is None or progress is not None else {}
+    keywords |= {"rate": rate} if settings is None or rate != DEFAULTS.rate else {}
+    checked = settings_of(settings, keywords, simulate)
     # Code that is compiled in the middle of a run may differ in the last digits.
-    given = OPTIONS | {"specialized": False} | options
+    checked = checked.replaced(specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)
@@ -166,52 +163,49 @@ def simulate_batch(
         parameters=parameters,
         seeds=seeds,
     )
-    acting = {name: given.pop(name) for name in _ACTING}
-    own.check_events(acting["events"])
-    checked = run_options(duration, rate=rate, **given)
-    check_samples(reduced, float(checked.times[-1]))
     first = own.arms[0]
+    shared = Situation(arm=first, duration=duration, settings=checked, **options)
+    own.check_events(shared.events)
+    check_samples(reduced, float(shared.times[-1]))
     starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
-    warn_of(implausible_run(first, checked.duration, rate, starts))
+    warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))
-    environment = Environment.of(first, *(acting[name] for name in _ACTING[:4]))
-    counts = len(environment.contacts), checked.stations
+    counts = len(shared.environment.contacts), checked.stations
     closed = own.controllers[0] is not None
     absent = {} if closed else {"torque_command": "controller"}
     if not any(one.assembly.has_bristles for one in own.arms):
         absent["bristle_deflection"] = "friction with bristles"
-    sizes = first, checked.times, names, reduced, stride, counts, absent
+    sizes = first, shared.times, names, reduced, stride, counts, absent
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
-    size = checked.times.size * 16 * first.assembly.coordinates.size
+    size = shared.times.size * 16 * first.assembly.coordinates.size
     lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
     if closed:
         model = model or (first if own.parameters else None)
-        everything = {**given, **acting, "duration": checked.duration, "rate": rate}
-        loop = ClosedLoop(own, model, everything, needed)
+        loop = ClosedLoop(own, model, shared, needed)
         with warnings.catch_warnings():  # kept in the outcomes
             warnings.simplefilter("ignore", FlexarmWarning)
-            if fits_closed_lanes(own, checked, acting, needed):
-                lanes = ClosedLanes(own, checked, needed, loop, environment)
+            if fits_closed_lanes(own, shared, needed):
+                lanes = ClosedLanes(own, shared, needed, loop)
                 lanes.prepare()
                 work: Work = lanes, lane_blocks
             else:
                 work, threads = _first_alone(loop, recorder, own.count), 1
-            _execute(work, recorder, own.count, threads, progress)
+            _execute(work, recorder, own.count, threads, checked.progress)
     else:
-        alone = OpenLoop(own, checked, acting, needed)
-        if fits_lanes(own, checked, acting, needed):
+        alone = OpenLoop(own, shared, needed)
+        if fits_lanes(own, shared, needed):
             alone.prepare()
-            work = OpenLanes(own, checked, needed, alone, environment), lane_blocks
+            work = OpenLanes(own, shared, needed, alone), lane_blocks
         else:
             work = _first_alone(alone, recorder, own.count)
-        _execute(work, recorder, own.count, threads, progress)
+        _execute(work, recorder, own.count, threads, checked.progress)
     attributes = {
         "flexarm_version": package_version(),
         "software": software_versions(),
-        "duration": checked.duration,
+        "duration": shared.duration,
         "rate": checked.rate,
         "rtol": checked.rtol,
         "wall_seconds": time.perf_counter() - started,

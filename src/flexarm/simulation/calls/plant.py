@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,14 +31,19 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.simulation.loop.sampled_loop import SampleSchedule
 from flexarm.simulation.loop.sensors import TipMotion
 from flexarm.simulation.run.contact_start import refuse_deep_start
-from flexarm.simulation.run.new_run import RTOL, initial_state, new_run
+from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import (
+    RunSettings,
+    StepSettings,
+    settings_of,
+    with_settings,
+)
 from flexarm.simulation.run.validity import BendingWatch
 
 
@@ -61,6 +66,7 @@ class Plant:
         breaks: times (s) at which loads or a base acceleration that are functions of time jump or
             have a kink.
         integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
+        settings: these, ``breaks`` and ``specialized`` as one object, see ``flexarm.RunSettings``.
         duration: s, latest time of a step; None for no limit. Required if loads or the base
             acceleration are functions of time, which are evaluated in advance.
         specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
@@ -82,6 +88,7 @@ class Plant:
     """
 
     @public_call
+    @with_settings(StepSettings)
     def __init__(
         self,
         arm: Arm,
@@ -91,23 +98,21 @@ class Plant:
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: BaseAcceleration | None = None,
-        breaks: ArrayLike = (),
         contacts: Sequence[Contact] = (),
         changes: Sequence[Change] = (),
-        integrator: str | Integrator = "auto",
-        step: float | None = None,
-        rtol: float = RTOL,
-        atol: float | None = None,
         duration: float | None = None,
         specialized: bool = False,
         warn: bool = True,
+        settings: RunSettings | None = None,
+        **keywords: Unpack[StepSettings],
     ) -> None:
         self.arm = arm = check_kind("arm", arm, Arm)
         if hardware is not None:
             check_kind("hardware", hardware, Hardware, "a Hardware object")
         self.sample_time = check_positive("sample_time", sample_time)
-        given = tip_force, loads, base_acceleration, contacts
-        environment = Environment.of(arm, *given)
+        checked = settings_of(settings, keywords, Plant.__init__)
+        compiled = check_flag("specialized", specialized) or bool(settings and settings.specialized)
+        environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
         if duration is None:
             _refuse_functions(environment)
         self.duration = math.inf if duration is None else check_positive("duration", duration)
@@ -116,17 +121,12 @@ class Plant:
         self._new_run = partial(
             new_run,
             arm,
+            settings=checked.replaced(specialized=compiled),
             duration=self.duration,
             sample_times=np.zeros(0),
-            environment=environment,
-            breaks=breaks,
             spacing=self.sample_time,
-            integrator=integrator,
-            step=step,
-            rtol=check_positive("rtol", rtol),
-            atol=None if atol is None else check_positive("atol", atol),
+            environment=environment,
             meter=Meter("stepping", False),
-            specialized=check_flag("specialized", specialized),
             changes=changes,
         )
         self._reset(None, None, None)
@@ -172,7 +172,7 @@ class Plant:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = hardware.replace(seed=seed)
-        run = self._new_run(state)
+        run = self._new_run(state=state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             warn_of_degrees(initial=arm.joint_angles(initial))

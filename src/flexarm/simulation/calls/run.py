@@ -3,61 +3,87 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from functools import partial, wraps
+from inspect import signature
+from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
 
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_kind, check_mapping, check_positive
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
-    Problem,
+    LargeDeflectionWarning,
     SimulationError,
     UnstableLoopWarning,
     public_call,
-    shown,
     warn_caller,
 )
-from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
-from flexarm.integrate import Integrator
+from flexarm.base.user_functions import FunctionError
+from flexarm.control.contract.base import Controller, Reference
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.calls.channels import channels_of_run
-from flexarm.simulation.calls.interrupted_runs import computed_until_failure
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.calls.plausible_run import implausible_run
-from flexarm.simulation.calls.preparation import (
-    Torque,
-    between_samples,
-    run_options,
-    start_of,
-    torque_history,
-)
+from flexarm.simulation.calls.preparation import Situation, Torque
 from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed
 from flexarm.simulation.loop.closed_loop import ClosedLoop
 from flexarm.simulation.loop.stability import instability
 from flexarm.simulation.run.changes.schedule import change_variables
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
-from flexarm.simulation.run.events import Event, event_log, event_variables
+from flexarm.simulation.run.events import Event, event_variables
 from flexarm.simulation.run.impacts import Beginning, compare_loops
-from flexarm.simulation.run.new_run import RTOL
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import AllSettings, RunSettings, settings_of, with_settings
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:
     import xarray as xr
 
+P = ParamSpec("P")
 
-@computed_until_failure
+
+def _computed_until_failure(simulate: Callable[P, xr.Dataset]) -> Callable[P, xr.Dataset]:
+    """Attach the result up to the failure to the exception of a function of time.
+
+    Functions of time are approximated before a run begins. If one fails, the run is repeated up
+    to the last time at which it returned a value.
+    """
+
+    @wraps(simulate)
+    def run(*args: P.args, **options: P.kwargs) -> xr.Dataset:
+        try:
+            return simulate(*args, **options)
+        except FunctionError as failed:
+            if failed.result is None and failed.time > 0.0:
+                given = signature(simulate).bind(*args, **options).arguments
+                _keep_result(failed, partial(run, **{**given, "duration": failed.time}))
+            raise
+
+    return run
+
+
+def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
+    """Attach the result of a shorter run; if that fails even earlier, raise its own error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)
+        try:
+            failed.result = again()
+        except InputError:  # the time is shorter than the given step
+            return
+    failed.result.attrs |= {"failure": str(failed), "ended_by": FAILURE}
+
+
+@_computed_until_failure
 @public_call
+@with_settings(AllSettings)
 def simulate(
     arm: Arm,
     duration: float,
@@ -76,16 +102,8 @@ def simulate(
     events: Sequence[Event] = (),
     contacts: Sequence[Contact] = (),
     changes: Sequence[Change] = (),
-    integrator: str | Integrator = "auto",
-    rate: float = 1000.0,
-    stations: int = 0,
-    step: float | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    torque_interpolation: str = "cubic",
-    breaks: ArrayLike = (),
-    specialized: bool | None = None,
-    progress: bool | None = None,
+    settings: RunSettings | None = None,
+    **keywords: Unpack[AllSettings],
 ) -> xr.Dataset:
     """Simulate an arm and return its motion as a labelled dataset.
 
@@ -120,6 +138,7 @@ def simulate(
         changes: numbers of the simulated arm that change during the run (``Change``); the
             controller's model does not. Samples and readings at the time of a change are before it,
             also at the start; only a terminal event in its jump records the state after it.
+        settings: the arguments that follow as one object, see ``flexarm.RunSettings``.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -177,48 +196,40 @@ def simulate(
             ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
-    check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
-    options = run_options(
-        duration,
-        rate=rate,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        breaks=breaks,
-        torque_interpolation=torque_interpolation,
-        integrator=integrator,
-        stations=stations,
-        specialized=specialized,
+    situation = Situation(
+        arm=arm,
+        duration=duration,
+        settings=settings_of(settings, keywords, simulate),
+        torque=torque,
+        controller=controller,
+        reference=reference,
+        plant=plant,
+        hardware=hardware,
+        prescribed=prescribed,
+        initial=initial,
+        initial_rate=initial_rate,
+        tip_force=tip_force,
+        loads=loads,
+        base_acceleration=base_acceleration,
+        events=events,
+        contacts=contacts,
+        changes=changes,
     )
-    simulated = plant if plant is not None else arm
-    if simulated.joints != arm.joints:
-        rule = f"have the number of joints of the arm ({arm.joints})"
-        raise InputError(Problem("plant", rule, shown(simulated.joints)))
-    state = start_of(simulated, initial, initial_rate, reference, torque)
+    simulated, start = situation.simulated, situation.start
     angles = None if initial is None else simulated.joint_angles(initial)
-    given = angles, controller, reference, hardware
-    warn_of(implausible_run(simulated, options.duration, options.rate, *given))
-    log = event_log(simulated, events)
-    acting = tip_force, loads, base_acceleration, contacts
-    environment = Environment.of(simulated, *acting)
-    with Meter("simulating", progress) as meter:
-        run = options.new_run(simulated, state, environment, log, meter, changes, prescribed)
-        placed = run.loads.placed.contacts
-        refuse_deep_start(simulated, state, placed)
-        refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
+    driven = angles, controller, reference, hardware
+    warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
+    with Meter("simulating", situation.settings.progress) as meter:
+        run = situation.new_run(meter)
         if controller is not None:
             beginning = Beginning.of(run)
             loop = ClosedLoop(run, controller, reference, hardware)
-            q = simulated.unpadded(state[0])
-            checked = controller, reference, hardware, contacts, q, options.duration
-            stability = partial(instability, arm, simulated, *checked, {})
+            checked = controller, reference, hardware, contacts, simulated.unpadded(start[0])
+            stability = partial(instability, arm, simulated, *checked, situation.duration, {})
             compare = partial(compare_loops, run, beginning, loop.execute_again)
             result = _closed_loop(run, loop, stability, compare)
         else:
-            history_of = partial(
-                torque_history, simulated, torque, prescribed or {}, state, options
-            )
-            result = _open_loop(run, history_of, between_samples(torque, options))
+            result = _open_loop(run, situation.history_of(run), situation.interpolation)
     for text, category in run.notices:
         warn_caller(text, category)
     if left := exceeded_bound(result.attrs):
@@ -326,36 +337,3 @@ def _result(
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))
-
-
-def check_objects(
-    arm: object,
-    plant: object | None,
-    controller: object | None,
-    reference: object | None,
-    hardware: object | None,
-    torque: Torque | None,
-    prescribed: Prescribed | None,
-) -> None:
-    """Validate objects before their attributes are used, and that one thing drives the joints.
-
-    Raises:
-        InputError: if an object has the wrong type, or two arguments cannot be combined.
-    """
-    check_kind("arm", arm, Arm)
-    if plant is not None:
-        check_kind("plant", plant, Arm)
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-        if controller is None:
-            raise InputError(Problem("hardware", "requires a controller"))
-    if controller is not None:
-        check_controller("controller", controller)
-        check_positive("controller.sample_time", getattr(controller, "sample_time", None))
-    if reference is not None:
-        check_reference(reference)
-    if prescribed is not None:
-        check_mapping("prescribed", prescribed, "joint numbers and motions")
-    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
-        if given and controller is not None:
-            raise InputError(Problem(name, "cannot be combined with a controller"))

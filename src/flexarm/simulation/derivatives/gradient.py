@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Never
+from dataclasses import replace
+from typing import TYPE_CHECKING, Unpack
 
 from numpy.typing import ArrayLike
 
@@ -19,16 +20,15 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
-from flexarm.integrate import Integrator
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Load
-from flexarm.simulation.calls.preparation import RunOptions, run_options
+from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import relative_error, second_run
 from flexarm.simulation.derivatives.adjoint import Gradient, goal_gradient_of
-from flexarm.simulation.derivatives.preparation import check_channels, refuse_unsupported, simulated
-from flexarm.simulation.run.new_run import RTOL
+from flexarm.simulation.derivatives.preparation import check_channels, settings_of_run, simulated
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings, SampleSettings, with_settings
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work.open_loop import Checkpoints
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 
 @public_call
+@with_settings(SampleSettings)
 def goal_gradient(
     arm: Arm,
     duration: float,
@@ -49,16 +50,9 @@ def goal_gradient(
     loads: Sequence[Load] = (),
     base_acceleration: BaseAcceleration | None = None,
     contacts: Sequence[Contact] = (),
-    integrator: str | Integrator = "auto",
-    rate: float = 1000.0,
-    step: float | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    torque_interpolation: str = "cubic",
-    breaks: ArrayLike = (),
     error_estimate: bool = True,
-    progress: bool | None = None,
-    **unsupported: Never,
+    settings: RunSettings | None = None,
+    **keywords: Unpack[SampleSettings],
 ) -> xr.Dataset:
     """Compute the gradient of a goal with respect to all torque samples and the initial state.
 
@@ -93,41 +87,32 @@ def goal_gradient(
 
     Theory page "separation", (D.17).
     """
-    refuse_unsupported(unsupported)
+    checked = settings_of_run(settings, keywords, goal_gradient)
     check_kind("arm", arm, Arm)
+    situation = Situation(
+        arm=arm,
+        duration=duration,
+        settings=checked,
+        torque=check_array("torque", torque, (-1, arm.joints)),
+        initial=initial,
+        initial_rate=initial_rate,
+        tip_force=tip_force,
+        loads=loads,
+        base_acceleration=base_acceleration,
+        contacts=contacts,
+    )
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))
     if not names:
         raise InputError(Problem("weights", "must not be empty"))
-    options = run_options(
-        duration,
-        rate=rate,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        breaks=breaks,
-        torque_interpolation=torque_interpolation,
-        integrator=integrator,
-        stations=0,
-        specialized=None,
-    )
-    torque = check_array("torque", torque, (-1, arm.joints))
-    given = {
-        "torque": torque,
-        "initial": initial,
-        "initial_rate": initial_rate,
-        "tip_force": tip_force,
-        "loads": loads,
-        "base_acceleration": base_acceleration,
-        "contacts": contacts,
-    }
     check_flag("error_estimate", error_estimate)
-    with Meter("differentiating", progress) as meter:
+    with Meter("differentiating", checked.progress) as meter:
 
-        def differentiated(options: RunOptions) -> tuple[Run, Gradient]:
-            checkpoints = Checkpoints.among(len(options.times))
-            known = simulated(arm, options, given, True, meter, checkpoints)
+        def differentiated(settings: RunSettings) -> tuple[Run, Gradient]:
+            checkpoints = Checkpoints.among(len(situation.times))
+            again = replace(situation, settings=settings)
+            known = simulated(again, True, meter, checkpoints)
             channels = channels_of(arm, known.run.samples, names)
             arrays = {
                 name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
@@ -136,11 +121,11 @@ def goal_gradient(
             assert known.samples is not None
             return known.run, goal_gradient_of(known, known.samples, arrays)
 
-        run, found = differentiated(options)
+        run, found = differentiated(checked)
         doubt, attributes = run.doubt, {}
-        second = second_run(run, options) if error_estimate else None
+        second = second_run(run, checked) if error_estimate else None
         if second is not None:
-            other = differentiated(second.options)
+            other = differentiated(second.settings)
             error = relative_error(found.torque, other[1].torque)
             attributes["relative_error"] = error
             run, found = other if second.tighter else (run, found)

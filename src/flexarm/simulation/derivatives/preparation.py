@@ -10,22 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, nearest, suggestion
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.linear.statics.gaps import refuse_bristles
-from flexarm.simulation.calls.preparation import RunOptions, start_of, torque_history
-from flexarm.simulation.calls.run import check_objects, simulate
+from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.inputs import inputs_of_run
 from flexarm.simulation.derivatives.parameters import Parameters, Samples
 from flexarm.simulation.derivatives.recorded_loop import RecordedLoop
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
-from flexarm.simulation.run.events import event_log
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings, settings_of
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.work.open_loop import Checkpoints
 
@@ -39,17 +37,11 @@ _OF_STATES = (
 
 
 def simulated(
-    arm: Arm,
-    options: RunOptions,
-    given: Mapping[str, Any],
-    by_samples: bool,
-    meter: Meter,
-    checkpoints: Checkpoints | None = None,
+    situation: Situation, by_samples: bool, meter: Meter, checkpoints: Checkpoints | None = None
 ) -> Parameters:
     """Simulate a run; return what its derivatives require.
 
     Args:
-        given: arguments of ``simulate`` that are not options.
         by_samples: whether steps end at every torque sample. A step that spans several samples
             computes their derivatives inaccurately.
         checkpoints: filled by a run without a controller.
@@ -58,50 +50,45 @@ def simulated(
         InputError: if an argument does not fit the arm.
         SimulationError: if the run stops early, or a function of time raises an exception.
     """
-    torque, prescribed = given["torque"], given.get("prescribed")
-    controller, reference = given.get("controller"), given.get("reference")
-    hardware = given.get("hardware")
-    check_objects(arm, None, controller, reference, hardware, torque, prescribed)
     if not COMPILED:
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
-    state = start_of(arm, given["initial"], given["initial_rate"], reference, torque)
-    names = "tip_force", "loads", "base_acceleration", "contacts"
-    environment = Environment.of(arm, *(given[name] for name in names))
-    log = event_log(arm, given.get("events", ()))
-    if log is not None:
+    arm, environment = situation.arm, situation.environment
+    if situation.events:
         refuse_bristles(arm, "events", hint="Their times have no derivatives then.")
-    run = options.new_run(arm, state, environment, log, meter, prescribed=prescribed)
-    placed = run.loads.placed.contacts
-    refuse_deep_start(arm, state, placed)
-    tips = int(given["tip_force"] is not None)
-    if controller is not None:
-        refuse_pressing_outward(arm, given["contacts"], placed, reference, options.duration)
-        loop = RecordedLoop(run, controller, reference, hardware, channels_of_states(arm))
+    run = situation.new_run(meter)
+    tips = int(situation.tip_force is not None)
+    if situation.controller is not None:
+        loop = RecordedLoop(
+            run,
+            situation.controller,
+            situation.reference,
+            situation.hardware,
+            channels_of_states(arm),
+        )
         loop.execute()
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
-    history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
+    history_of = situation.history_of(run)
     torque_of = partial(_with_stops, history_of) if by_samples else history_of
     run_accurately(run, torque_of, checkpoints)
     return Parameters(
         run,
         environment,
         inputs_of_run(run, environment),
-        _samples(torque, history_of, options),
+        _samples(situation, history_of),
         tips,
         checkpoints=checkpoints,
     )
 
 
-def _samples(
-    torque: Any, history_of: Callable[[float], PiecewiseCubic], options: RunOptions
-) -> Samples | None:
+def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]) -> Samples | None:
     """Return torque samples; None for another kind of torque."""
+    torque, settings = situation.torque, situation.settings
     if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
         return None
     samples, joints = np.shape(torque)
-    history = history_of(options.rtol)
-    return Samples(history, (samples, joints), options.rate, options.interpolation)
+    history = history_of(settings.rtol)
+    return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
 
 
 def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
@@ -113,21 +100,25 @@ def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) 
     return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
 
 
-def refuse_unsupported(given: Mapping[str, Any]) -> None:
-    """Reject arguments of ``simulate`` that derivatives do not support, and unknown ones.
+def settings_of_run(
+    settings: RunSettings | None, keywords: Mapping[str, Any], function: Callable[..., Any]
+) -> RunSettings:
+    """Return the settings of a run that is differentiated; see `settings_of`.
 
     Raises:
-        InputError: if there is any; all are listed.
+        InputError: if there are arguments of ``simulate`` that derivatives do not support, or
+            unknown ones; all are listed.
     """
     known = signature(simulate).parameters
     problems = [
         Problem(name, "is not supported with derivatives of runs")
         if name in known
         else Problem(name, "is not an argument", hint=nearest(name, known))
-        for name in given
+        for name in keywords.keys() - vars(function)["settings"]
     ]
     if problems:
         raise InputError(*problems)
+    return settings_of(settings, keywords, function)
 
 
 def channels_of_states(arm: Arm) -> list[str]:

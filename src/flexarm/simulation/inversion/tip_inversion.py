@@ -50,6 +50,7 @@ from flexarm.simulation.inversion.correction import (
 from flexarm.simulation.inversion.joint_support import JointSupport, SupportedTorque, joint_support
 from flexarm.simulation.inversion.reference import InversionReference, inversion_reference
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings
 
 #: Bending that remains at the start of the torques, as a fraction of that at the motion's start.
 _LEFT = 1e-6
@@ -67,6 +68,8 @@ _MOST_RIGID = 0.05
 _STEPS = 12
 #: Knots of the unsupported torque per knot of the original one, and samples per knot.
 _FINER, _PER_FINER = 4, 4
+#: Relative tolerance of the runs that determine the unsupported torque.
+_CLOSE = 1e-9
 
 
 class InversionError(FlexarmError, RuntimeError):
@@ -150,6 +153,7 @@ def tip_inversion(
     pre_actuation: float | None = None,
     post_actuation: float | None = None,
     reduction: float = 2e-3,
+    settings: RunSettings | None = None,
 ) -> TipInversion:
     """Compute the torques that make the tip of a flexible arm follow the tip of the rigid model.
 
@@ -162,6 +166,7 @@ def tip_inversion(
         pre_actuation, post_actuation: s; by default until 1e-6 of the bending remains.
         reduction: target of the tip's largest error, as a fraction of that under rigid torques, or
             of a twentieth of the arm's length if the arm falls under those.
+        settings: method and accuracy of the runs, see ``RunSettings``.
 
     Raises:
         InputError: if the motion starts too early or the joints cannot control the tip, or an
@@ -177,6 +182,7 @@ def tip_inversion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
+    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
@@ -190,7 +196,7 @@ def tip_inversion(
         raise InputError(Problem("motion", rule, f"{motion.start_time:.6g} s", hint))
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)
-    search = _Search(constraint, first, last, start, end, support)
+    search = _Search(constraint, first, last, start, end, support, settings)
     found, rigid = search.run(goal)
     if found.tip > max(goal, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
@@ -228,7 +234,9 @@ class _Search:
         start: float,
         end: float,
         support: JointSupport | None,
+        settings: RunSettings,
     ) -> None:
+        self.settings = settings
         self.constraint, self.first, self.support = constraint, first, support
         arm = self.arm = constraint.arm
         self.plant = arm if support is None else support.arm
@@ -301,7 +309,8 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        run = self._simulated(self.plant, supported, rate, rtol=1e-9)
+        rtol = min(_CLOSE, self.settings.rtol)
+        run = self._simulated(self.plant, supported, rate, rtol)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
         rates = run.qd.values[inside][:, joint]
@@ -310,7 +319,7 @@ class _Search:
         coefficients = make_lsq_spline(times, added, knots, k=DEGREE).c
         torque = CorrectedTorque(given.rigid, knots, coefficients)
         try:
-            alone = self._simulated(self.arm, torque, self.rate, rtol=1e-9)
+            alone = self._simulated(self.arm, torque, self.rate, rtol)
         except SimulationError:
             return torque, np.inf
         return torque, self._misses(alone.time.values, alone.q.values)[3]
@@ -326,8 +335,13 @@ class _Search:
         return missed, rows, error, tip
 
     def _simulated(
-        self, arm: Arm, torque: CorrectedTorque | SupportedTorque, rate: float, **options: Any
+        self,
+        arm: Arm,
+        torque: CorrectedTorque | SupportedTorque,
+        rate: float,
+        rtol: float | None = None,
     ) -> Any:
+        rtol = self.settings.rtol if rtol is None else rtol
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
@@ -336,9 +350,7 @@ class _Search:
                 self.duration,
                 torque=torque,
                 initial=self.first.q,
-                rate=rate,
-                progress=False,
-                **options,
+                settings=self.settings.replaced(rate=rate, rtol=rtol, progress=False),
             )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
