@@ -33,7 +33,7 @@ from flexarm.base.errors import (
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
-from flexarm.simulation.loop.sampled_loop import SampleSchedule
+from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.sensors import TipMotion
 from flexarm.simulation.run.contact_start import refuse_deep_start
 from flexarm.simulation.run.new_run import initial_state, new_run
@@ -130,8 +130,8 @@ class Plant:
             changes=changes,
         )
         self._reset(None, None, None)
-        if self._schedule.run.doubt and warn:
-            warn_caller(self._schedule.run.doubt, AccuracyWarning)
+        if self._loop.run.doubt and warn:
+            warn_caller(self._loop.run.doubt, AccuracyWarning)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles; helpers of the arm are created again."""
@@ -177,10 +177,10 @@ class Plant:
         if initial is not None:
             warn_of_degrees(initial=arm.joint_angles(initial))
             refuse_deep_start(arm, state, run.loads.placed.contacts)
-        self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
+        self._loop = RunLoop(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None
         self.warning = ""
-        self.measurement = self._schedule.measure()
+        self.measurement = self._loop.measure()
         return self.measurement
 
     @public_call
@@ -198,20 +198,20 @@ class Plant:
             LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
                 reset.
         """
-        schedule = self._schedule
+        loop = self._loop
         command = check_array("torque", torque, (self.arm.joints,))
-        self._check_time((schedule.tick + 1) * self.sample_time)
-        if schedule.tick == 0:  # not in __init__, because a reset may first move the arm
-            start, contacts = schedule.run.progress.state, schedule.run.loads.placed.contacts
+        self._check_time((loop.tick + 1) * self.sample_time)
+        if loop.tick == 0:  # not in __init__, because a reset may first move the arm
+            start, contacts = loop.run.progress.state, loop.run.loads.placed.contacts
             refuse_deep_start(self.arm, start, contacts)
         try:
-            schedule.hold(command)
+            loop.hold(command)
         except SimulationError as error:
             self._stopped_at = error.time
             raise
-        self.measurement = schedule.measure()
+        self.measurement = loop.measure()
         if not self.warning:
-            self.warning = self._bending(schedule.run.progress.state)
+            self.warning = self._bending(loop.run.progress.state)
             if self.warning and self._warn:
                 warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement
@@ -228,22 +228,22 @@ class Plant:
     @property
     def time(self) -> float:
         """Current sample time, s; after a failure the time reached."""
-        return self._schedule.time if self._stopped_at is None else self._stopped_at
+        return self._loop.time if self._stopped_at is None else self._stopped_at
 
     @property
     def q(self) -> FloatArray:
         """Coordinates (dof,)."""
-        return self._schedule.run.state()[0]
+        return self._loop.run.state()[0]
 
     @property
     def qd(self) -> FloatArray:
         """Rates of the coordinates (dof,)."""
-        return self._schedule.run.state()[1]
+        return self._loop.run.state()[1]
 
     @property
     def tip_motion(self) -> FloatArray:
         """Values of ``tip``, then of ``tip_velocity``, (6,)."""
-        return self._tip(self._schedule.run.progress.state).copy()
+        return self._tip(self._loop.run.progress.state).copy()
 
     @property
     def tip(self) -> FloatArray:
@@ -258,13 +258,13 @@ class Plant:
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """Whether each motor is at its limit, (joints,), during the last step; for anti-windup."""
-        _, saturated = self._schedule.acting.saturated()
+        _, saturated = self._loop.acting.saturated()
         return saturated[-1] if len(saturated) else np.zeros(self.arm.joints, dtype=bool)
 
     @property
     def contact_force(self) -> FloatArray:
         """Forces (contacts, 2) of contacts on the arm, N, world axes."""
-        run = self._schedule.run
+        run = self._loop.run
         state = run.progress.state[None]
         forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
         return forces

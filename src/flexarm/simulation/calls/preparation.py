@@ -24,7 +24,7 @@ from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed, prescribe
 from flexarm.simulation.histories.samples import sampled_torque
-from flexarm.simulation.loop.sampled_loop import SampleSchedule
+from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import Event, event_log
 from flexarm.simulation.run.integrator_choice import Choice
@@ -235,6 +235,6 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
     run = situation.new_run(Meter("checking", False))
     if situation.controller is not None:
         sample_time = situation.controller.sample_time
-        return SampleSchedule(run, sample_time, situation.hardware).run.choice
+        return RunLoop(run, sample_time, situation.hardware).run.choice
     choose(run, situation.history_of(run)(situation.settings.rtol))
     return run.choice

@@ -19,7 +19,7 @@ from flexarm.simulation.run.channels import CHANNELS
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flexarm.simulation.loop.closed_loop import ClosedLoop
+    from flexarm.simulation.loop.control_loop import ClosedLoop
 
 
 class _Labels(NamedTuple):

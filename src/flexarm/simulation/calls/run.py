@@ -34,7 +34,7 @@ from flexarm.simulation.calls.preparation import Situation, Torque
 from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed
-from flexarm.simulation.loop.closed_loop import ClosedLoop
+from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.loop.stability import instability
 from flexarm.simulation.run.changes.schedule import change_variables
 from flexarm.simulation.run.events import Event, event_variables
@@ -325,7 +325,7 @@ def _result(
         "unstable_loop": unstable,
     }
     loop = drive if isinstance(drive, ClosedLoop) else None
-    given = drive.torque_at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
+    given = drive.acting.at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
     channels = channels_of_run(run, given)
     numbers, texts = limits_of_run(run, loop, channels)
     run.notices = notices_of(run, texts, failure)
@@ -333,7 +333,7 @@ def _result(
     if loop is not None and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = loop.command_at(times)
     result = make_result(run.first_arm, times, channels, attributes)
-    result = add_limits(result, numbers, loop.sensors() if loop is not None else ())
+    result = add_limits(result, numbers, loop.instruments if loop is not None else ())
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))

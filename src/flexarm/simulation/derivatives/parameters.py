@@ -16,7 +16,7 @@ from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.derivatives.arm_parameters import arm_derivative
 from flexarm.simulation.derivatives.differences import differences
 from flexarm.simulation.derivatives.inputs import ArmInputs, Inputs, arm_inputs, no_change
-from flexarm.simulation.derivatives.recorded_loop import RecordedLoop
+from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import added_coefficients, collected_samples
 from flexarm.simulation.run.stepping import Run

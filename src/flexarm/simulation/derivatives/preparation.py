@@ -18,8 +18,8 @@ from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.inputs import inputs_of_run
+from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
 from flexarm.simulation.derivatives.parameters import Parameters, Samples
-from flexarm.simulation.derivatives.recorded_loop import RecordedLoop
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.progress import Meter
