@@ -111,7 +111,7 @@ class OpenLoop:
         """
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
-            self.history(0, run.arm, state, self._shared.settings.rtol)
+            self.history(0, run.arm, state, self._shared.settings.relative(run.arm))
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k.

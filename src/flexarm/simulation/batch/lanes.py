@@ -16,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
-from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.base import FloatArray, Integrator, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
 from flexarm.integrate.memory import (
@@ -45,7 +45,7 @@ from flexarm.simulation.run.impacts import returns_to_surface
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
-from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.simulation.run.tolerance import fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import axial_load
 from flexarm.simulation.run.work.estimate import Start, choose_by_work
 
@@ -109,19 +109,20 @@ class Lanes(ABC):
         self._channels, self._alone = channels, alone
         self._times = shared.times
         self._observed = set(channels) - BY_CONTACTS
-        self._steppers: dict[tuple[int, ...], LaneStepper] = {}
+        self._steppers: dict[tuple[float, ...], LaneStepper] = {}
         arm = variations.arms[0]
         self._arm = arm if variations.same_arm else None
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
 
-    def _tolerance_of(self, arm: Arm) -> Tolerance:
-        """Return the tolerance of runs of an arm, without their highest frequencies."""
-        settings, horizon = self._settings, self._shared.duration
-        absolute, scale = absolute_tolerance(arm, settings.atol, settings.rtol)
-        return Tolerance(
-            absolute, settings.rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale
-        )
+    def _tolerance_of(self, arm: Arm, method: Integrator | None = None) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies.
+
+        Without a method, the relative tolerance is the requested error, if that is given.
+        """
+        horizon = self._shared.duration
+        relative, absolute, scale = self._settings.tolerance(arm, method)
+        return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -135,10 +136,11 @@ class Lanes(ABC):
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                key = (method.name, sizes, *run.group)
+                relative = self._settings.tolerance(run.arm, method)[0]
+                key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1], ready[places[0]])
+            stepper = self._stepper(key[1], method, ready[places[0]])
             group = [ready[place] for place in places]
             for outcome in self._advance(method, stepper, group, fastest[places]):
                 done.update(outcome.runs)
@@ -205,7 +207,9 @@ class Lanes(ABC):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
         requested = self._settings.integrator, self._settings.step
-        return choose_integrator(*requested, run.arm, tolerance, run.touch)
+        by_accuracy = self._settings.request(run.arm) is not None
+        duration = self._shared.duration if by_accuracy else None
+        return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
 
     def _advance(
         self,
@@ -329,11 +333,11 @@ class Lanes(ABC):
         found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
         return {name: np.array([one[name] for one in found]) for name in found[0]}
 
-    def _stepper(self, key: tuple[int, ...], run: Ready) -> LaneStepper:
+    def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance_of(run.arm)
+            tolerance = self._tolerance_of(run.arm, method)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -346,7 +350,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, self._settings.rtol)
+        history = self._alone.history(k, arm, state, self._settings.relative(arm))
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
@@ -355,7 +359,9 @@ class OpenLanes(Lanes):
             return False
         if not method.adaptive:
             return True
-        tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
+        tolerance = self._tolerance_of(run.arm, method)._replace(
+            unit=runs.unit[min(place, len(runs.unit) - 1)]
+        )
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
         default = self._settings.atol is None
         steps = int(runs.counts[place, STEPS])
@@ -384,7 +390,7 @@ class OpenLanes(Lanes):
         start = Start(
             run.arm,
             run.state,
-            self._tolerance_of(run.arm)._replace(fastest=touch),
+            self._tolerance_of(run.arm, choice.integrator)._replace(fastest=touch),
             self._shared.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -44,7 +43,7 @@ from flexarm.simulation.calls.result import arm_text, package_version, software_
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import DEFAULTS, RunSettings, settings_of
-from flexarm.simulation.run.tolerance import absolute_tolerance
+from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,11 +206,16 @@ def simulate_batch(
         "software": software_versions(),
         "duration": shared.duration,
         "rate": checked.rate,
-        "rtol": checked.rtol,
         "wall_seconds": time.perf_counter() - started,
     }
-    if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
-        attributes["atol"] = math.prod(absolute_tolerance(first, checked.atol, checked.rtol))
+    request = checked.request(first)
+    if request is not None:
+        attributes["accuracy"] = request * reach_of(first)
+    else:
+        relative, absolute, scale = checked.tolerance(first)
+        attributes["rtol"] = relative
+        if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
+            attributes["atol"] = absolute * scale
     if len(own.arms) == 1:
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])

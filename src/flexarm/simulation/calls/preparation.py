@@ -138,7 +138,7 @@ class Situation:
     def loads_of(self, arm: Arm, known: dict[tuple[int, ...], PiecewiseCubic]) -> LoadHistory:
         """Return the loads of a run of an arm without contacts; see ``load_history``."""
         settings = self.settings
-        given = self.duration, settings.rtol, None, settings.breaks, 1.0 / settings.rate
+        given = self.duration, settings.relative(arm), None, settings.breaks, 1.0 / settings.rate
         return load_history(arm, self.environment, *given, known)
 
     def new_run(self, meter: Meter) -> Run:
@@ -236,5 +236,5 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
     if situation.controller is not None:
         sample_time = situation.controller.sample_time
         return RunLoop(run, sample_time, situation.hardware).run.choice
-    choose(run, situation.history_of(run)(situation.settings.rtol))
+    choose(run, situation.history_of(run)(situation.settings.relative(arm)))
     return run.choice

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import (
+    AccuracyWarning,
     FlexarmWarning,
     InputError,
     LargeDeflectionWarning,
@@ -28,6 +29,7 @@ from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.calls.channels import channels_of_run
+from flexarm.simulation.calls.integration_error import with_error
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.calls.plausible_run import implausible_run
 from flexarm.simulation.calls.preparation import Situation, Torque
@@ -42,7 +44,7 @@ from flexarm.simulation.run.impacts import Beginning, compare_loops
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import AllSettings, RunSettings, settings_of, with_settings
 from flexarm.simulation.run.small_motion import run_accurately
-from flexarm.simulation.run.stepping import Run
+from flexarm.simulation.run.stepping import Notices, Run
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -147,8 +149,13 @@ def simulate(
             its own. If the step is too long for "rk4", "auto" uses another method and warns. A
             fixed-step method without a step halves it until the tip differs by at most 1e-4 of
             the reach from the motion at twice the step.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
-            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
+        accuracy: largest error of the tip (m) that the integration may cause. Method and tolerances
+            follow from it, a second run verifies it, and a run that misses it is repeated. None for
+            1e-5 of the reach, which is verified only in runs without a controller whose joints turn
+            by more than a turn in all: their errors may grow.
+        rtol, atol: instead of ``accuracy``, error allowed per step, relative, and absolute in
+            metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step only the
+            tolerance for functions of time.
             A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
             in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
             the error requires it, and one that returns to a surface if it requires it. Runs with a
@@ -167,7 +174,8 @@ def simulate(
     Returns:
         Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
-        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
+        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``integration_error``
+        (m, at the tip) is present where a second run estimated it. The attribute ``ended_by`` is
         "duration", "failure" or the name of the event that ended the run. With ``changes`` also
         ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
         (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
@@ -186,7 +194,8 @@ def simulate(
             stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
             or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
             of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
-            attribute ``impact_steps``.
+            attribute ``impact_steps``. Also if the integration error exceeds a requested accuracy,
+            or three times the default one.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
@@ -215,26 +224,37 @@ def simulate(
         contacts=contacts,
         changes=changes,
     )
-    simulated, start = situation.simulated, situation.start
+    simulated = situation.simulated
     angles = None if initial is None else simulated.joint_angles(initial)
     driven = angles, controller, reference, hardware
     warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
     with Meter("simulating", situation.settings.progress) as meter:
-        run = situation.new_run(meter)
-        if controller is not None:
-            beginning = Beginning.of(run)
-            loop = ClosedLoop(run, controller, reference, hardware)
-            checked = controller, reference, hardware, contacts, simulated.unpadded(start[0])
-            stability = partial(instability, arm, simulated, *checked, situation.duration, {})
-            compare = partial(compare_loops, run, beginning, loop.execute_again)
-            result = _closed_loop(run, loop, stability, compare)
-        else:
-            result = _open_loop(run, situation.history_of(run), situation.interpolation)
-    for text, category in run.notices:
+        result, notices = _executed(meter, situation)
+        result, doubt = with_error(situation, result, lambda other: _executed(meter, other)[0])
+    if doubt:
+        notices = [*notices, (doubt, AccuracyWarning)]
+        result.attrs["warning"] = " ".join(text for text, _ in notices)
+    for text, category in notices:
         warn_caller(text, category)
     if left := exceeded_bound(result.attrs):
         warn_caller(left, FlexarmWarning)
     return result
+
+
+def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
+    """Execute a run; return its result and its warnings."""
+    run = situation.new_run(meter)
+    controller = situation.controller
+    if controller is None:
+        result = _open_loop(run, situation.history_of(run), situation.interpolation)
+        return result, run.notices
+    beginning, simulated = Beginning.of(run), situation.simulated
+    acting = controller, situation.reference, situation.hardware
+    loop = ClosedLoop(run, *acting)
+    checked = *acting, situation.contacts, simulated.unpadded(situation.start[0])
+    stability = partial(instability, situation.arm, simulated, *checked, situation.duration, {})
+    compare = partial(compare_loops, run, beginning, loop.execute_again)
+    return _closed_loop(run, loop, stability, compare), run.notices
 
 
 def _open_loop(

@@ -87,7 +87,7 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
     if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
         return None
     samples, joints = np.shape(torque)
-    history = history_of(settings.rtol)
+    history = history_of(settings.relative(situation.simulated))
     return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
 
 

@@ -50,7 +50,7 @@ from flexarm.simulation.inversion.correction import (
 from flexarm.simulation.inversion.joint_support import JointSupport, SupportedTorque, joint_support
 from flexarm.simulation.inversion.reference import InversionReference, inversion_reference
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings
+from flexarm.simulation.run.settings import TIGHT, RunSettings
 
 #: Bending that remains at the start of the torques, as a fraction of that at the motion's start.
 _LEFT = 1e-6
@@ -182,7 +182,7 @@ def tip_inversion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
-    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
+    settings = TIGHT if settings is None else check_kind("settings", settings, RunSettings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
@@ -309,7 +309,7 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        rtol = min(_CLOSE, self.settings.rtol)
+        rtol = min(_CLOSE, self.settings.relative(self.arm))
         run = self._simulated(self.plant, supported, rate, rtol)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
@@ -341,7 +341,7 @@ class _Search:
         rate: float,
         rtol: float | None = None,
     ) -> Any:
-        rtol = self.settings.rtol if rtol is None else rtol
+        rtol = self.settings.relative(self.arm) if rtol is None else rtol
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)

@@ -6,7 +6,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -127,10 +126,7 @@ class RunLoop(ControlLoop):
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        run.choice = choose_by_samples(run.choice, run.arm, sample_time, run.duration)
-        run.integrator = run.choice.integrator
-        if run.watch is not None:
-            run.watch = replace(run.watch, integrator=run.integrator)
+        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration))
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.run, self.hardware = run, hardware
         self._sensing, self._sensed = sensing_of_run(run, hardware, sample_time), run.arm

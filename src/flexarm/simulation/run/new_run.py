@@ -15,6 +15,7 @@ from flexarm.base.errors import InputError, Problem, check_array
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
 from flexarm.simulation.histories.loads import LoadHistory, load_history
+from flexarm.simulation.run.accuracy import relative_tolerance
 from flexarm.simulation.run.changes.schedule import arm_changes
 from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import default_step
@@ -24,7 +25,7 @@ from flexarm.simulation.run.integrator_choice import choose_integrator
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import for_arm, tolerance_of
+from flexarm.simulation.run.tolerance import for_arm, tolerance_of, with_relative
 
 #: Number of sample times that stand for the duration of a plant without one.
 UNBOUNDED = 1e4
@@ -57,9 +58,14 @@ def new_run(
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(arm, touching)
     horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
-    tolerance = tolerance_of(arm, state, settings.atol, settings.rtol, horizon)
-    requested = settings.integrator, settings.step
-    choice = choose_integrator(*requested, arm, tolerance, touch, prescribed)
+    request = settings.request(arm)
+    tolerance = tolerance_of(arm, state, *settings.tolerance(arm), horizon)
+    choice = choose_integrator(
+        *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
+        duration=None if request is None else horizon,
+    )
+    if request is not None:
+        tolerance = with_relative(tolerance, relative_tolerance(choice.integrator, arm, request))
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
@@ -76,13 +82,14 @@ def new_run(
         horizon=horizon,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(settings.rtol),
+        loads=loads_of(settings.relative(arm)),
         loads_of=loads_of,
         meter=meter,
         prescribed=prescribed,
         stations=settings.stations,
         specialized=settings.specialized,
         default_atol=settings.atol is None,
+        request=request,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
@@ -100,9 +107,18 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
         state: (2, n, 1 + m).
         settings: those of ``run``.
     """
+    request = run.request
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
-    requested = settings.integrator, settings.step
-    choice = choose_integrator(*requested, run.arm, tolerance, prescribed=run.prescribed)
+    if request is not None:
+        tolerance = with_relative(tolerance, request)
+    choice = choose_integrator(
+        *(settings.integrator, settings.step, run.arm, tolerance),
+        prescribed=run.prescribed,
+        duration=None if request is None else run.horizon,
+    )
+    if request is not None:
+        relative = relative_tolerance(choice.integrator, run.arm, request)
+        tolerance = with_relative(tolerance, relative)
     return replace(
         run,
         choice=choice,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from inspect import Parameter, signature
 from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexarm.arm.arm import Arm
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import (
     check_choice,
@@ -28,14 +29,15 @@ from flexarm.base.errors import (
 )
 from flexarm.integrate import Integrator
 from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.run.accuracy import DEFAULT_ACCURACY, FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.integrator_choice import check_integrator
-from flexarm.simulation.run.tolerance import RTOL
+from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 class MethodSettings(TypedDict, total=False):
-    """Method and accuracy of a run, as keyword arguments."""
+    """Method and tolerances of a run, as keyword arguments."""
 
     integrator: str | Integrator
     step: float | None
@@ -60,6 +62,7 @@ class SampleSettings(StepSettings, total=False):
 class AllSettings(SampleSettings, total=False):
     """All settings of a run."""
 
+    accuracy: float | None
     stations: int
     specialized: bool | None
 
@@ -78,8 +81,10 @@ class RunSettings:
         rate: samples recorded per second, Hz.
         stations: sections of each link at which section forces are recorded; 0 for none.
         step: fixed step, or first step of a method with step control, s; None for the default.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
-            ``rtol / 100`` of the reach.
+        accuracy: largest error of the tip (m) that the integration may cause; None for 1e-5 of the
+            reach, which is not verified. The method and its tolerances follow from it.
+        rtol, atol: instead of ``accuracy``, error allowed per step, relative, and absolute in
+            metres at the tip, by default ``rtol / 100`` of the reach.
         torque_interpolation: of torque samples, "cubic", "linear" or "hold".
         breaks: times (s) at which a function of time jumps or has a kink.
         specialized: True compiles the hot loop for the sizes of the arm; None does so in the
@@ -94,7 +99,8 @@ class RunSettings:
     rate: float = 1000.0
     stations: int = 0
     step: float | None = None
-    rtol: float = RTOL
+    accuracy: float | None = None
+    rtol: float | None = None
     atol: float | None = None
     torque_interpolation: str = "cubic"
     breaks: ArrayLike = ()
@@ -115,9 +121,14 @@ class RunSettings:
         own["rate"] = check_positive("rate", self.rate)
         own["breaks"] = check_array("breaks", self.breaks, (-1,))
         check_choice("torque_interpolation", self.torque_interpolation, INTERPOLATIONS)
-        own["rtol"] = check_positive("rtol", self.rtol)
-        if self.atol is not None:
-            own["atol"] = check_positive("atol", self.atol)
+        for name in ("accuracy", "rtol", "atol"):
+            if own[name] is not None:
+                own[name] = check_positive(name, own[name])
+        if self.rtol is not None and self.rtol >= 1.0:
+            raise InputError(Problem("rtol", "be less than 1", shown(self.rtol)))
+        tolerances = [name for name in ("rtol", "atol") if own[name] is not None]
+        if self.accuracy is not None and tolerances:
+            raise InputError(Problem("accuracy", f"cannot be combined with {tolerances[0]}"))
         if type(self.stations) is not int or self.stations != 0:
             own["stations"] = check_count("stations", self.stations, 2, MOST_STATIONS)
 
@@ -128,9 +139,33 @@ class RunSettings:
         settings._check()
         return settings
 
+    def request(self, arm: Arm) -> float | None:
+        """Return the requested error over the reach of an arm; None if tolerances are given."""
+        if self.rtol is not None or self.atol is not None:
+            return None
+        return DEFAULT_ACCURACY if self.accuracy is None else self.accuracy / reach_of(arm)
 
-#: Default values of the settings.
+    def relative(self, arm: Arm) -> float:
+        """Return the relative tolerance of functions of time."""
+        request = self.request(arm)
+        return (self.rtol or RTOL) if request is None else FUNCTIONS * request
+
+    def tolerance(self, arm: Arm, method: Integrator | None = None) -> tuple[float, float, float]:
+        """Return the relative and the absolute tolerance of a method, and the length of the latter.
+
+        Without a method, the relative one is the request.
+        """
+        request = self.request(arm)
+        if request is None:
+            relative = self.rtol or RTOL
+        else:
+            relative = request if method is None else relative_tolerance(method, arm, request)
+        return (relative, *absolute_tolerance(arm, self.atol, relative))
+
+
+#: Default values of the settings, and of those of functions without an accuracy.
 DEFAULTS = RunSettings()
+TIGHT = RunSettings(rtol=RTOL)
 
 
 def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
@@ -140,7 +175,7 @@ def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
         shown_first = signature(function)
         own = [p for p in shown_first.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own += [
-            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
+            Parameter(field.name, Parameter.KEYWORD_ONLY, default=_default(field, kind))
             for field in fields(RunSettings)
             if field.name in kind.__annotations__
         ]
@@ -149,6 +184,12 @@ def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
         return function
 
     return decorated
+
+
+def _default(field: Field[Any], kind: type[MethodSettings]) -> Any:
+    """Return the default value of a setting of a function."""
+    tight = field.name == "rtol" and "accuracy" not in kind.__annotations__
+    return RTOL if tight else field.default
 
 
 def settings_of(
@@ -168,8 +209,9 @@ def settings_of(
     names = vars(function)["settings"]
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
+    default = DEFAULTS if "accuracy" in names else TIGHT
     if settings is None:
-        return DEFAULTS.replaced(**keywords) if keywords else DEFAULTS
+        return default.replaced(**keywords) if keywords else default
     given = check_kind("settings", settings, RunSettings)
     both = given.replaced(**keywords)
     problems = [
@@ -179,7 +221,8 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    return DEFAULTS.replaced(**{name: getattr(both, name) for name in names})
+    values = {name: getattr(both, name) for name in names}
+    return default.replaced(**{name: v for name, v in values.items() if v is not None})
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:

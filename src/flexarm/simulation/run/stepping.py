@@ -28,6 +28,7 @@ from flexarm.kernels.layout import compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import constants_with
+from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.changes.schedule import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import DefaultStep, default_step
@@ -37,7 +38,7 @@ from flexarm.simulation.run.failures import failure_of
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.section_forces import cut_systems, fill_sections
-from flexarm.simulation.run.tolerance import for_arm
+from flexarm.simulation.run.tolerance import for_arm, with_relative
 
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
@@ -126,6 +127,7 @@ class Run:
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     default_atol: bool = False  # whether the absolute tolerance is the default one
+    request: float | None = None  # error over the reach; None if tolerances are given
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -134,6 +136,21 @@ class Run:
     def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
         return system_of(self.arm, self.prescribed, self.loads, history, self.specialized)
+
+    @property
+    def relative_of_functions(self) -> float:
+        """Relative tolerance of functions of time."""
+        return self.tolerance.relative if self.request is None else FUNCTIONS * self.request
+
+    def adopt(self, choice: Choice) -> None:
+        """Use another integrator, with the tolerance by which it reaches the requested error."""
+        if choice.integrator is not self.integrator and self.request is not None:
+            relative = relative_tolerance(choice.integrator, self.arm, self.request)
+            self.tolerance = with_relative(self.tolerance, relative)
+        self.choice, self.integrator = choice, choice.integrator
+        if self.watch is not None:
+            tolerance = self.tolerance
+            self.watch = replace(self.watch, integrator=self.integrator, tolerance=tolerance)
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray

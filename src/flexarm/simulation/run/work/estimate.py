@@ -17,11 +17,8 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.simulation.run.integrator_choice import Choice, settling
+from flexarm.simulation.run.integrator_choice import Choice, explicit_work, settling
 
-#: Phase (rad) of the fastest vibration per evaluation of an explicit method whose steps are limited
-#: by stability; if accuracy limits them, the phase is a third of this.
-_PHASE = 0.5
 #: Explicit work above which a trial is made. Below, a run takes a few tens of milliseconds at most,
 #: and a second method would have to be compiled.
 _WORTH_A_TRIAL = 20_000.0
@@ -159,11 +156,6 @@ def _decay(start: Start, state: FloatArray) -> float:
     if size > _SEEN * (absolute + relative * reach):
         return np.inf
     return float(_DECAY * (size / (absolute + relative * size)) ** _POWER)
-
-
-def explicit_work(fastest: float, duration: float) -> float:
-    """Return the least evaluations of an explicit method; ``fastest``: rad/s, or decay in 1/s."""
-    return fastest * duration / _PHASE
 
 
 def _work_of(integrator: Integrator, duration: float, explicit: float, implicit: float) -> float:

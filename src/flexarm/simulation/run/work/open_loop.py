@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -65,9 +65,8 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
-        run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
-        if run.watch is not None:
-            run.watch = replace(run.watch, integrator=choice.integrator)
+        run.adopt(choice)
+        run.doubt = choice.doubt
 
 
 def run_open_loop(
