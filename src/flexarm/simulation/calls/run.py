@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial, wraps
 from inspect import signature
 from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
@@ -15,6 +17,7 @@ from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import (
     AccuracyWarning,
+    FlexarmError,
     FlexarmWarning,
     InputError,
     LargeDeflectionWarning,
@@ -149,13 +152,12 @@ def simulate(
             its own. If the step is too long for "rk4", "auto" uses another method and warns. A
             fixed-step method without a step halves it until the tip differs by at most 1e-4 of
             the reach from the motion at twice the step.
-        accuracy: largest error of the tip (m) that the integration may cause. Method and tolerances
-            follow from it, a second run verifies it, and a run that misses it is repeated. None for
-            1e-5 of the reach, which is verified only in runs without a controller whose joints turn
-            by more than a turn in all: their errors may grow.
-        rtol, atol: instead of ``accuracy``, error allowed per step, relative, and absolute in
-            metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step only the
-            tolerance for functions of time.
+        accuracy: largest error of the tip (m) that the integration may cause, such as 1e-5 of the
+            reach, the hundredth part of a line in a plot. Method and tolerances follow from it, a
+            second run verifies it, and a run that misses it is repeated. Instead of ``rtol`` and
+            ``atol``.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
             A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
             in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
             the error requires it, and one that returns to a surface if it requires it. Runs with a
@@ -174,11 +176,12 @@ def simulate(
     Returns:
         Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
-        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``integration_error``
-        (m, at the tip) is present where a second run estimated it. The attribute ``ended_by`` is
-        "duration", "failure" or the name of the event that ended the run. With ``changes`` also
-        ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
-        (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
+        falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
+        "duration", "failure" or the name of the event that ended the run. With ``accuracy`` the
+        attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
+        also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
+        ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
+        at the start.
 
     Raises:
         InputError: if an argument has the wrong shape, is not finite, or contradicts another, the
@@ -194,8 +197,7 @@ def simulate(
             stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
             or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
             of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
-            attribute ``impact_steps``. Also if the integration error exceeds a requested accuracy,
-            or three times the default one.
+            attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
@@ -230,7 +232,10 @@ def simulate(
     warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
     with Meter("simulating", situation.settings.progress) as meter:
         result, notices = _executed(meter, situation)
-        result, doubt = with_error(situation, result, lambda other: _executed(meter, other)[0])
+        doubt = ""
+        if situation.settings.accuracy is not None:
+            again = partial(_executed_again, meter, situation)
+            result, doubt = with_error(result, situation.settings.accuracy, again)
     if doubt:
         notices = [*notices, (doubt, AccuracyWarning)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
@@ -255,6 +260,21 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     stability = partial(instability, situation.arm, simulated, *checked, situation.duration, {})
     compare = partial(compare_loops, run, beginning, loop.execute_again)
     return _closed_loop(run, loop, stability, compare), run.notices
+
+
+def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
+    """Execute a run with another accuracy, without warnings; return None if that fails."""
+    try:
+        varied = replace(
+            situation,
+            settings=situation.settings.replaced(accuracy=accuracy),
+            controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _executed(meter, varied)[0]
+    except (FlexarmError, TypeError):
+        return None
 
 
 def _open_loop(

@@ -50,7 +50,7 @@ from flexarm.simulation.inversion.correction import (
 from flexarm.simulation.inversion.joint_support import JointSupport, SupportedTorque, joint_support
 from flexarm.simulation.inversion.reference import InversionReference, inversion_reference
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
-from flexarm.simulation.run.settings import TIGHT, RunSettings
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings
 
 #: Bending that remains at the start of the torques, as a fraction of that at the motion's start.
 _LEFT = 1e-6
@@ -182,7 +182,7 @@ def tip_inversion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
-    settings = TIGHT if settings is None else check_kind("settings", settings, RunSettings)
+    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)

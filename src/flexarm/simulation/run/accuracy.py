@@ -9,8 +9,6 @@ from __future__ import annotations
 from flexarm.arm.arm import Arm
 from flexarm.integrate import DormandPrince8, Integrator, KennedyCarpenter5
 
-#: Default accuracy over the reach: a hundredth of the width of a line in a plot.
-DEFAULT_ACCURACY = 1e-5
 #: Relative tolerance of functions of time over the request.
 FUNCTIONS = 0.1
 #: Request below which order 8 is cheaper than order 5 at equal error.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass, fields
 from inspect import Parameter, signature
 from typing import Any, TypedDict, TypeVar
 
@@ -27,9 +27,9 @@ from flexarm.base.errors import (
     shown,
     unknown_arguments,
 )
-from flexarm.integrate import Integrator
+from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.simulation.histories.samples import INTERPOLATIONS
-from flexarm.simulation.run.accuracy import DEFAULT_ACCURACY, FUNCTIONS, relative_tolerance
+from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.integrator_choice import check_integrator
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
 
@@ -81,10 +81,10 @@ class RunSettings:
         rate: samples recorded per second, Hz.
         stations: sections of each link at which section forces are recorded; 0 for none.
         step: fixed step, or first step of a method with step control, s; None for the default.
-        accuracy: largest error of the tip (m) that the integration may cause; None for 1e-5 of the
-            reach, which is not verified. The method and its tolerances follow from it.
-        rtol, atol: instead of ``accuracy``, error allowed per step, relative, and absolute in
-            metres at the tip, by default ``rtol / 100`` of the reach.
+        accuracy: largest error of the tip (m) that the integration may cause; the method and its
+            tolerances follow from it. None for a method by ``rtol`` and ``atol``.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach.
         torque_interpolation: of torque samples, "cubic", "linear" or "hold".
         breaks: times (s) at which a function of time jumps or has a kink.
         specialized: True compiles the hot loop for the sizes of the arm; None does so in the
@@ -100,7 +100,7 @@ class RunSettings:
     stations: int = 0
     step: float | None = None
     accuracy: float | None = None
-    rtol: float | None = None
+    rtol: float = RTOL
     atol: float | None = None
     torque_interpolation: str = "cubic"
     breaks: ArrayLike = ()
@@ -124,13 +124,23 @@ class RunSettings:
         for name in ("accuracy", "rtol", "atol"):
             if own[name] is not None:
                 own[name] = check_positive(name, own[name])
-        if self.rtol is not None and self.rtol >= 1.0:
+        if self.rtol >= 1.0:
             raise InputError(Problem("rtol", "be less than 1", shown(self.rtol)))
-        tolerances = [name for name in ("rtol", "atol") if own[name] is not None]
-        if self.accuracy is not None and tolerances:
-            raise InputError(Problem("accuracy", f"cannot be combined with {tolerances[0]}"))
+        if self.accuracy is not None:
+            self._check_accuracy()
         if type(self.stations) is not int or self.stations != 0:
             own["stations"] = check_count("stations", self.stations, 2, MOST_STATIONS)
+
+    def _check_accuracy(self) -> None:
+        """Raise if tolerances are given, too, or the method has no step control."""
+        given = {"rtol": self.rtol != RTOL, "atol": self.atol is not None, "step": self.step}
+        for name in filter(given.get, given):
+            raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
+        method = self.integrator
+        kind = INTEGRATORS.get(method) if isinstance(method, str) else method
+        if kind is not None and not kind.adaptive:
+            rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
+            raise InputError(Problem("accuracy", rule))
 
     def replaced(self, **changed: Any) -> RunSettings:
         """Return settings with other values, which are checked as arguments of their own."""
@@ -140,15 +150,13 @@ class RunSettings:
         return settings
 
     def request(self, arm: Arm) -> float | None:
-        """Return the requested error over the reach of an arm; None if tolerances are given."""
-        if self.rtol is not None or self.atol is not None:
-            return None
-        return DEFAULT_ACCURACY if self.accuracy is None else self.accuracy / reach_of(arm)
+        """Return the requested error over the reach of an arm; None if tolerances decide."""
+        return None if self.accuracy is None else self.accuracy / reach_of(arm)
 
     def relative(self, arm: Arm) -> float:
         """Return the relative tolerance of functions of time."""
         request = self.request(arm)
-        return (self.rtol or RTOL) if request is None else FUNCTIONS * request
+        return self.rtol if request is None else FUNCTIONS * request
 
     def tolerance(self, arm: Arm, method: Integrator | None = None) -> tuple[float, float, float]:
         """Return the relative and the absolute tolerance of a method, and the length of the latter.
@@ -157,15 +165,14 @@ class RunSettings:
         """
         request = self.request(arm)
         if request is None:
-            relative = self.rtol or RTOL
+            relative = self.rtol
         else:
             relative = request if method is None else relative_tolerance(method, arm, request)
         return (relative, *absolute_tolerance(arm, self.atol, relative))
 
 
-#: Default values of the settings, and of those of functions without an accuracy.
+#: Default values of the settings.
 DEFAULTS = RunSettings()
-TIGHT = RunSettings(rtol=RTOL)
 
 
 def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
@@ -175,7 +182,7 @@ def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
         shown_first = signature(function)
         own = [p for p in shown_first.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own += [
-            Parameter(field.name, Parameter.KEYWORD_ONLY, default=_default(field, kind))
+            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
             for field in fields(RunSettings)
             if field.name in kind.__annotations__
         ]
@@ -184,12 +191,6 @@ def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
         return function
 
     return decorated
-
-
-def _default(field: Field[Any], kind: type[MethodSettings]) -> Any:
-    """Return the default value of a setting of a function."""
-    tight = field.name == "rtol" and "accuracy" not in kind.__annotations__
-    return RTOL if tight else field.default
 
 
 def settings_of(
@@ -209,9 +210,8 @@ def settings_of(
     names = vars(function)["settings"]
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
-    default = DEFAULTS if "accuracy" in names else TIGHT
     if settings is None:
-        return default.replaced(**keywords) if keywords else default
+        return DEFAULTS.replaced(**keywords) if keywords else DEFAULTS
     given = check_kind("settings", settings, RunSettings)
     both = given.replaced(**keywords)
     problems = [
@@ -221,8 +221,7 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    values = {name: getattr(both, name) for name in names}
-    return default.replaced(**{name: v for name, v in values.items() if v is not None})
+    return DEFAULTS.replaced(**{name: getattr(both, name) for name in names})
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:
