@@ -11,8 +11,8 @@ import xarray as xr
 #: Accuracy of the second run over that of the first.
 _LOOSER = 10.0
 #: Exponent of the accuracy by which the difference of two runs becomes the error of the finer one:
-#: the errors of runs whose accuracies differ by 10 differ by a factor of 3 or more in nine of ten.
-_POWER = 0.5
+#: the errors of runs whose accuracies differ by 10 differ by a factor of 2 or more in nine of ten.
+_POWER = 0.3
 #: Runs until a requested accuracy counts as missed; aim of a repetition over the request, and the
 #: least accuracy of a repetition over the one before.
 _MOST_RUNS, _AIM, _LEAST = 4, 0.3, 1e-3
