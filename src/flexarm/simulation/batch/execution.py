@@ -19,10 +19,10 @@ from flexarm.control.contract.base import Controller
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.batch.variations import Variations
-from flexarm.simulation.calls.channels import channels_of_run
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
 from flexarm.simulation.calls.preparation import Situation, start_of, torque_history
+from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic

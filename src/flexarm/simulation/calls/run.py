@@ -27,16 +27,14 @@ from flexarm.control.contract.base import Controller, Reference
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
-from flexarm.simulation.calls.channels import channels_of_run
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
-from flexarm.simulation.calls.plausible_run import implausible_run
-from flexarm.simulation.calls.preparation import Situation, Torque
-from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
+from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
+from flexarm.simulation.calls.result import add_loop, channels_of_run, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.loop.stability import instability
-from flexarm.simulation.run.changes.schedule import change_variables
+from flexarm.simulation.run.changes import change_variables
 from flexarm.simulation.run.events import Event, event_variables
 from flexarm.simulation.run.impacts import Beginning, compare_loops
 from flexarm.simulation.run.progress import Meter

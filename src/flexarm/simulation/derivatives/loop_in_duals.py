@@ -17,9 +17,12 @@ from flexarm.kernels.compilation.dual_arrays import Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.model import Hardware, Instrument
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, DualStepper
-from flexarm.simulation.derivatives.inputs import Inputs
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    DualStepper,
+    Inputs,
+    channel_derivatives,
+)
 from flexarm.simulation.derivatives.update_derivatives import (
     UpdateDerivatives,
     is_finite,

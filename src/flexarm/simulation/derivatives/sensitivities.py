@@ -23,18 +23,26 @@ from flexarm.model import Contact, Hardware, Load
 from flexarm.simulation.calls.preparation import Situation, Torque
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import second_run, state_errors
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, run_in_duals
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    Inputs,
+    channel_derivatives,
+    run_in_duals,
+)
 from flexarm.simulation.derivatives.event_derivatives import (
     EVENTS,
     crossings,
     event_slopes,
     moved_to,
 )
-from flexarm.simulation.derivatives.inputs import Inputs
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
-from flexarm.simulation.derivatives.parameters import Parameters, has_samples
-from flexarm.simulation.derivatives.preparation import check_channels, settings_of_run, simulated
+from flexarm.simulation.derivatives.parameters import (
+    Parameters,
+    check_channels,
+    has_samples,
+    settings_of_run,
+    simulated,
+)
 from flexarm.simulation.histories.prescribed import Prescribed
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.events import Event

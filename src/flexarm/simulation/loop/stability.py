@@ -26,7 +26,7 @@ from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, Sensor
-from flexarm.simulation.run.changes.schedule import ChangedArm
+from flexarm.simulation.run.changes import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units
 
 #: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
