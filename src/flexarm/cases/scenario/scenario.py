@@ -37,6 +37,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import sampled_torque
 from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
+    AnalysedLoop,
     LoopPole,
     describe_instability,
     describe_slow_instability,
@@ -116,7 +117,7 @@ class Prepared:
         log = event_log(self.arm, options.get("events", ()))
         both = [*options.get("changes", ()), *changes]
         coming = arm_changes(simulated, both, duration, log)
-        return loop_poles(
+        loop = AnalysedLoop(
             self.arm,
             simulated,
             options["controller"],
@@ -125,8 +126,8 @@ class Prepared:
             options.get("contacts", ()),
             simulated.rest(self.arm.joint_angles(options["initial"])),
             duration,
-            changed=coming.ahead(duration) if coming else (),
         )
+        return loop_poles(loop, changed=coming.ahead(duration) if coming else ())
 
     def arguments(
         self,

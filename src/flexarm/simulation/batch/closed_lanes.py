@@ -36,7 +36,7 @@ from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.loop.actuators import Acting
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.sensors import Sensing, measured_names
-from flexarm.simulation.loop.stability import Poles, instability
+from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
@@ -142,11 +142,7 @@ class ClosedLanes(Lanes):
             self._alone(0)
 
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
-        """Return run k before its start.
-
-        Raises:
-            InputError: if an argument does not fit the arm or the controller.
-        """
+        """Return run k before its start."""
         own, duration = self._variations, self._shared.duration
         controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
         assert controller is not None
@@ -181,8 +177,8 @@ class ClosedLanes(Lanes):
         simulated = arm.spec if own.parameters else id(arm)
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
         model, q = self._alone.model or arm, arm.unpadded(state[0])
-        loop = controller, reference, own.hardware, ()
-        return instability(model, arm, *loop, q, self._shared.duration, known)
+        loop = model, arm, controller, reference, own.hardware, (), q, self._shared.duration
+        return instability(AnalysedLoop(*loop), known)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
         loops = [run.drive for run in ready]

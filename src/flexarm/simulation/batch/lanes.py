@@ -166,12 +166,7 @@ class Lanes(ABC):
         """Return run k before its start, by default from the start of its motion."""
 
     def _loads_on(self, arm: Arm) -> LoadHistory:
-        """Return the loads of a run.
-
-        Raises:
-            InputError: if a load does not fit the arm.
-            FunctionError: if a function of time raises an exception.
-        """
+        """Return the loads of a run."""
         if self._loads is not None:
             return self._loads
         with self._alone.users:
@@ -369,11 +364,7 @@ class OpenLanes(Lanes):
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray
     ) -> tuple[LoadHistory, float]:
-        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s.
-
-        Raises:
-            InputError: if the run starts deep inside a surface.
-        """
+        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s."""
         if not self._shared.environment.contacts:
             return loads, 0.0
         contacts = contacts_of_run(arm, self._shared.environment.contacts, state)

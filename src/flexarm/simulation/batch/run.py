@@ -418,11 +418,7 @@ def _channels(given: object) -> tuple[str, ...]:
 
 
 def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: int) -> Work:
-    """Execute and record the first run, which validates what all share; return the other work.
-
-    Raises:
-        InputError: if an argument does not fit the first run.
-    """
+    """Execute and record the first run, which validates what all share; return the other work."""
     recorder.record(execute(0))
     return lambda runs: (attempt(execute, k) for k in runs), _blocks(1, count, _BLOCK)
 

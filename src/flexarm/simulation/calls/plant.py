@@ -42,7 +42,7 @@ from flexarm.simulation.run.settings import (
     RunSettings,
     StepSettings,
     settings_of,
-    with_settings,
+    with_keywords,
 )
 from flexarm.simulation.run.validity import BendingWatch
 
@@ -88,7 +88,7 @@ class Plant:
     """
 
     @public_call
-    @with_settings(StepSettings)
+    @with_keywords(StepSettings)
     def __init__(
         self,
         arm: Arm,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from flexarm.base.arguments import (
     check_mapping,
     check_positive,
 )
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, shown, unknown_arguments
 from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
@@ -38,7 +39,13 @@ from flexarm.simulation.run.events import Event, event_log
 from flexarm.simulation.run.integrator_choice import Choice
 from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings
+from flexarm.simulation.run.settings import (
+    DEFAULTS,
+    AllSettings,
+    RunSettings,
+    SampleSettings,
+    settings_of,
+)
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import choose
 
@@ -92,11 +99,7 @@ class Situation:
             raise InputError(Problem("plant", rule, shown(self.simulated.joints)))
 
     def _check_objects(self) -> None:
-        """Validate objects before their attributes are used, and that one thing drives the joints.
-
-        Raises:
-            InputError: if an object has the wrong type, or two arguments cannot be combined.
-        """
+        """Validate objects before their attributes are used; one thing drives the joints."""
         check_kind("arm", self.arm, Arm)
         if self.plant is not None:
             check_kind("plant", self.plant, Arm)
@@ -184,6 +187,59 @@ class Situation:
     def history_of(self, run: Run) -> Callable[[float], PiecewiseCubic]:
         """Return the function `torque_history` of a relative tolerance, for a run at its start."""
         return partial(torque_history, self, self.torque, run.arm, run.progress.state)
+
+
+class GoalArguments(SampleSettings, total=False):
+    """Keyword arguments of a run under given torques."""
+
+    initial: ArrayLike | None
+    initial_rate: ArrayLike | None
+    tip_force: ArrayLike | None
+    loads: Sequence[Load]
+    base_acceleration: BaseAcceleration | None
+    contacts: Sequence[Contact]
+
+
+class DrivenArguments(GoalArguments, total=False):
+    """Keyword arguments of a run."""
+
+    torque: Torque | None
+    controller: Controller | None
+    reference: Reference | None
+    hardware: Hardware | None
+    prescribed: Prescribed | None
+    events: Sequence[Event]
+
+
+class RunArguments(DrivenArguments, AllSettings, total=False):
+    """All keyword arguments of a run."""
+
+    plant: Arm | None
+    changes: Sequence[Change]
+
+
+def situation_of(
+    function: Callable[..., Any],
+    arm: Arm,
+    duration: float,
+    settings: RunSettings | None,
+    arguments: Mapping[str, Any],
+) -> Situation:
+    """Return the situation of a call.
+
+    Args:
+        function: the called one, decorated by `with_keywords`.
+        arguments: its keyword arguments.
+
+    Raises:
+        InputError: if an argument does not exist, has the wrong type, or contradicts another.
+    """
+    if not arguments.keys() <= vars(function)["keywords"] | {"torque"}:
+        raise unknown_arguments(arguments, signature(function).parameters)
+    keywords = {name: value for name, value in arguments.items() if name in vars(DEFAULTS)}
+    own = {name: value for name, value in arguments.items() if name not in keywords}
+    settings = settings_of(settings, keywords, function)
+    return Situation(arm=arm, duration=duration, settings=settings, **own)
 
 
 def start_of(

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import check_flag, check_kind, check_mapping
@@ -43,8 +42,7 @@ from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.linear.statics.gaps import refuse_bristles
-from flexarm.model import Contact, Load
-from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.preparation import GoalArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import relative_error, second_run
 from flexarm.simulation.derivatives.dual_run import (
@@ -58,11 +56,11 @@ from flexarm.simulation.derivatives.parameters import (
     Parameters,
     Samples,
     check_channels,
-    settings_of_run,
+    refuse_unsupported,
     simulated,
 )
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import RunSettings, SampleSettings, with_settings
+from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
 
@@ -318,22 +316,16 @@ def _from_the_last(
 
 
 @public_call
-@with_settings(SampleSettings)
+@with_keywords(GoalArguments, Situation)
 def goal_gradient(
     arm: Arm,
     duration: float,
     weights: Mapping[str, ArrayLike],
     *,
     torque: ArrayLike,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    contacts: Sequence[Contact] = (),
     error_estimate: bool = True,
     settings: RunSettings | None = None,
-    **keywords: Unpack[SampleSettings],
+    **arguments: Unpack[GoalArguments],
 ) -> xr.Dataset:
     """Compute the gradient of a goal with respect to all torque samples and the initial state.
 
@@ -368,27 +360,17 @@ def goal_gradient(
 
     Theory page "separation", (D.17).
     """
-    checked = settings_of_run(settings, keywords, goal_gradient)
+    refuse_unsupported(goal_gradient, arguments)
     check_kind("arm", arm, Arm)
-    situation = Situation(
-        arm=arm,
-        duration=duration,
-        settings=checked,
-        torque=check_array("torque", torque, (-1, arm.joints)),
-        initial=initial,
-        initial_rate=initial_rate,
-        tip_force=tip_force,
-        loads=loads,
-        base_acceleration=base_acceleration,
-        contacts=contacts,
-    )
+    driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
+    situation = situation_of(goal_gradient, arm, duration, settings, driven)
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))
     if not names:
         raise InputError(Problem("weights", "must not be empty"))
     check_flag("error_estimate", error_estimate)
-    with Meter("differentiating", checked.progress) as meter:
+    with Meter("differentiating", situation.settings.progress) as meter:
 
         def differentiated(settings: RunSettings) -> tuple[Run, Gradient]:
             checkpoints = Checkpoints.among(len(situation.times))
@@ -402,9 +384,9 @@ def goal_gradient(
             assert known.samples is not None
             return known.run, goal_gradient_of(known, known.samples, arrays)
 
-        run, found = differentiated(checked)
+        run, found = differentiated(situation.settings)
         doubt, attributes = run.doubt, {}
-        second = second_run(run, checked) if error_estimate else None
+        second = second_run(run, situation.settings) if error_estimate else None
         if second is not None:
             other = differentiated(second.settings)
             error = relative_error(found.torque, other[1].torque)

@@ -38,7 +38,6 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import added_coefficients, collected_samples
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import RunSettings, settings_of
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
@@ -176,11 +175,7 @@ def _by_formula(arm: Arm, environment: Environment, path: str, value: float) -> 
 
 
 def _moved(name: str, arm: Arm, environment: Environment, path: str, value: float) -> ArmInputs:
-    """Return the numbers of the arm with another value of a parameter.
-
-    Raises:
-        InputError: if the value is not possible, or changes the number of coordinates.
-    """
+    """Return the numbers of the arm with another value of a parameter."""
     try:
         changed = Arm(with_number(arm.spec, path, value))
         found = arm_inputs(changed, environment)
@@ -192,11 +187,7 @@ def _moved(name: str, arm: Arm, environment: Environment, path: str, value: floa
 
 
 def _check_zero(name: str, arm: Arm, environment: Environment, path: str, found: ArmInputs) -> None:
-    """Raise if the equations omit the terms of a number that is zero.
-
-    Raises:
-        InputError: if the numbers of the arm do not change as their derivatives ``found`` predict.
-    """
+    """Raise if the equations omit the terms of a number that is zero."""
     before = arm_inputs(arm, environment)
     for change in (_PROBE, -_PROBE):
         try:
@@ -412,25 +403,21 @@ def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) 
     return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
 
 
-def settings_of_run(
-    settings: RunSettings | None, keywords: Mapping[str, Any], function: Callable[..., Any]
-) -> RunSettings:
-    """Return the settings of a run that is differentiated; see `settings_of`.
+def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    """Raise if there are arguments that derivatives do not support, or unknown ones.
 
     Raises:
-        InputError: if there are arguments of ``simulate`` that derivatives do not support, or
-            unknown ones; all are listed.
+        InputError: if there is any; all are listed.
     """
     known = signature(simulate).parameters
     problems = [
         Problem(name, "is not supported with derivatives of runs")
         if name in known
         else Problem(name, "is not an argument", hint=nearest(name, known))
-        for name in keywords.keys() - vars(function)["settings"]
+        for name in arguments.keys() - vars(function)["keywords"]
     ]
     if problems:
         raise InputError(*problems)
-    return settings_of(settings, keywords, function)
 
 
 def channels_of_states(arm: Arm) -> list[str]:

@@ -275,11 +275,7 @@ class UdpController:
             self._datagrams.send(self._sent.packed(packet, self._token))
 
     def _read(self, data: bytes, packet: Packet) -> Packet | None:
-        """Return the packet of bytes if it answers a packet or ends the run.
-
-        Raises:
-            PartnerError: if it is an answer in this run, but has another layout.
-        """
+        """Return the packet of bytes if it answers a packet or ends the run."""
         head = head_of(data)
         if head is not None and (head.token, head.number) == (self._request, START):
             if not self._begun and head.time != self._token:

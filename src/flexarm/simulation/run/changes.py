@@ -339,11 +339,7 @@ def evenly(items: Sequence[_Item]) -> list[_Item]:
 
 
 def _first_possible(spec: ArmSpec, numbers: Mapping[str, float]) -> tuple[str, ArmSpec]:
-    """Return the first path whose number is possible before the others, and the changed arm.
-
-    Raises:
-        InputError: if none is possible, for the first one.
-    """
+    """Return the first path whose number is possible before the others, and the changed arm."""
     first: InputError | None = None
     for path, number in numbers.items():
         try:

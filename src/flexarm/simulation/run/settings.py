@@ -133,19 +133,24 @@ class RunSettings:
 DEFAULTS = RunSettings()
 
 
-def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
-    """Show settings in the signature of a function whose keyword arguments are ``kind``."""
+def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[[F], F]:
+    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults.
+
+    Args:
+        declared: data classes whose fields are arguments, besides `RunSettings`.
+    """
 
     def decorated(function: F) -> F:
-        shown_first = signature(function)
-        own = [p for p in shown_first.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        explicit = signature(function)
+        own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own += [
             Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
-            for field in fields(RunSettings)
+            for record in (*declared, RunSettings)
+            for field in fields(record)
             if field.name in kind.__annotations__
         ]
-        vars(function)["__signature__"] = shown_first.replace(parameters=own)
-        vars(function)["settings"] = kind.__annotations__.keys()
+        vars(function)["__signature__"] = explicit.replace(parameters=own)
+        vars(function)["keywords"] = kind.__annotations__.keys()
         return function
 
     return decorated
@@ -159,13 +164,13 @@ def settings_of(
     Settings that the function does not have are the default ones.
 
     Args:
-        function: the called one, decorated by `with_settings`.
+        function: the called one, decorated by `with_keywords`.
 
     Raises:
         InputError: if a keyword is not a setting of the function, has the wrong value, or differs
             from a value in ``settings`` that is not the default one.
     """
-    names = vars(function)["settings"]
+    names = vars(function)["keywords"] & vars(DEFAULTS).keys()
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
     if settings is None:
