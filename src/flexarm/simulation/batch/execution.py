@@ -29,6 +29,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import replaced
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
@@ -260,7 +261,7 @@ class ClosedLoop:
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,
-                    settings=self._shared.settings.replaced(progress=False),
+                    settings=replaced(self._shared.settings, progress=False),
                     **{name: getattr(self._shared, name) for name in ACTING},
                 )
         except SimulationError as error:

@@ -53,7 +53,7 @@ from flexarm.simulation.calls.result import (
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.channels import CHANNELS, LIMITS
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings, settings_of
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings, replaced, settings_of
 from flexarm.simulation.run.tolerance import absolute_tolerance
 
 if TYPE_CHECKING:
@@ -337,7 +337,7 @@ def simulate_batch(
     keywords |= {"rate": rate} if settings is None or rate != DEFAULTS.rate else {}
     checked = settings_of(settings, keywords, simulate)
     # Code that is compiled in the middle of a run may differ in the last digits.
-    checked = checked.replaced(specialized=bool(checked.specialized))
+    checked = replaced(checked, specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)

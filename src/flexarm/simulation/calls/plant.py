@@ -41,6 +41,7 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
     RunSettings,
     StepSettings,
+    replaced,
     settings_of,
     with_keywords,
 )
@@ -121,7 +122,7 @@ class Plant:
         self._new_run = partial(
             new_run,
             arm,
-            settings=checked.replaced(specialized=compiled),
+            settings=replaced(checked, specialized=compiled),
             duration=self.duration,
             sample_times=np.zeros(0),
             spacing=self.sample_time,

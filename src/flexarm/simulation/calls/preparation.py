@@ -44,6 +44,7 @@ from flexarm.simulation.run.settings import (
     AllSettings,
     RunSettings,
     SampleSettings,
+    replaced,
     settings_of,
 )
 from flexarm.simulation.run.stepping import Run
@@ -299,7 +300,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
         InputError: if ``simulate`` would raise it.
     """
     names = vars(DEFAULTS).keys() & arguments.keys()
-    settings = DEFAULTS.replaced(**{name: arguments.pop(name) for name in names})
+    settings = replaced(DEFAULTS, **{name: arguments.pop(name) for name in names})
     situation = Situation(arm=arm, settings=settings, **arguments)
     run = situation.new_run(Meter("checking", False))
     if situation.controller is not None:

@@ -52,7 +52,7 @@ from flexarm.simulation.inversion.torques import (
     spline_values,
 )
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings, replaced
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -469,7 +469,7 @@ class _Search:
                 self.duration,
                 torque=torque,
                 initial=self.first.q,
-                settings=self.settings.replaced(rate=rate, rtol=rtol, progress=False),
+                settings=replaced(self.settings, rate=rate, rtol=rtol, progress=False),
             )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:

@@ -121,12 +121,13 @@ class RunSettings:
         if type(self.stations) is not int or self.stations != 0:
             own["stations"] = check_count("stations", self.stations, 2, MOST_STATIONS)
 
-    def replaced(self, **changed: Any) -> RunSettings:
-        """Return settings with other values, which are checked as arguments of their own."""
-        settings = object.__new__(RunSettings)
-        vars(settings).update(vars(self) | changed)
-        settings._check()
-        return settings
+
+def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
+    """Return settings with other values, which are checked as arguments of the present call."""
+    own = object.__new__(RunSettings)
+    vars(own).update(vars(settings) | changed)
+    own._check()
+    return own
 
 
 #: Default values of the settings.
@@ -174,9 +175,9 @@ def settings_of(
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
     if settings is None:
-        return DEFAULTS.replaced(**keywords) if keywords else DEFAULTS
+        return replaced(DEFAULTS, **keywords) if keywords else DEFAULTS
     given = check_kind("settings", settings, RunSettings)
-    both = given.replaced(**keywords)
+    both = replaced(given, **keywords)
     problems = [
         Problem(name, f"be {shown(getattr(given, name))} as in settings", shown(value))
         for name, value in keywords.items()
@@ -184,7 +185,7 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    return DEFAULTS.replaced(**{name: getattr(both, name) for name in names})
+    return replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:
