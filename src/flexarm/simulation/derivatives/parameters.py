@@ -414,7 +414,8 @@ def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any
         Problem(name, "is not supported with derivatives of runs")
         if name in known
         else Problem(name, "is not an argument", hint=nearest(name, known))
-        for name in arguments.keys() - vars(function)["keywords"]
+        for name in arguments
+        if name not in vars(function)["keywords"]
     ]
     if problems:
         raise InputError(*problems)
