@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulation.derivatives.repeated_parts import Repetition
+from flexarm.simulation.derivatives.gradient import Repetition
 from flexarm.simulation.histories.samples import (
     added_coefficients,
     collected_samples,

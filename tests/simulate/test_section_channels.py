@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulation.run.section_forces import SECTION_CHANNELS
+from flexarm.simulation.run.stepping import SECTION_CHANNELS
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 STATIONS = 5

@@ -64,7 +64,7 @@ from flexarm.simulation.run.settings import (
     MethodSettings,
     RunSettings,
     settings_of,
-    with_settings,
+    with_keywords,
 )
 
 #: Losses of residuals, from SciPy.
@@ -81,7 +81,7 @@ _SAME_RATE = 1e-6
 
 
 @public_call
-@with_settings(MethodSettings)
+@with_keywords(MethodSettings)
 def identify(
     arm: Arm,
     records: Records,

@@ -22,8 +22,7 @@ from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.memory import REJECTED, STEPS
 from flexarm.model import Hardware, Sensor
 from flexarm.simulation.batch.execution import ClosedLoop
-from flexarm.simulation.batch.lane_arrays import factors_of
-from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, fits_lanes
+from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, factors_of, fits_lanes
 from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
@@ -35,14 +34,12 @@ from flexarm.simulation.calls.limits import (
 from flexarm.simulation.calls.preparation import Situation, start_of
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.loop.actuators import Acting
-from flexarm.simulation.loop.control_loop import ControlLoop
-from flexarm.simulation.loop.requirements import misfits
-from flexarm.simulation.loop.sampled_reference import sampled_reference
+from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.sensors import Sensing, measured_names
-from flexarm.simulation.loop.stability import Poles, instability
+from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.validity import RunawayWatch
-from flexarm.simulation.run.work.estimate import choose_by_samples
+from flexarm.simulation.run.work import choose_by_samples
 
 #: Attempted steps of a run between two sample times. Longer runs are executed one at a time.
 _MOST_STEPS = 200_000
@@ -145,11 +142,7 @@ class ClosedLanes(Lanes):
             self._alone(0)
 
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
-        """Return run k before its start.
-
-        Raises:
-            InputError: if an argument does not fit the arm or the controller.
-        """
+        """Return run k before its start."""
         own, duration = self._variations, self._shared.duration
         controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
         assert controller is not None
@@ -184,8 +177,8 @@ class ClosedLanes(Lanes):
         simulated = arm.spec if own.parameters else id(arm)
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
         model, q = self._alone.model or arm, arm.unpadded(state[0])
-        loop = controller, reference, own.hardware, ()
-        return instability(model, arm, *loop, q, self._shared.duration, known)
+        loop = model, arm, controller, reference, own.hardware, (), q, self._shared.duration
+        return instability(AnalysedLoop(*loop), known)
 
     def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
         loops = [run.drive for run in ready]

@@ -19,16 +19,17 @@ from flexarm.control.contract.base import Controller
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.batch.variations import Variations
-from flexarm.simulation.calls.channels import channels_of_run
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
 from flexarm.simulation.calls.preparation import Situation, start_of, torque_history
+from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import replaced
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
@@ -260,7 +261,7 @@ class ClosedLoop:
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,
-                    settings=self._shared.settings.replaced(progress=False),
+                    settings=replaced(self._shared.settings, progress=False),
                     **{name: getattr(self._shared, name) for name in ACTING},
                 )
         except SimulationError as error:

@@ -18,7 +18,14 @@ from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
 from flexarm.integrate.base import FloatArray, Integrator, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
-from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
+from flexarm.integrate.lanes.stepper import (
+    CONTACT_PLACES,
+    LOAD_PLACES,
+    LOAD_VALUES,
+    LaneIntegrator,
+    LaneStepper,
+    lane_method,
+)
 from flexarm.integrate.memory import (
     CLOCK_PLACES,
     COUNT_PLACES,
@@ -29,25 +36,23 @@ from flexarm.integrate.memory import (
     TOUCHES,
 )
 from flexarm.kernels.compilation.packs import COMPILED
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import ArmConstants, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.events import DURATION
 from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
-from flexarm.simulation.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.simulation.batch.variations import Variations
-from flexarm.simulation.calls.channels import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
-from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import returns_to_surface
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
-from flexarm.simulation.run.tolerance import fastest_frequencies, tip_units
+from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import axial_load
-from flexarm.simulation.run.work.estimate import Start, choose_by_work
+from flexarm.simulation.run.work import Start, choose_by_work
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
 #: steps that become ever shorter are noticed.
@@ -163,12 +168,7 @@ class Lanes(ABC):
         """Return run k before its start, by default from the start of its motion."""
 
     def _loads_on(self, arm: Arm) -> LoadHistory:
-        """Return the loads of a run.
-
-        Raises:
-            InputError: if a load does not fit the arm.
-            FunctionError: if a function of time raises an exception.
-        """
+        """Return the loads of a run."""
         if self._loads is not None:
             return self._loads
         with self._alone.users:
@@ -370,11 +370,7 @@ class OpenLanes(Lanes):
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray
     ) -> tuple[LoadHistory, float]:
-        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s.
-
-        Raises:
-            InputError: if the run starts deep inside a surface.
-        """
+        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s."""
         if not self._shared.environment.contacts:
             return loads, 0.0
         contacts = contacts_of_run(arm, self._shared.environment.contacts, state)
@@ -416,3 +412,63 @@ def _structure(run: Ready) -> tuple[int, ...]:
     placed = run.loads.placed
     bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
     return (*sizes, *bodies, id(run.loads.factors))
+
+
+def arms_of_runs(
+    arms: Sequence[Arm], loads: Sequence[Loads], atol: float | None, horizon: float
+) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
+    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
+
+    Args:
+        arms: of each run, or one of all.
+        loads: of each run, on the same bodies. With one arm, only the contacts differ.
+        atol, horizon: of all runs, see ``tolerance_of``.
+    """
+    found = [arm.assembly.constants for arm in arms]
+    constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
+    scales = [absolute_tolerance(arm, atol, 1.0)[1] for arm in arms]
+    units = np.stack([tip_units(*pair, horizon) for pair in zip(arms, scales, strict=True)])
+    touching = [one.contacts for one in loads]
+    contacts = _stacked(touching[: len(arms)], CONTACT_PLACES)
+    contacts = contacts._replace(law=np.stack([one.law for one in touching]))
+    return constants, units, _stacked(loads[: len(arms)], LOAD_VALUES + LOAD_PLACES), contacts
+
+
+def _stacked(records: Sequence[Any], names: Sequence[str]) -> Any:
+    """Return the first record, with some of its arrays stacked with those of the others."""
+    arrays = {name: np.stack([getattr(one, name) for one in records]) for name in names}
+    return records[0]._replace(**arrays)
+
+
+def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:
+    """Join the torques of the runs; equal objects are stored once.
+
+    Args:
+        loads: of all runs.
+    """
+    different = list({id(history): history for history in histories}.values())
+    places, starts = {}, np.zeros(3, dtype=np.int64)
+    stops = [loads.stops_with(history) for history in different]
+    for history, own in zip(different, stops, strict=True):
+        sizes = [history.breaks.size, len(history.coefficients), own.size]
+        ends = starts + sizes
+        places[id(history)] = np.stack([starts, ends], axis=1).ravel()
+        starts = ends
+    return LaneDrive(
+        breaks=np.concatenate([history.breaks for history in different]),
+        coefficients=np.concatenate(
+            [arm.padded_torque(history.coefficients) for history in different]
+        ),
+        stops=np.concatenate(stops),
+        places=np.array([places[id(history)] for history in histories]),
+        **factors_of(loads),
+    )
+
+
+def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+    """Return the fields of ``LaneDrive`` for loads."""
+    return {
+        "amplitude": loads.placed.value,
+        "factor_breaks": loads.factors.breaks,
+        "factor_coefficients": np.ascontiguousarray(loads.factors.coefficients),
+    }

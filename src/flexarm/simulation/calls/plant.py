@@ -35,14 +35,15 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.sensors import TipMotion
-from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.contacts import refuse_deep_start
 from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
     RunSettings,
     StepSettings,
+    replaced,
     settings_of,
-    with_settings,
+    with_keywords,
 )
 from flexarm.simulation.run.validity import BendingWatch
 
@@ -88,7 +89,7 @@ class Plant:
     """
 
     @public_call
-    @with_settings(StepSettings)
+    @with_keywords(StepSettings)
     def __init__(
         self,
         arm: Arm,
@@ -121,7 +122,7 @@ class Plant:
         self._new_run = partial(
             new_run,
             arm,
-            settings=checked.replaced(specialized=compiled),
+            settings=replaced(checked, specialized=compiled),
             duration=self.duration,
             sample_times=np.zeros(0),
             spacing=self.sample_time,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,20 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions.environment import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_function, check_kind, check_mapping, check_positive
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.arguments import (
+    about_degrees,
+    check_function,
+    check_kind,
+    check_mapping,
+    check_positive,
+)
+from flexarm.base.errors import InputError, Problem, shown, unknown_arguments
 from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.model.arm.plausible_masses import weights
+from flexarm.model.plausible import Number, Range, judge
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.loads import LoadHistory, load_history
@@ -25,16 +34,28 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed, prescribe
 from flexarm.simulation.histories.samples import sampled_torque
 from flexarm.simulation.loop.control_loop import RunLoop
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import Event, event_log
 from flexarm.simulation.run.integrator_choice import Choice
 from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings
+from flexarm.simulation.run.settings import (
+    DEFAULTS,
+    AllSettings,
+    RunSettings,
+    SampleSettings,
+    replaced,
+    settings_of,
+)
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.work.open_loop import choose
+from flexarm.simulation.run.work import choose
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
+#: Samples in a run; samples of a controller; durations of a run and of its motion over each other.
+_SAMPLES, _UPDATES = Range(1.0 - 1e-9, 1e3, np.inf), Range(1.0 - 1e-9, 1e3, np.inf)
+_MOTION = Range(3e-3, 1.0, 500.0)
+#: Largest torque of a motor over that by which the weight turns the horizontal arm.
+_TORQUE = Range(1e-2, 3.0, 1e5)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,11 +100,7 @@ class Situation:
             raise InputError(Problem("plant", rule, shown(self.simulated.joints)))
 
     def _check_objects(self) -> None:
-        """Validate objects before their attributes are used, and that one thing drives the joints.
-
-        Raises:
-            InputError: if an object has the wrong type, or two arguments cannot be combined.
-        """
+        """Validate objects before their attributes are used; one thing drives the joints."""
         check_kind("arm", self.arm, Arm)
         if self.plant is not None:
             check_kind("plant", self.plant, Arm)
@@ -173,6 +190,59 @@ class Situation:
         return partial(torque_history, self, self.torque, run.arm, run.progress.state)
 
 
+class GoalArguments(SampleSettings, total=False):
+    """Keyword arguments of a run under given torques."""
+
+    initial: ArrayLike | None
+    initial_rate: ArrayLike | None
+    tip_force: ArrayLike | None
+    loads: Sequence[Load]
+    base_acceleration: BaseAcceleration | None
+    contacts: Sequence[Contact]
+
+
+class DrivenArguments(GoalArguments, total=False):
+    """Keyword arguments of a run."""
+
+    torque: Torque | None
+    controller: Controller | None
+    reference: Reference | None
+    hardware: Hardware | None
+    prescribed: Prescribed | None
+    events: Sequence[Event]
+
+
+class RunArguments(DrivenArguments, AllSettings, total=False):
+    """All keyword arguments of a run."""
+
+    plant: Arm | None
+    changes: Sequence[Change]
+
+
+def situation_of(
+    function: Callable[..., Any],
+    arm: Arm,
+    duration: float,
+    settings: RunSettings | None,
+    arguments: Mapping[str, Any],
+) -> Situation:
+    """Return the situation of a call.
+
+    Args:
+        function: the called one, decorated by `with_keywords`.
+        arguments: its keyword arguments.
+
+    Raises:
+        InputError: if an argument does not exist, has the wrong type, or contradicts another.
+    """
+    if not arguments.keys() <= vars(function)["keywords"] | {"torque"}:
+        raise unknown_arguments(arguments, signature(function).parameters)
+    keywords = {name: value for name, value in arguments.items() if name in vars(DEFAULTS)}
+    own = {name: value for name, value in arguments.items() if name not in keywords}
+    settings = settings_of(settings, keywords, function)
+    return Situation(arm=arm, duration=duration, settings=settings, **own)
+
+
 def start_of(
     arm: Arm,
     initial: ArrayLike | None,
@@ -230,7 +300,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
         InputError: if ``simulate`` would raise it.
     """
     names = vars(DEFAULTS).keys() & arguments.keys()
-    settings = DEFAULTS.replaced(**{name: arguments.pop(name) for name in names})
+    settings = replaced(DEFAULTS, **{name: arguments.pop(name) for name in names})
     situation = Situation(arm=arm, settings=settings, **arguments)
     run = situation.new_run(Meter("checking", False))
     if situation.controller is not None:
@@ -238,3 +308,53 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
         return RunLoop(run, sample_time, situation.hardware).run.choice
     choose(run, situation.history_of(run)(situation.settings.relative(arm)))
     return run.choice
+
+
+def implausible_run(
+    arm: Arm,
+    duration: float,
+    rate: float,
+    angles: FloatArray | None = None,
+    controller: Any = None,
+    reference: Any = None,
+    hardware: Hardware | None = None,
+) -> list[str]:
+    """Return a sentence for each implausible number of a run.
+
+    Args:
+        arm: the simulated arm. duration: s. rate: of the samples, Hz.
+        angles: joint angles at the start, if they are given, rad.
+    """
+    findings: list[str] = []
+    if angles is not None and (text := about_degrees("initial", angles)):
+        findings.append(text)
+    if duration * rate < _SAMPLES.low:
+        text = f"rate is {rate:.4g} Hz, less than one sample in the duration of {duration:.4g} s"
+        findings.append(f"{text}: did you mean {1.0 / rate:.4g} Hz ({rate:.4g} s between samples)?")
+    if controller is not None:
+        step = Number("controller.sample_time", float(controller.sample_time), "s", -1.0)
+        judge(findings, duration / step.value, _UPDATES, "longer than the run", step)
+    length = getattr(reference, "duration", None)
+    if isinstance(length, float) and length > 0.0:
+        times = Number("duration", duration, "s"), Number("reference.duration", length, "s", -1.0)
+        short = duration < length
+        statement = f"but the motion takes {length:.4g} s"
+        if short:
+            times, statement = times[::-1], f"but the run takes {duration:.4g} s"
+        judge(findings, duration / length, _MOTION, statement, *times)
+    if hardware is not None and hardware.motors is not None:
+        _judge_motors(findings, arm, hardware.motors.torque_limit)
+    return findings
+
+
+def _judge_motors(findings: list[str], arm: Arm, limit: ArrayLike) -> None:
+    """Judge the torque limits of motors by the weight of the arm, if it has any."""
+    statement = "{ratio} of the torque by which the weight turns the horizontal arm"
+    torques = [weights(arm.spec)[seat.link] for seat in arm.assembly.seats]
+    limits = np.asarray(limit, dtype=np.float64)
+    if limits.ndim and limits.shape != (len(torques),):
+        return  # the run refuses them
+    for most, torque in zip(np.broadcast_to(limits, len(torques)), torques, strict=True):
+        if torque > 0.0 and np.isfinite(most):
+            number = Number("hardware.motors.torque_limit", float(most), "N m")
+            judge(findings, float(most) / torque, _TORQUE, statement, number)

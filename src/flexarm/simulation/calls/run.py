@@ -5,15 +5,12 @@ from __future__ import annotations
 import copy
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, wraps
 from inspect import signature
 from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
 
-from numpy.typing import ArrayLike
-
-from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import (
     AccuracyWarning,
@@ -27,25 +24,25 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.user_functions import FunctionError
-from flexarm.control.contract.base import Controller, Reference
-from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
-from flexarm.simulation.calls.channels import channels_of_run
 from flexarm.simulation.calls.integration_error import with_error
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
-from flexarm.simulation.calls.plausible_run import implausible_run
-from flexarm.simulation.calls.preparation import Situation, Torque
-from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
+from flexarm.simulation.calls.preparation import (
+    RunArguments,
+    Situation,
+    implausible_run,
+    situation_of,
+)
+from flexarm.simulation.calls.result import add_loop, channels_of_run, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.prescribed import Prescribed
 from flexarm.simulation.loop.control_loop import ClosedLoop
-from flexarm.simulation.loop.stability import instability
-from flexarm.simulation.run.changes.schedule import change_variables
-from flexarm.simulation.run.events import Event, event_variables
+from flexarm.simulation.loop.stability import AnalysedLoop, instability
+from flexarm.simulation.run.changes import change_variables
+from flexarm.simulation.run.events import event_variables
 from flexarm.simulation.run.impacts import Beginning, compare_loops
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import AllSettings, RunSettings, settings_of, with_settings
+from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Notices, Run
 
@@ -88,27 +85,13 @@ def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None
 
 @_computed_until_failure
 @public_call
-@with_settings(AllSettings)
+@with_keywords(RunArguments, Situation)
 def simulate(
     arm: Arm,
     duration: float,
     *,
-    torque: Torque | None = None,
-    controller: Controller | None = None,
-    reference: Reference | None = None,
-    plant: Arm | None = None,
-    hardware: Hardware | None = None,
-    prescribed: Prescribed | None = None,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    events: Sequence[Event] = (),
-    contacts: Sequence[Contact] = (),
-    changes: Sequence[Change] = (),
     settings: RunSettings | None = None,
-    **keywords: Unpack[AllSettings],
+    **arguments: Unpack[RunArguments],
 ) -> xr.Dataset:
     """Simulate an arm and return its motion as a labelled dataset.
 
@@ -207,26 +190,9 @@ def simulate(
             ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
-    situation = Situation(
-        arm=arm,
-        duration=duration,
-        settings=settings_of(settings, keywords, simulate),
-        torque=torque,
-        controller=controller,
-        reference=reference,
-        plant=plant,
-        hardware=hardware,
-        prescribed=prescribed,
-        initial=initial,
-        initial_rate=initial_rate,
-        tip_force=tip_force,
-        loads=loads,
-        base_acceleration=base_acceleration,
-        events=events,
-        contacts=contacts,
-        changes=changes,
-    )
-    simulated = situation.simulated
+    situation = situation_of(simulate, arm, duration, settings, arguments)
+    simulated, initial = situation.simulated, situation.initial
+    controller, reference, hardware = situation.controller, situation.reference, situation.hardware
     angles = None if initial is None else simulated.joint_angles(initial)
     driven = angles, controller, reference, hardware
     warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
@@ -256,8 +222,11 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     beginning, simulated = Beginning.of(run), situation.simulated
     acting = controller, situation.reference, situation.hardware
     loop = ClosedLoop(run, *acting)
-    checked = *acting, situation.contacts, simulated.unpadded(situation.start[0])
-    stability = partial(instability, situation.arm, simulated, *checked, situation.duration, {})
+    q = simulated.unpadded(situation.start[0])
+    analysed = AnalysedLoop(
+        *(situation.arm, simulated, *acting, situation.contacts, q, situation.duration)
+    )
+    stability = partial(instability, analysed, {})
     compare = partial(compare_loops, run, beginning, loop.execute_again)
     return _closed_loop(run, loop, stability, compare), run.notices
 
@@ -267,7 +236,7 @@ def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.D
     try:
         varied = replace(
             situation,
-            settings=situation.settings.replaced(accuracy=accuracy),
+            settings=replaced(situation.settings, accuracy=accuracy),
             controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
         )
         with warnings.catch_warnings():

@@ -17,7 +17,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.columns import LOWER_STOP, STOP_STIFFNESS, UPPER_STOP
 from flexarm.kernels.forces.contact import GAP
-from flexarm.simulation.run.settings import RunSettings
+from flexarm.simulation.run.settings import RunSettings, replaced
 from flexarm.simulation.run.stepping import Run
 
 #: Ratio of both tolerances, and the least relative tolerance that rounding errors allow.
@@ -57,7 +57,7 @@ def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
     used = run.tolerance
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
-    second = settings.replaced(rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
+    second = replaced(settings, rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
     return SecondRun(second, tighter, _DOUBTFUL)
 
 
@@ -75,8 +75,8 @@ def _touches(run: Run) -> bool:
 def _with_half_the_step(integrator: Integrator, settings: RunSettings) -> RunSettings:
     half = 0.5 * float(integrator.step or 0.0)
     if isinstance(settings.integrator, Integrator):
-        return settings.replaced(integrator=replace(settings.integrator, step=half))
-    return settings.replaced(step=half)
+        return replaced(settings, integrator=replace(settings.integrator, step=half))
+    return replaced(settings, step=half)
 
 
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:

@@ -17,9 +17,12 @@ from flexarm.kernels.compilation.dual_arrays import Duals
 from flexarm.kernels.compilation.duals import DIRECTIONS
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.model import Hardware, Instrument
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, DualStepper
-from flexarm.simulation.derivatives.inputs import Inputs
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    DualStepper,
+    Inputs,
+    channel_derivatives,
+)
 from flexarm.simulation.derivatives.update_derivatives import (
     UpdateDerivatives,
     is_finite,
@@ -89,11 +92,7 @@ class RecordedLoop(ClosedLoop):
         return [item for item in self.sensors if not names.isdisjoint(item.labels)]
 
     def _refuse_instruments(self) -> None:
-        """Raise if a reading of an instrument of the hardware has no derivative.
-
-        Raises:
-            InputError: if it is rounded, or its signal is not a channel of the states.
-        """
+        """Raise if a reading of an instrument of the hardware has no derivative."""
         problems = []
         given = self.hardware.instruments if self.hardware is not None else None
         for k, item in enumerate(given or ()):
@@ -128,11 +127,7 @@ class RecordedLoop(ClosedLoop):
         return torque
 
     def _readings_of(self, update: LinearController, measurement: Measurement) -> set[str]:
-        """Return the names of the readings that an update uses.
-
-        Raises:
-            InputError: if it uses a reading without a derivative.
-        """
+        """Return the names of the readings that an update uses."""
         start, found = 0, set()
         for name, value in measurement.items():
             part = slice(start, start + value.size)
@@ -219,11 +214,7 @@ class _LoopInDuals(ControlLoop):
     def _without_corners(
         self, update: LinearController, readings: FloatArray, t: float
     ) -> LinearController:
-        """Return an update without the infinite derivatives by numbers that no parameter changes.
-
-        Raises:
-            InputError: if a parameter changes a number at a corner.
-        """
+        """Return an update without infinite derivatives by numbers that no parameter changes."""
         for matrix, numbers in zip(update, (self._memory, readings) * 2, strict=True):
             if np.any(numbers[:, np.any(np.isinf(matrix), axis=0)]):
                 raise not_differentiable(self._loop.controller, t)
@@ -240,11 +231,7 @@ class _LoopInDuals(ControlLoop):
         return np.concatenate([np.zeros((count, 0)), *parts], axis=1)
 
     def _refuse_stored(self, first: Mapping[str, FloatArray]) -> None:
-        """Raise if a parameter changes a first reading that the controller stores.
-
-        Raises:
-            InputError: if it does.
-        """
+        """Raise if a parameter changes a first reading that the controller stores."""
         for name in self._loop.stored:
             if np.any(first.get(name, 0.0)):
                 rule = f"stores its first {name}, which a parameter changes"

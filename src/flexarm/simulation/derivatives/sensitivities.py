@@ -9,37 +9,39 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_flag, check_list_of
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
 from flexarm.base.processes import usable_cores
-from flexarm.control.contract.base import Controller, Reference
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
-from flexarm.model import Contact, Hardware, Load
-from flexarm.simulation.calls.preparation import Situation, Torque
+from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import second_run, state_errors
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, run_in_duals
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    Inputs,
+    channel_derivatives,
+    run_in_duals,
+)
 from flexarm.simulation.derivatives.event_derivatives import (
     EVENTS,
     crossings,
     event_slopes,
     moved_to,
 )
-from flexarm.simulation.derivatives.inputs import Inputs
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
-from flexarm.simulation.derivatives.parameters import Parameters, has_samples
-from flexarm.simulation.derivatives.preparation import check_channels, settings_of_run, simulated
-from flexarm.simulation.histories.prescribed import Prescribed
+from flexarm.simulation.derivatives.parameters import (
+    Parameters,
+    check_channels,
+    has_samples,
+    refuse_unsupported,
+    simulated,
+)
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.events import Event
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import RunSettings, SampleSettings, with_settings
+from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:
@@ -47,28 +49,16 @@ if TYPE_CHECKING:
 
 
 @public_call
-@with_settings(SampleSettings)
+@with_keywords(DrivenArguments, Situation)
 def sensitivities(
     arm: Arm,
     duration: float,
     parameters: Sequence[str],
     *,
     channels: Sequence[str] | None = None,
-    torque: Torque | None = None,
-    controller: Controller | None = None,
-    reference: Reference | None = None,
-    hardware: Hardware | None = None,
-    prescribed: Prescribed | None = None,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    events: Sequence[Event] = (),
-    contacts: Sequence[Contact] = (),
     error_estimate: bool = True,
     settings: RunSettings | None = None,
-    **keywords: Unpack[SampleSettings],
+    **arguments: Unpack[DrivenArguments],
 ) -> xr.Dataset:
     """Compute the derivatives of a run with respect to parameters.
 
@@ -112,23 +102,8 @@ def sensitivities(
 
     Theory page "separation", section 7.
     """
-    situation = Situation(
-        arm=arm,
-        duration=duration,
-        settings=settings_of_run(settings, keywords, sensitivities),
-        torque=torque,
-        controller=controller,
-        reference=reference,
-        hardware=hardware,
-        prescribed=prescribed,
-        initial=initial,
-        initial_rate=initial_rate,
-        tip_force=tip_force,
-        loads=loads,
-        base_acceleration=base_acceleration,
-        events=events,
-        contacts=contacts,
-    )
+    refuse_unsupported(sensitivities, arguments)
+    situation = situation_of(sensitivities, arm, duration, settings, arguments)
     paths = check_list_of("parameters", parameters, str)
     names = check_channels(arm, "channels", channels)
     if not paths:

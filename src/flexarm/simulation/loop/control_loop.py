@@ -6,26 +6,177 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.scratch import as_slice
-from flexarm.base.errors import InputError, SimulationError, check_array
-from flexarm.control.contract.base import Controller, Reference, report_of
-from flexarm.control.hardware.instruments import Readings
+from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.control.contract.base import Controller, Reference, report_of, requirements_of
+from flexarm.control.hardware.instruments import Readings, stride_and_delay
 from flexarm.control.hardware.measurement import Measurement, readings_by_name
 from flexarm.integrate.base import FloatArray, System
 from flexarm.model import Hardware
+from flexarm.model.hardware import channel_faults
+from flexarm.model.wording import nearest
+from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.actuators import Acting
-from flexarm.simulation.loop.requirements import misfits
-from flexarm.simulation.loop.sampled_reference import sampled_reference
-from flexarm.simulation.loop.sensors import Sensing, sensing_of_run
+from flexarm.simulation.loop.sensors import Sensing, measured_names, sensing_of_run
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.validity import RunawayWatch
-from flexarm.simulation.run.work.estimate import choose_by_samples
+from flexarm.simulation.run.work import choose_by_samples
+
+_LONGEST = 1e8  # limit on the sample times of a run, given by the memory
+#: Methods of a reference that are tabulated, in addition to the motion of the joints.
+_MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+
+
+class SampledReference:
+    """Reference that is evaluated for all sample times in one call.
+
+    One call of a motion for a thousand times is a thousand times as fast as a thousand calls, and
+    controllers evaluate the reference at every sample time. For other times, and for methods
+    that are not tabulated, the reference itself is called.
+    """
+
+    vectorized = True
+
+    def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
+        self._reference = reference
+        self._sample_time = sample_time
+        if not duration / sample_time <= _LONGEST:
+            rule = f"be at least {duration / _LONGEST:.3g} s for a duration of {duration:.6g} s"
+            raise InputError(Problem("controller.sample_time", rule, shown(sample_time)))
+        self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
+        self._tables: dict[str, FloatArray] = {}
+        if isinstance(reference, Motion):
+            angle, rate, acceleration = reference.state(self._schedule)
+            self._tables |= {"joint_angle": angle, "joint_rate": rate}
+            self._tables["joint_acceleration"] = acceleration
+
+    def _look_up(self, name: str, t: ArrayLike) -> Any:
+        # Only times that equal a sample time exactly have the tabulated value.
+        if isinstance(t, float) or np.ndim(t) == 0:
+            k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
+            if 0 <= k < len(self._schedule) and k * self._sample_time == t:
+                table = self._tables.get(name)
+                if table is None:
+                    table = np.asarray(getattr(self._reference, name)(self._schedule))
+                    self._tables[name] = table
+                return table[k]
+        elif name in self._tables:
+            times = np.asarray(t, dtype=np.float64)
+            samples = np.rint(times / self._sample_time)
+            inside = (samples >= 0.0) & (samples < len(self._schedule))
+            if np.all(inside & (samples * self._sample_time == times)):
+                return self._tables[name][samples.astype(np.intp)]
+        return getattr(self._reference, name)(t)
+
+    def joint_angle(self, t: ArrayLike) -> FloatArray:
+        """Joint angles (joints,) or (T, joints) at t, rad."""
+        found: FloatArray = self._look_up("joint_angle", t)
+        return found
+
+    def joint_rate(self, t: ArrayLike) -> FloatArray:
+        """Joint rates (joints,) or (T, joints) at t, rad/s."""
+        found: FloatArray = self._look_up("joint_rate", t)
+        return found
+
+    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
+        """Joint accelerations (joints,) or (T, joints) at t, rad/s^2."""
+        found: FloatArray = self._look_up("joint_acceleration", t)
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # copies and pickles look these up before `_reference` is set
+            raise AttributeError(name)
+        if name in _MORE and hasattr(self._reference, name):
+            return lambda t: self._look_up(name, t)
+        return getattr(self._reference, name)
+
+
+def sampled_reference(
+    reference: Reference | None, sample_time: float, duration: float
+) -> Reference | None:
+    """Tabulate a vectorized reference at the sample times; return any other one unchanged."""
+    if getattr(reference, "vectorized", False):
+        return SampledReference(reference, sample_time, duration)
+    return reference
+
+
+def misfits(
+    controller: Controller,
+    arm: Arm,
+    reference: Reference | None,
+    hardware: Hardware | None,
+    contacts: int,
+    called: str = "",
+) -> list[Problem]:
+    """Return the requirements of a controller that are not met, one problem each.
+
+    Faults of instruments at channels that the arm does not have, and sample times of instruments
+    that do not fit the controller, are among them.
+
+    Args:
+        arm: the simulated arm.
+        contacts: number of contacts.
+        called: user's name of the controller; empty for the name of its class.
+    """
+    requirements = requirements_of(controller, arm, reference)
+    called = called or type(controller).__name__
+    if requirements.joints not in (None, arm.joints):
+        own = f"{requirements.joints} joint{'s' * (requirements.joints != 1)}"
+        return [Problem("controller", f"is for {own}, but the arm has {arm.joints}")]
+    there = measured_names(arm, hardware, contacts)
+    problems = []
+    count = len(arm.gauges)
+    if count and "strain" in requirements.measured and requirements.gauges not in (None, count):
+        gauges = f"{requirements.gauges} gauge{'s' * (requirements.gauges != 1)}"
+        problems.append(Problem("arm", f"have the {gauges} that {called} reads", str(count)))
+    for name in requirements.measured:
+        if name not in there and not (name == "strain" and problems):
+            problems.append(_missing(called, name, arm, hardware, there, contacts))
+    problems += [one.problem() for one in channel_faults(arm.spec, hardware, contacts)]
+    return [*problems, *_unfitting_frames(hardware, controller.sample_time)]
+
+
+def _unfitting_frames(hardware: Hardware | None, sample_time: float) -> list[Problem]:
+    """Return the problems of instruments that do not sample at the controller's sample times."""
+    problems: list[Problem] = []
+    for k, item in enumerate((hardware and hardware.instruments) or ()):
+        try:
+            stride_and_delay(item, sample_time)
+        except InputError as error:
+            name = f"hardware.instruments[{k}].sample_time"
+            problems += [replace(problem, name=name) for problem in error.problems]
+    return problems
+
+
+def _missing(
+    called: str,
+    name: str,
+    arm: Arm,
+    hardware: Hardware | None,
+    there: tuple[str, ...],
+    contacts: int,
+) -> Problem:
+    """Return the problem of a missing measurement, with a hint on its source."""
+    if name == "contact_force" and not contacts:
+        return Problem("contacts", f"are missing: {called} measures {name}")
+    if name == "strain" and not arm.gauges:
+        return Problem("arm", f"has no gauges, but {called} reads {name}")
+    hint = nearest(name, there)
+    if name == "joint_rate" and "joint_angle" in there:
+        hint = "An instrument of joint_angle with a rate_cutoff also measures it."
+    rule = f"has no instrument for {name}, which {called} reads"
+    if hardware is not None and hardware.instruments is not None:
+        rule += f"; it measures {', '.join(there) or 'nothing'}"
+    return Problem("hardware", rule, hint=hint)
 
 
 class ControlLoop(ABC):

@@ -30,8 +30,8 @@ from flexarm.simulation.run.event_search import Mark
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import TIGHT, reach_of
-from flexarm.simulation.run.work.open_loop import Checkpoints as Checkpoints
-from flexarm.simulation.run.work.open_loop import run_open_loop
+from flexarm.simulation.run.work import Checkpoints as Checkpoints
+from flexarm.simulation.run.work import run_open_loop
 
 #: Tightest relative tolerance: below, rounding determines the error.
 _TIGHTEST = 1e-13

@@ -16,8 +16,8 @@ from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
 from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.run.accuracy import relative_tolerance
-from flexarm.simulation.run.changes.schedule import arm_changes
-from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
+from flexarm.simulation.run.changes import arm_changes
+from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.event_search import Watch
 from flexarm.simulation.run.events import EventLog

@@ -142,13 +142,6 @@ class RunSettings:
             rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
             raise InputError(Problem("accuracy", rule))
 
-    def replaced(self, **changed: Any) -> RunSettings:
-        """Return settings with other values, which are checked as arguments of their own."""
-        settings = object.__new__(RunSettings)
-        vars(settings).update(vars(self) | changed)
-        settings._check()
-        return settings
-
     def request(self, arm: Arm) -> float | None:
         """Return the requested error over the reach of an arm; None if tolerances decide."""
         return None if self.accuracy is None else self.accuracy / reach_of(arm)
@@ -171,23 +164,36 @@ class RunSettings:
         return (relative, *absolute_tolerance(arm, self.atol, relative))
 
 
+def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
+    """Return settings with other values, which are checked as arguments of the present call."""
+    own = object.__new__(RunSettings)
+    vars(own).update(vars(settings) | changed)
+    own._check()
+    return own
+
+
 #: Default values of the settings.
 DEFAULTS = RunSettings()
 
 
-def with_settings(kind: type[MethodSettings]) -> Callable[[F], F]:
-    """Show settings in the signature of a function whose keyword arguments are ``kind``."""
+def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[[F], F]:
+    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults.
+
+    Args:
+        declared: data classes whose fields are arguments, besides `RunSettings`.
+    """
 
     def decorated(function: F) -> F:
-        shown_first = signature(function)
-        own = [p for p in shown_first.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        explicit = signature(function)
+        own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own += [
             Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
-            for field in fields(RunSettings)
+            for record in (*declared, RunSettings)
+            for field in fields(record)
             if field.name in kind.__annotations__
         ]
-        vars(function)["__signature__"] = shown_first.replace(parameters=own)
-        vars(function)["settings"] = kind.__annotations__.keys()
+        vars(function)["__signature__"] = explicit.replace(parameters=own)
+        vars(function)["keywords"] = kind.__annotations__.keys()
         return function
 
     return decorated
@@ -201,19 +207,19 @@ def settings_of(
     Settings that the function does not have are the default ones.
 
     Args:
-        function: the called one, decorated by `with_settings`.
+        function: the called one, decorated by `with_keywords`.
 
     Raises:
         InputError: if a keyword is not a setting of the function, has the wrong value, or differs
             from a value in ``settings`` that is not the default one.
     """
-    names = vars(function)["settings"]
+    names = vars(function)["keywords"] & vars(DEFAULTS).keys()
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
     if settings is None:
-        return DEFAULTS.replaced(**keywords) if keywords else DEFAULTS
+        return replaced(DEFAULTS, **keywords) if keywords else DEFAULTS
     given = check_kind("settings", settings, RunSettings)
-    both = given.replaced(**keywords)
+    both = replaced(given, **keywords)
     problems = [
         Problem(name, f"be {shown(getattr(given, name))} as in settings", shown(value))
         for name, value in keywords.items()
@@ -221,7 +227,7 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    return DEFAULTS.replaced(**{name: getattr(both, name) for name in names})
+    return replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:
