@@ -170,6 +170,7 @@ from .simulation.run.events import Event as Event
 from .simulation.run.events import contact_event as contact_event
 from .simulation.run.events import joint_event as joint_event
 from .simulation.run.events import tip_event as tip_event
+from .simulation.run.settings import RunSettings as RunSettings
 from .view import plot as plot
 from .view.plot.animation import animate as animate
 from .view.reporting import report as report

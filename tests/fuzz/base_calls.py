@@ -166,6 +166,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Plant": {"arm": arm, "sample_time": 0.005},
     "PrescribedAngle": dict.fromkeys(("angle", "rate", "acceleration"), lambda: lambda t: 0.0),
     "Reduction": {"kind": "peak", "channel": "tip"},
+    "RunSettings": {"rtol": 1e-8},
     "RoundWall": {"center": [0.0, 0.0], "radius": 3.0},
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},

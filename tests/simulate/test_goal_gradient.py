@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import chain
-from flexarm.simulation.derivatives.repeated_parts import Repetition
+from flexarm.simulation.derivatives.gradient import Repetition
 from flexarm.simulation.histories.samples import (
     added_coefficients,
     collected_samples,

@@ -110,7 +110,7 @@ def test_without_instruments_the_sensors_are_exact(arm):
         arm, 0.2, controller=Script([[0.4, 0.1]], TICK), rate=1.0 / TICK, hardware=fa.Hardware()
     )
     np.testing.assert_array_equal(plain.q, exact.q)
-    # SampleSchedule and samples have the same times except for rounding.
+    # The loop and samples have the same times except for rounding.
     np.testing.assert_allclose(exact.measured_strain, exact.strain[:-1], rtol=0, atol=1e-17)
     assert not any(name.startswith("measured") for name in plain.data_vars)
 

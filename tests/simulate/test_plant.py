@@ -163,7 +163,7 @@ def test_memory_does_not_grow(arm):
     plant = fa.Plant(arm, TICK, NOISY)
     for _ in range(50):
         plant.step([0.1, 0.0])
-    acting = plant._schedule.acting
+    acting = plant._loop.acting
     assert len(acting._since) == len(acting._target) == 1
     assert len(acting._waiting) <= 2
 

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from controllers import Plain
-from flexarm.simulation.run.section_forces import SECTION_CHANNELS
+from flexarm.simulation.run.stepping import SECTION_CHANNELS
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 STATIONS = 5

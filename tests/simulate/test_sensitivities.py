@@ -316,9 +316,9 @@ def test_more_than_eight_parameters_equal_single_ones():
 
 
 def test_constants_of_a_formula_and_of_a_difference_agree():
-    """The file changes only one number, so both ways of ``arm_parameters`` must agree."""
-    from flexarm.simulation.derivatives.arm_parameters import arm_derivative
+    """The file changes only one number, so both ways of ``arm_derivative`` must agree."""
     from flexarm.simulation.derivatives.differences import differences as numerical
+    from flexarm.simulation.derivatives.parameters import arm_derivative
 
     rng = np.random.default_rng(7)
     for _ in range(5):

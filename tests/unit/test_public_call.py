@@ -8,7 +8,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.base.errors import InputError, check_array, public_call, public_call_as
-from flexarm.model import RunSettings
+from flexarm.model import RunSpec
 from flexarm.model.quantities import Count, Flag, Number
 
 
@@ -43,7 +43,7 @@ def test_arguments_are_validated_and_converted_by_their_types():
 
 def test_files_and_functions_have_the_same_rule_of_a_tolerance():
     arm = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)])
-    for call in (lambda: fa.simulate(arm, 1.0, rtol=5), lambda: RunSettings(duration=1.0, rtol=5)):
+    for call in (lambda: fa.simulate(arm, 1.0, rtol=5), lambda: RunSpec(duration=1.0, rtol=5)):
         with pytest.raises(InputError, match=r"rtol must be less than 1, got 5\."):
             call()
 

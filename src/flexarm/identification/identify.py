@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -56,11 +56,16 @@ from flexarm.identification.record import (
 from flexarm.identification.result import Identification
 from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
 from flexarm.model.identification.parameters import FreeParameter
+from flexarm.simulation.run.settings import (
+    MethodSettings,
+    RunSettings,
+    settings_of,
+    with_keywords,
+)
 
 #: Losses of residuals, from SciPy.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -76,6 +81,7 @@ _SAME_RATE = 1e-6
 
 
 @public_call
+@with_keywords(MethodSettings)
 def identify(
     arm: Arm,
     records: Records,
@@ -90,11 +96,9 @@ def identify(
     torque_noise: ArrayLike | None = None,
     iterations: int = 200,
     contacts: Sequence[Contact] = (),
-    integrator: str | Integrator = "auto",
-    step: float | None = None,
-    rtol: float = 1e-7,
-    atol: float | None = None,
     progress: bool | None = None,
+    settings: RunSettings | None = None,
+    **keywords: Unpack[MethodSettings],
 ) -> Identification:
     """Estimate parameters of an arm from measured records by weighted least squares.
 
@@ -130,7 +134,7 @@ def identify(
             which the noise is estimated anew. Those of the beginnings of long records, which are
             fitted first, are limited separately.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
-        integrator, step, rtol, atol: of all runs, as in ``simulate``.
+        integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
 
@@ -174,8 +178,10 @@ def identify(
         if record.coarse:
             warn_caller(f"{name}: {record.coarse}", AccuracyWarning)
     parameters = check_free(free)
-    options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
-    options |= {} if step is None else {"step": step}
+    method_of_runs = settings_of(settings, keywords, identify)
+    options: dict[str, Any] = {
+        name: getattr(method_of_runs, name) for name in ("integrator", "step", "rtol", "atol")
+    }
     options |= {"contacts": touching} if touching else {}
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun

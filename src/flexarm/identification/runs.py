@@ -25,7 +25,7 @@ from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
 from flexarm.simulation.batch.run import simulate_batch
-from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import PrescribedAngle
@@ -345,10 +345,9 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         if phase <= _UNRESOLVED:
             continue
         arguments = run.arguments(case)
-        duration, integrator = arguments.pop("duration"), arguments.pop("integrator", "auto")
-        step = arguments.pop("step", None)
+        del arguments["channels"]  # which only batches have
         try:
-            work = integrator_of(arm, duration, integrator, step, arguments).work
+            work = integrator_of(arm, **arguments).work
         except InputError:  # a hopeless run
             work = np.inf
         work *= _RUNS * (1 + len(space.slots))

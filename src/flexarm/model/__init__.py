@@ -56,7 +56,7 @@ from flexarm.model.scenarios.motions import LineMotionSpec as LineMotionSpec
 from flexarm.model.scenarios.scenario import FollowingJoint as FollowingJoint
 from flexarm.model.scenarios.scenario import HeldJoint as HeldJoint
 from flexarm.model.scenarios.scenario import InitialState as InitialState
-from flexarm.model.scenarios.scenario import RunSettings as RunSettings
+from flexarm.model.scenarios.scenario import RunSpec as RunSpec
 from flexarm.model.scenarios.scenario import Scenario as Scenario
 from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec

@@ -26,7 +26,7 @@ from flexarm.model import (
     RayleighDamping,
     Rectangle,
     RigidInverseDynamicsDrive,
-    RunSettings,
+    RunSpec,
     Scenario,
     SectionTable,
     TabulatedJoint,
@@ -369,7 +369,7 @@ def scenarios(draw):
         initial=initial,
         run=draw(
             st.builds(
-                RunSettings,
+                RunSpec,
                 duration=st.floats(1e-3, 10.0),
                 rate=st.floats(1.0, 1e5),
                 stations=st.sampled_from([0, 2, 11, 1000]),

@@ -9,8 +9,7 @@ from flexarm.bridges.c_code.named_function import NamedFunction
 from flexarm.bridges.c_code.source import array
 from flexarm.bridges.fmu.variables import OUTPUTS, Variables
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
-from flexarm.simulation.run.new_run import RTOL
-from flexarm.simulation.run.tolerance import absolute_tolerance
+from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance
 
 #: First step of co-simulation, as a part of the longest stable one.
 _FIRST = 0.2

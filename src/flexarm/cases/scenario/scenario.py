@@ -43,19 +43,20 @@ from flexarm.model.drives import (
 )
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
-from flexarm.simulation.calls.plausible_run import implausible_run
+from flexarm.simulation.calls.preparation import implausible_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import sampled_torque
-from flexarm.simulation.loop.requirements import misfits
+from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
+    AnalysedLoop,
     LoopPole,
     describe_instability,
     describe_slow_instability,
     loop_poles,
 )
-from flexarm.simulation.run.changes.schedule import arm_changes
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.changes import arm_changes
+from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import event_log, events_of
 from flexarm.simulation.run.integrator_choice import check_integrator
 
@@ -128,7 +129,7 @@ class Prepared:
         log = event_log(self.arm, options.get("events", ()))
         both = [*options.get("changes", ()), *changes]
         coming = arm_changes(simulated, both, duration, log)
-        return loop_poles(
+        loop = AnalysedLoop(
             self.arm,
             simulated,
             options["controller"],
@@ -137,8 +138,8 @@ class Prepared:
             options.get("contacts", ()),
             simulated.rest(self.arm.joint_angles(options["initial"])),
             duration,
-            changed=coming.ahead(duration) if coming else (),
         )
+        return loop_poles(loop, changed=coming.ahead(duration) if coming else ())
 
     def arguments(
         self,

@@ -140,16 +140,15 @@ def _about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Row
 
     Without arguments, it is that of an arm which moves freely for one second.
     """
-    from flexarm.simulation.calls.choice import integrator_of
+    from flexarm.simulation.calls.preparation import integrator_of
 
     arguments = dict(options or {"duration": 1.0})
-    requested, step = arguments.pop("integrator", "auto"), arguments.pop("step", None)
-    duration = arguments.pop("duration")
-    recommended = integrator_of(arm, duration, "auto", None, arguments)
+    requested, step = arguments.get("integrator", "auto"), arguments.get("step")
+    recommended = integrator_of(arm, **{**arguments, "integrator": "auto", "step": None})
     text = f"{recommended.integrator.name} is recommended: {recommended.reason}"
     if requested == "auto" and step is None:
         return [("integrator", text)]
-    used = integrator_of(arm, duration, requested, step, arguments)
+    used = integrator_of(arm, **arguments)
     reason = f" ({used.reason})" if requested == "auto" else ""
     return [("integrator", f"{used.integrator.name}{reason}; {text}")]
 

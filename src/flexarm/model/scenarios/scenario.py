@@ -164,7 +164,7 @@ class InitialState(Record):
             yield Fault(("equilibrium",), "must be true with balance")
 
 
-class RunSettings(Record):
+class RunSpec(Record):
     """Duration, recording and integrator of a run."""
 
     duration: Positive
@@ -219,7 +219,7 @@ class Scenario(Record):
     """Numbers of the simulated arm that change during the run."""
     initial: InitialState = InitialState()
     """Initial state of the arm."""
-    run: RunSettings
+    run: RunSpec
     """Settings of the run."""
 
     _hints: ClassVar[dict[str, str]] = {

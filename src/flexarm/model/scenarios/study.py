@@ -29,7 +29,7 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.scenarios.motions import MotionSpec
 from flexarm.model.scenarios.sampling import Distribution, RareFailures, SamplePlan, sampling_faults
-from flexarm.model.scenarios.scenario import RunSettings, Scenario
+from flexarm.model.scenarios.scenario import RunSpec, Scenario
 from flexarm.model.wording import Fault, Path
 
 
@@ -77,9 +77,9 @@ class StudyRun(Record):
             rule = f"be less than the duration of {given.duration:g} s"
             yield Fault(("settling",), rule, shown(given.settling))
 
-    def settings(self) -> RunSettings:
+    def settings(self) -> RunSpec:
         """Return these settings for a single run."""
-        return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
+        return RunSpec(duration=self.duration, rate=self.rate, integrator=self.integrator)
 
 
 #: Keys that every scenario of a study shares.

@@ -18,7 +18,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import CURVATURE, GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.simulation.calls.metrics import reference_angles
-from flexarm.simulation.loop.closed_loop import ClosedLoop
+from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
 from flexarm.simulation.run.validity import axial_load
@@ -236,11 +236,11 @@ def limits_of_run(
         numbers["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=0), 0.0)
     if loop is None:
         return numbers, list(filter(None, texts))
-    readings = loop.sensors()
+    readings = loop.instruments
     numbers |= instrument_numbers(readings)
     texts.append(instrument_warning(readings, numbers))
-    if loop.limited and loop.times:
-        since, saturated = loop.saturated()
+    if loop.acting.limited and loop.times:
+        since, saturated = loop.acting.saturated()
         numbers |= motor_numbers(since, saturated, run.progress.time)
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]

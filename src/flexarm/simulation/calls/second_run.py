@@ -17,7 +17,7 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.columns import LOWER_STOP, STOP_STIFFNESS, UPPER_STOP
 from flexarm.kernels.forces.contact import GAP
-from flexarm.simulation.calls.preparation import RunOptions
+from flexarm.simulation.run.settings import RunSettings, replaced
 from flexarm.simulation.run.stepping import Run
 
 #: Ratio of both tolerances, and the least relative tolerance that rounding errors allow.
@@ -28,9 +28,9 @@ _DOUBTFUL, _DOUBTFUL_STEP = 1e-2, 1e-3
 
 
 class SecondRun(NamedTuple):
-    """Options of a second run."""
+    """Settings of a second run."""
 
-    options: RunOptions
+    settings: RunSettings
     tighter: bool  # whether it is the more accurate one
     allowed: float  # largest difference without a warning
 
@@ -44,20 +44,20 @@ class SecondRun(NamedTuple):
         )
 
 
-def second_run(run: Run, options: RunOptions) -> SecondRun | None:
-    """Return the options of a second run; None if ``run`` met neither a contact nor a stop."""
+def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
+    """Return the settings of a second run; None if ``run`` met neither a contact nor a stop."""
     integrator, progress = run.integrator, run.progress
     if not integrator.adaptive:
         if not _touches(run):
             return None
         if run.default_step is None:
-            return SecondRun(_with_half_the_step(integrator, options), True, _DOUBTFUL_STEP)
+            return SecondRun(_with_half_the_step(integrator, settings), True, _DOUBTFUL_STEP)
     elif progress.impacts + progress.touches == 0:
         return None
     used = run.tolerance
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
-    second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
+    second = replaced(settings, rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
     return SecondRun(second, tighter, _DOUBTFUL)
 
 
@@ -72,11 +72,11 @@ def _touches(run: Run) -> bool:
     return bool(np.any((angles < body[:, LOWER_STOP]) | (angles > body[:, UPPER_STOP])))
 
 
-def _with_half_the_step(integrator: Integrator, options: RunOptions) -> RunOptions:
+def _with_half_the_step(integrator: Integrator, settings: RunSettings) -> RunSettings:
     half = 0.5 * float(integrator.step or 0.0)
-    if isinstance(options.integrator, Integrator):
-        return options._replace(integrator=replace(options.integrator, step=half))
-    return options._replace(step=half)
+    if isinstance(settings.integrator, Integrator):
+        return replaced(settings, integrator=replace(settings.integrator, step=half))
+    return replaced(settings, step=half)
 
 
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:

@@ -36,7 +36,7 @@ from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.new_run import RTOL as CLOSE
+from flexarm.simulation.run.tolerance import RTOL as CLOSE
 
 if TYPE_CHECKING:
     import xarray as xr

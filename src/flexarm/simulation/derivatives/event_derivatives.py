@@ -134,7 +134,7 @@ def _motion(known: Parameters, found: Found) -> FloatArray:
     """Return the rates and accelerations (2, n, 1 + m) just before an event."""
     run, history = known.run, known.run.history
     if known.loop is not None:
-        now = known.loop.torque_at(np.array([found.time * (1.0 - _BEFORE)]))
+        now = known.loop.acting.at(np.array([found.time * (1.0 - _BEFORE)]))
         history = PiecewiseCubic.constant(now[0])
     assert history is not None
     system = run.system(history)

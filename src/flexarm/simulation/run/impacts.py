@@ -27,12 +27,11 @@ from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.event_search import Mark
-from flexarm.simulation.run.integrator_choice import Choice
+from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import TIGHT, reach_of
-from flexarm.simulation.run.work.estimate import explicit_work
-from flexarm.simulation.run.work.open_loop import Checkpoints as Checkpoints
-from flexarm.simulation.run.work.open_loop import run_open_loop
+from flexarm.simulation.run.work import Checkpoints as Checkpoints
+from flexarm.simulation.run.work import run_open_loop
 
 #: Tightest relative tolerance: below, rounding determines the error.
 _TIGHTEST = 1e-13
@@ -80,7 +79,7 @@ def run_through_impacts(
         SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     requested = run.tolerance.relative
-    history = history_of(requested)  # also sets the start of prescribed joints
+    history = history_of(run.relative_of_functions)  # also sets the start of prescribed joints
     beginning = Beginning.of(run)
     run_open_loop(run, history, checkpoints)
     stops = meets_stops(run)

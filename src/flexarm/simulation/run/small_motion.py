@@ -16,7 +16,7 @@ from flexarm.integrate.base import FloatArray, Progress, Tolerance
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.impacts import run_through_impacts
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.work.open_loop import Checkpoints
+from flexarm.simulation.run.work import Checkpoints
 
 #: Absolute tolerance, in multiples of the relative one times the motion, above which a run with
 #: default tolerances is repeated, and that of the second run. In vibrations over 20 periods the

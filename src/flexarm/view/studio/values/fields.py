@@ -21,7 +21,7 @@ from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware
 from flexarm.model.help_text import descriptions_of
-from flexarm.model.scenarios.scenario import RunSettings
+from flexarm.model.scenarios.scenario import RunSpec
 from flexarm.model.units import unit_of
 from flexarm.model.wording import Path
 from flexarm.view.studio.state import STUDIED, Project
@@ -55,7 +55,7 @@ _USUAL: dict[type[Record], tuple[str, ...]] = {
         "damping",
     ),
     Joint: ("damping", "stiffness", "hub_inertia", "mass", "friction"),
-    RunSettings: ("duration", "rate", "integrator"),
+    RunSpec: ("duration", "rate", "integrator"),
     Hardware: ("instruments", "motors"),
 }
 #: Longer lists are edited as text.

@@ -8,20 +8,28 @@ dynamics, and not in time, because time depends on the load of the machine.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.simulation.run.integrator_choice import Choice, settling
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.integrator_choice import (
+    Choice,
+    choose_by_drive,
+    explicit_work,
+    settling,
+)
+from flexarm.simulation.run.stepping import Run, system_of
 
-#: Phase (rad) of the fastest vibration per evaluation of an explicit method whose steps are limited
-#: by stability; if accuracy limits them, the phase is a third of this.
-_PHASE = 0.5
 #: Explicit work above which a trial is made. Below, a run takes a few tens of milliseconds at most,
 #: and a second method would have to be compiled.
 _WORTH_A_TRIAL = 20_000.0
@@ -161,11 +169,6 @@ def _decay(start: Start, state: FloatArray) -> float:
     return float(_DECAY * (size / (absolute + relative * size)) ** _POWER)
 
 
-def explicit_work(fastest: float, duration: float) -> float:
-    """Return the least evaluations of an explicit method; ``fastest``: rad/s, or decay in 1/s."""
-    return fastest * duration / _PHASE
-
-
 def _work_of(integrator: Integrator, duration: float, explicit: float, implicit: float) -> float:
     """Return the evaluations of a method; at most, if the implicit method was not tried."""
     if isinstance(integrator, KennedyCarpenter5):
@@ -193,3 +196,72 @@ def _refuse(
         remedy = f"Use integrator='auto' or {name!r}, which takes about {implicit:.0e}"
     hint = f"{remedy}, or pass the object flexarm.integrate.{kind}() to run it all the same."
     raise InputError(Problem("integrator", rule, hint=hint))
+
+
+@dataclass
+class Checkpoints:
+    """Step control of a run at some of its samples; the states are those of the samples.
+
+    Attributes:
+        places: (k,) of the samples, ascending, without the first and the last one.
+        clocks: ``Memory.clock`` at each of them; empty if the step is searched for the whole run.
+    """
+
+    places: NDArray[np.intp]
+    clocks: list[FloatArray] = field(default_factory=list)
+
+    @classmethod
+    def among(cls, samples: int) -> Checkpoints:
+        """Return checkpoints whose number and distances are the square root of that of samples."""
+        apart = max(1, math.isqrt(samples))
+        return cls(np.arange(apart, samples - 1, apart))
+
+    def carry(self, run: Run, system: System) -> System:
+        """Advance a run to the last checkpoint; return the system for the next call."""
+        self.clocks.clear()
+        if run.default_step is None:
+            for time in run.sample_times[self.places]:
+                system = run.carry_to(system, float(time))
+                assert run.progress.memory is not None
+                self.clocks.append(run.progress.memory.clock.copy())
+        return system
+
+
+def choose(run: Run, history: PiecewiseCubic) -> None:
+    """Choose the integrator of a run under a given torque history, and set ``run.history``.
+
+    Raises:
+        InputError: if the run is hopeless; see ``choose_by_work``.
+    """
+    run.history = history
+    changed = run.changes.times if run.changes is not None else np.zeros(0)
+    stops = np.concatenate([run.loads.stops_with(history), changed])
+    choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
+    start = Start(
+        run.arm,
+        run.progress.state,
+        run.tolerance,
+        run.duration,
+        partial(system_of, run.arm, run.prescribed, run.loads, history),
+    )
+    ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
+    choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
+    if choice is not run.choice:
+        run.adopt(choice)
+        run.doubt = choice.doubt
+
+
+def run_open_loop(
+    run: Run, history: PiecewiseCubic, checkpoints: Checkpoints | None = None
+) -> None:
+    """Simulate a run under a given torque history, and fill ``checkpoints``.
+
+    Raises:
+        InputError: if the run is hopeless; see ``choose_by_work``.
+        SimulationError: if the run cannot continue.
+    """
+    choose(run, history)
+    system = run.system(history)
+    if checkpoints is not None:
+        system = checkpoints.carry(run, system)
+    run.carry_to(system, run.duration)

@@ -1,4 +1,4 @@
-"""Validation of initial states and references of runs with contacts."""
+"""Contacts of a run: placement, highest frequency, and validation of its start and reference."""
 
 from __future__ import annotations
 
@@ -6,17 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexarm.arm.actions.contacts import place_contacts, point_of
 from flexarm.arm.actions.loads import SAME_PLACE
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import InputError, Problem, few
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, STIFFNESS
+from flexarm.integrate.nearness import turning_time
+from flexarm.kernels.compilation.cache import undecorated
+from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, MOBILITY, STIFFNESS
 from flexarm.kernels.layout import Contacts
 from flexarm.linear.reference_motions.pressed import PressedMotion
 from flexarm.model import Contact
 from flexarm.motion.geometry.kinematics import tip_jacobian
 
+#: Depth relative to the reach at which the first step evaluates contacts whose stiffness depends on
+#: the depth or the speed.
+_DEPTH = 1e-3
+#: Bend angle (rad) between the links at which a point is often more mobile than at the start.
+_BENT = 0.5 * np.pi
 #: Fractions of the reach: a larger depth is a visible error of the initial state, and a path that
 #: is closer than this to a surface counts as on it.
 _DEEP = 0.01
@@ -28,6 +36,47 @@ _UNHELD, _GRAVITY = 10.0, 9.81
 _LOOKS = 41
 #: Displacement of the tip, as a fraction of the reach, that determines its side of the surface.
 _NUDGE = 1e-6
+
+
+def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
+    """Place the contacts of a run on the arm and set their mobilities.
+
+    Args:
+        state: initial state (2, n, 1 + m).
+
+    Raises:
+        InputError: under the conditions of ``place_contacts``.
+    """
+    placed = place_contacts(arm, contacts)
+    if contacts:
+        bent = np.full(arm.joints, _BENT)
+        postures = [arm.unpadded(state[0]), arm.rest(0.0 * bent), arm.rest(bent)]
+        for law, contact in zip(placed.law, contacts, strict=True):
+            law[MOBILITY] = max(_mobility(arm, contact, q) for q in postures)
+    return placed
+
+
+def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
+    """Compute the largest acceleration of the contact point per force on it at a posture, 1/kg."""
+    rest, still = np.zeros(arm.dof), np.zeros(arm.joints)
+    none = arm.forward_dynamics(q, rest, still), arm.inverse_dynamics(q, rest, rest)
+    pushed, force = np.zeros((2, arm.dof)), np.zeros((2, arm.dof))
+    for axis, unit in enumerate(np.eye(2)):
+        load = point_of(arm, contact)
+        push = [load.replace(force=unit)]
+        pushed[axis] = arm.forward_dynamics(q, rest, still, loads=push) - none[0]
+        force[axis] = none[1] - arm.inverse_dynamics(q, rest, rest, loads=push)
+    return float(np.linalg.eigvalsh(force @ pushed.T)[-1])
+
+
+def contact_frequency(arm: Arm, placed: Contacts) -> float:
+    """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
+    turning, law = undecorated(turning_time), placed.law
+    depth = _DEPTH * float(arm.lengths.sum())
+    # The speed is that of an undamped vibration of this depth.
+    speed = np.sqrt(law[:, STIFFNESS] * law[:, MOBILITY] * depth ** (law[:, EXPONENT] + 1.0))
+    times = [turning(placed, k, float(speed[k])) for k in range(placed.body.size)]
+    return max((1.0 / time for time in times), default=0.0)
 
 
 def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
