@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from flexarm.integrate.base import FloatArray
 
 #: Fraction of the samples of a level that exceeds its threshold, and most levels.
-_FRACTION, _MOST_LEVELS = 0.1, 8
+_FRACTION, MOST_LEVELS = 0.1, 8
 #: Probability below which the search ends.
-LEAST = _FRACTION**_MOST_LEVELS
+LEAST = _FRACTION**MOST_LEVELS
 #: Acceptance at which chains forget fastest, and the first deviation of their steps.
 _ACCEPTANCE, _DEVIATION = 0.44, 0.6
 #: Correlation of the errors of subsequent levels, from repetitions of problems with known answers.
@@ -59,7 +59,7 @@ def subset_probability(
     x, y = x[feasible], y[feasible]
     value, evaluations, chains, length, scale = 1.0, samples, y.size, 1, _DEVIATION
     deviations: list[float] = []
-    for _ in range(_MOST_LEVELS):
+    for _ in range(MOST_LEVELS):
         threshold = min(1.0, float(np.sort(y)[-max(1, round(_FRACTION * y.size))]))
         inside = y > 1.0 if threshold == 1.0 else y >= threshold
         fraction = float(inside.mean())

@@ -80,7 +80,7 @@ def sweep_file(path: Path, options: SweepOptions) -> None:
         check_place("--plot", options.plot, FIGURE_SUFFIXES)
     out = options.out or path.with_suffix(".zarr")
     if study.spec.rare_failures is not None:
-        print_rare_failures(study)
+        print_rare_failures(study, options.workers)
         if study.spec.samples is None:
             return
     given: dict[str, Any] = {"workers": options.workers, "chunk": options.chunk}
@@ -132,10 +132,10 @@ def print_statistics(
             warn(text)
 
 
-def print_rare_failures(study: Study) -> None:
+def print_rare_failures(study: Study, workers: int | None) -> None:
     """Estimate the probabilities of rare failures and print them."""
     with collected_warnings() as found:
-        table = study.rare_failures()
+        table = study.rare_failures(workers=workers)
     screen = console()
     for reference in table["reference"].values:
         rows = []

@@ -46,7 +46,7 @@ from flexarm.simulation.loop.stability import instability
 from flexarm.simulation.run.changes.schedule import change_variables
 from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import Event, event_log, event_variables
-from flexarm.simulation.run.impacts import Beginning, compare_loops
+from flexarm.simulation.run.impacts import loop_comparison
 from flexarm.simulation.run.new_run import RTOL
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.small_motion import run_accurately
@@ -207,12 +207,11 @@ def simulate(
         refuse_deep_start(simulated, state, placed)
         refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
         if controller is not None:
-            beginning = Beginning.of(run)
             loop = ClosedLoop(run, controller, reference, hardware)
             q = simulated.unpadded(state[0])
             checked = controller, reference, hardware, contacts, q, options.duration
             stability = partial(instability, arm, simulated, *checked, {})
-            compare = partial(compare_loops, run, beginning, loop.execute_again)
+            compare = loop_comparison(run, loop.repetition)
             result = _closed_loop(run, loop, stability, compare)
         else:
             history_of = partial(
@@ -252,7 +251,7 @@ def _closed_loop(
 
     Args:
         stability: `instability`, with all arguments but ``changed``.
-        compare: `compare_loops`, with all arguments.
+        compare: of `loop_comparison`.
     """
     unstable = stability()
     if unstable and run.changes is None:

@@ -125,9 +125,9 @@ def goal_gradient(
     check_flag("error_estimate", error_estimate)
     with Meter("differentiating", progress) as meter:
 
-        def differentiated(options: RunOptions) -> tuple[Run, Gradient]:
+        def differentiated(options: RunOptions, once: bool = False) -> tuple[Run, Gradient]:
             checkpoints = Checkpoints.among(len(options.times))
-            known = simulated(arm, options, given, True, meter, checkpoints)
+            known = simulated(arm, options, given, True, meter, checkpoints, once=once)
             channels = channels_of(arm, known.run.samples, names)
             arrays = {
                 name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
@@ -140,7 +140,7 @@ def goal_gradient(
         doubt, attributes = run.doubt, {}
         second = second_run(run, options) if error_estimate else None
         if second is not None:
-            other = differentiated(second.options)
+            other = differentiated(second.options, once=True)
             error = relative_error(found.torque, other[1].torque)
             attributes["relative_error"] = error
             run, found = other if second.tighter else (run, found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from inspect import signature
 from typing import Any
@@ -25,6 +24,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import event_log
+from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.work.open_loop import Checkpoints
@@ -45,6 +45,8 @@ def simulated(
     by_samples: bool,
     meter: Meter,
     checkpoints: Checkpoints | None = None,
+    *,
+    once: bool = False,
 ) -> Parameters:
     """Simulate a run; return what its derivatives require.
 
@@ -53,6 +55,7 @@ def simulated(
         by_samples: whether steps end at every torque sample. A step that spans several samples
             computes their derivatives inaccurately.
         checkpoints: filled by a run without a controller.
+        once: whether the run has exactly these tolerances, and is not repeated with others.
 
     Raises:
         InputError: if an argument does not fit the arm.
@@ -81,8 +84,8 @@ def simulated(
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = partial(torque_history, arm, torque, prescribed or {}, state, options)
-    torque_of = partial(_with_stops, history_of) if by_samples else history_of
-    run_accurately(run, torque_of, checkpoints)
+    torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
+    (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
     return Parameters(
         run,
         environment,
@@ -102,15 +105,6 @@ def _samples(
     samples, joints = np.shape(torque)
     history = history_of(options.rtol)
     return Samples(history, (samples, joints), options.rate, options.interpolation)
-
-
-def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
-    """Return a history in which steps end at every break.
-
-    A step that spans several torque samples computes their derivatives inaccurately.
-    """
-    history = history_of(relative)
-    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
 
 
 def refuse_unsupported(given: Mapping[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 
 import numpy as np
@@ -71,14 +71,14 @@ class ClosedLoop:
             if schedule.tick % 256 == 0:
                 run.meter.update(run.progress.time / run.duration)
 
-    def execute_again(self, run: Run) -> None:
-        """Execute the loop for another run, with a copy of the controller from its start.
-
-        Raises:
-            SimulationError: like ``execute``.
-        """
+    def repetition(self) -> Callable[[Run], None]:
+        """Return a function that executes the loop for another run, with the controller of now."""
         controller = deepcopy(self.controller)
-        ClosedLoop(run, controller, self.reference, self.hardware).execute()
+
+        def execute(run: Run) -> None:
+            ClosedLoop(run, controller, self.reference, self.hardware).execute()
+
+        return execute
 
     def _look(self, t: float) -> None:
         absurd = self._runaway(self._run.progress.state)
