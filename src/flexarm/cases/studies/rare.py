@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from flexarm.simulation.run.progress import Meter
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Chosen = tuple[str, str, str]  # drive, plant and motion
 
 _NO_PATH = (
     "samples near the failures of {} cannot be distinguished from other samples: no metric with a "
@@ -43,18 +45,17 @@ def rare_failures(
         meter = stack.enter_context(Meter("simulating", progress, lines=True))
         found: list[Probability] = []
 
-        def performances(values: FloatArray, first: int, chosen: tuple[str, str, str]) -> Any:
-            limits = dict(rare.limits)
+        def performances(values: FloatArray, first: int, chosen: Chosen) -> FloatArray:
+            parts = np.array_split(values, min(workers, len(values)))
+            starts = (first + np.cumsum([0, *map(len, parts)])).tolist()
+            tasks = [
+                (text, *pair, chosen, dict(rare.limits))
+                for pair in zip(parts, starts, strict=False)
+            ]
+            results = [np.empty(0)] * len(tasks)
             if client is None:
-                results = [performances_of(text, values, first, chosen, limits)]
+                results = [performances_of(*tasks[0])]
             else:
-                parts = np.array_split(values, min(workers, len(values)))
-                starts = first + np.cumsum([0, *map(len, parts)])
-                tasks = [
-                    (text, part, int(start), chosen, limits)
-                    for part, start in zip(parts, starts, strict=False)
-                ]
-                results = [np.empty(0)] * len(tasks)
                 execute(client, performances_of, tasks, results.__setitem__)
             share = (first + len(values)) / (rare.samples * MOST_LEVELS)
             meter.update((len(found) + min(share, 1.0)) / len(runs))
@@ -94,7 +95,7 @@ def performances_of(
     text: str,
     values: FloatArray,
     first: int,
-    chosen: tuple[str, str, str],
+    chosen: Chosen,
     limits: dict[str, float],
 ) -> FloatArray:
     """Return `Executor.performances` of the study with a text."""
@@ -102,9 +103,9 @@ def performances_of(
 
 
 def _of(
-    performances: Callable[[FloatArray, int, tuple[str, str, str]], FloatArray],
+    performances: Callable[[FloatArray, int, Chosen], FloatArray],
     text: str,
-    chosen: tuple[str, str, str],
+    chosen: Chosen,
     rare: RareFailures,
 ) -> Probability:
     """Return the probability for one drive, plant and motion."""

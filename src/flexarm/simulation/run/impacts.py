@@ -74,11 +74,11 @@ def run_through_impacts(
     run: Run,
     history_of: Callable[[float], PiecewiseCubic],
     checkpoints: Checkpoints | None = None,
-) -> None:
+) -> Beginning:
     """Simulate under a torque; repeat the run with tighter tolerances if impacts require it.
 
-    The run gets a warning if its error remains larger than the tolerances promise. A fixed step is
-    kept and compared with half of it.
+    Returns the beginning of the run. The run gets a warning if its error remains larger than the
+    tolerances promise. A fixed step is kept and compared with half of it.
 
     Args:
         history_of: function that returns the torque history for a relative tolerance of the run.
@@ -91,14 +91,15 @@ def run_through_impacts(
     requested = run.tolerance.relative
     beginning, history_of = run_to_slips(run, history_of, checkpoints)
     stops = meets_stops(run)
-    if not (stops or returns(run) or (slides(run) and not run.integrator.adaptive)):
-        return
+    impacts, allowed = stops or returns(run), allowed_error(requested)
     if not run.integrator.adaptive:
-        _compare_with_half_the_step(run, beginning)
-    elif 0.5 * requested < _TIGHTEST:
-        _compare_with_looser(run, beginning, allowed_error(requested))
-    elif stops or not _agrees_with_looser(run, beginning, allowed_error(requested)):
+        if impacts or slides(run):
+            _compare_with_half_the_step(run, beginning)
+    elif impacts and 0.5 * requested < _TIGHTEST:
+        _compare_with_looser(run, beginning, allowed)
+    elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning, history_of, checkpoints)
+    return beginning
 
 
 def run_to_slips(
@@ -282,11 +283,14 @@ class Beginning:
 
     def repeat(self, run: Run, factor: float) -> None:
         """Return a run to its beginning, with tolerances multiplied by ``factor``."""
-        choice = _choice_of_repetition(run, self, factor)
+        self.restore(run, _choice_of_repetition(run, self, factor), scaled(self.tolerance, factor))
+
+    def restore(self, run: Run, choice: Choice, tolerance: Tolerance) -> None:
+        """Return a run to its beginning, with another integrator and tolerance."""
         run.discarded += run.progress.evaluations
         run.begin_again()
         run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
-        run.tolerance = scaled(self.tolerance, factor)
+        run.tolerance = tolerance
         run.default_step = default_step(run.integrator, run.tolerance)
         run.sample_times, run.duration = self.times, self.duration
         run.samples = np.empty((len(self.times), *self.state.shape))
