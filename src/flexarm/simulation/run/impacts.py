@@ -354,7 +354,8 @@ def _parted(run: Run) -> float:
 
 def _gain(coarse: float, fine: float) -> float:
     """Return the error at a relative tolerance over that at a coarser one."""
-    return ((fine + _ROUNDED) / (coarse + _ROUNDED)) ** _POWER
+    gain: float = ((fine + _ROUNDED) / (coarse + _ROUNDED)) ** _POWER
+    return gain
 
 
 def _error_of_finer(apart: FloatArray, coarse: float, fine: float, parted: float) -> FloatArray:
