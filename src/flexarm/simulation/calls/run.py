@@ -211,8 +211,7 @@ def simulate(
             q = simulated.unpadded(state[0])
             checked = controller, reference, hardware, contacts, q, options.duration
             stability = partial(instability, arm, simulated, *checked, {})
-            compare = loop_comparison(run, loop.repetition)
-            result = _closed_loop(run, loop, stability, compare)
+            result = _closed_loop(run, loop, stability)
         else:
             history_of = partial(
                 torque_history, simulated, torque, prescribed or {}, state, options
@@ -244,19 +243,17 @@ def _open_loop(
     return result
 
 
-def _closed_loop(
-    run: Run, loop: ClosedLoop, stability: Callable[..., str], compare: Callable[[], None]
-) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
     """Execute a run with a controller.
 
     Args:
         stability: `instability`, with all arguments but ``changed``.
-        compare: of `loop_comparison`.
     """
     unstable = stability()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
+    compare = loop_comparison(run, loop.repetition)
     failure: SimulationError | None = None
     try:
         loop.execute()

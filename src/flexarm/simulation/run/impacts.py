@@ -14,6 +14,7 @@ is compared with one of half the step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -143,28 +144,38 @@ def stopping_at_breaks(
 def misses_slip(run: Run) -> bool:
     """Return whether a joint rests around a sample at which friction cannot hold it.
 
-    The step of a joint that sticks is long, and its stages may miss a short torque.
+    The step of a joint that sticks is long, and its stages may miss a short torque. With a fixed
+    step, a slip begins at the end of its step, so that longer rests count.
     """
-    return run.history is not None and any(
-        _misses_slip(part, run.history) for _, part in run.parts()
+    history, fixed, search = run.history, not run.integrator.adaptive, run.default_step
+    step = search.shortest if search is not None else run.integrator.step
+    apart = float(step or 0.0) if fixed else 0.0
+    return history is not None and any(
+        _misses_slip(part, history, apart) for _, part in run.parts()
     )
 
 
-def _misses_slip(run: Run, history: PiecewiseCubic) -> bool:
+def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
+    """Return whether a joint rests around a sample for longer than a step, as in `misses_slip`."""
     count, n = run.progress.sample, run.arm.assembly.bodies
     if not run.arm.assembly.has_sticking or count < 3:
         return False
+    near = 1 + math.ceil(step / (run.sample_times[1] - run.sample_times[0]))
+    angle, rate = np.moveaxis(run.samples[:count, :, :, 0], 1, 0)
     system = run.system(history)
     held = system.constants.holds * system.constants.free > 0.0
-    rests = (run.samples[:count, 1, :, 0] == 0.0) & held
-    rests = rests[:-2] & rests[1:-1] & rests[2:]
-    places = 1 + np.flatnonzero(rests.any(axis=1))
+    still = (rate[:-1] == 0.0) & (rate[1:] == 0.0) & (angle[:-1] == angle[1:]) & held
+    if len(still) < 2 * near:
+        return False
+    rests = np.lib.stride_tricks.sliding_window_view(still, 2 * near, axis=0).all(axis=-1)
+    resting = np.flatnonzero(rests.any(axis=1))
+    places = near + resting
     times, states = run.sample_times[places], run.samples[places]
     torques = run.arm.padded_torque(history.at(times))
     accelerations, motor = np.zeros(states[:, 0].shape), np.zeros((places.size, n))
     root, wrench = np.zeros((2, places.size, n, 3))
     reactions_many(system, times, states, torques, accelerations, root, wrench, motor)
-    return bool(np.any(rests[places - 1] & (accelerations[:, :, 0] != 0.0)))
+    return bool(np.any(rests[resting] & (accelerations[:, :, 0] != 0.0)))
 
 
 def _tighten(
