@@ -22,6 +22,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import contact_values
@@ -167,8 +168,9 @@ def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
     still = (rate[:-1] == 0.0) & (rate[1:] == 0.0) & (angle[:-1] == angle[1:]) & held
     if len(still) < 2 * near:
         return False
-    rests = np.lib.stride_tricks.sliding_window_view(still, 2 * near, axis=0).all(axis=-1)
-    resting = np.flatnonzero(rests.any(axis=1))
+    windows = np.lib.stride_tricks.sliding_window_view(still, 2 * near, axis=0)
+    rests: NDArray[np.bool_] = np.all(windows, axis=-1)
+    resting = np.flatnonzero(np.any(rests, axis=1))
     places = near + resting
     times, states = run.sample_times[places], run.samples[places]
     torques = run.arm.padded_torque(history.at(times))
