@@ -177,6 +177,10 @@ def test_joint_stops():
     assert run.stop_hits[0] == np.sum(np.diff((abs(angle) > 0.5).astype(int)) > 0) >= 2
     assert np.isnan([run.stop_depth[1], run.stop_hits[1]]).all()
     assert not warned
+    # Most impacts are shorter than the time between two samples.
+    for rate in (10.0, 4.0):
+        rare = fa.simulate(arm, 3.0, initial_rate=arm.rest([2.0, 0.0]), rate=rate)
+        assert rare.stop_hits[0] == run.stop_hits[0]
     joints = [fa.Joint(limits=limits.replace(stiffness=10.0)), fa.Joint(damping=5.0)]
     soft = fa.Arm(links=[link, link], joints=joints)
     _, warned = texts(soft, 3.0, initial_rate=arm.rest([2.0, 0.0]))

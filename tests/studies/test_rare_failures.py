@@ -63,7 +63,7 @@ def test_probability_of_an_arm_is_that_of_the_payload_which_reaches_the_limit():
     assert 0.2 < found["variation"] < 0.8
     assert found["runs"] < 1000
     often = {"tip_error_peak": float(errors[2])}
-    assert study.rare_failures(often).identical(study.rare_failures(often))
+    assert study.rare_failures(often).identical(study.rare_failures(often, workers=2))
 
 
 def test_wrong_arguments_are_refused():

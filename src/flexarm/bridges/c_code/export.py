@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import check_folder, write_text
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, casadi_model
+from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
@@ -67,8 +67,11 @@ def export_c(
         InputError: if CasADi is not installed; the name, the folder, a parameter, the law of the
             controller or the filter is not possible; or files of these names exist that were not
             exported.
+
+    Warns:
+        AccuracyWarning: as in ``to_casadi``.
     """
-    model = casadi_model(arm, parameters)
+    model = exported_model(arm, parameters)
     place = check_path("folder", folder)
     check_prefix("name", name)
     if controller is not None:

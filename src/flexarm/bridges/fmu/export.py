@@ -22,7 +22,7 @@ from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
 from flexarm.bridges.fmu.binary import compiled
-from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.simulation.run.new_run import initial_state
 
@@ -73,12 +73,13 @@ def export_fmu(
 
     Warns:
         FlexarmWarning: if there is no C compiler; the FMU then contains the source only.
+        AccuracyWarning: as in ``to_casadi``.
 
     Raises:
         InputError: if CasADi is not installed; an argument is not valid, as in ``export_c``; or the
             file cannot be written.
     """
-    model = casadi_model(arm, parameters)
+    model = exported_model(arm, parameters)
     version = check_choice("fmi", fmi, ("2.0", "3.0"))
     prefix = check_prefix("name", name)
     if prefix.startswith(("fmi", "fmu")):

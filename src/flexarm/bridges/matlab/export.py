@@ -13,7 +13,7 @@ from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import public_call
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import check_place, write_text, write_whole
-from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.linear import LinearModel, linearize
 
 if TYPE_CHECKING:
@@ -59,11 +59,12 @@ def export_mat(
 
     Warns:
         LargeDeflectionWarning: as in ``linearize``, if ``linear`` is None.
+        AccuracyWarning: as in ``to_casadi``.
     """
     from flexarm.bridges.matlab.dynamics_file import dynamics_file
     from flexarm.bridges.matlab.result_structure import result_structure
 
-    model = casadi_model(arm, parameters)
+    model = exported_model(arm, parameters)
     place = check_place("path", path, (".mat",))
     name = _function_name(place.stem)
     script = place.with_name(f"{name}.m")

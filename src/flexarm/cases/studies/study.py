@@ -187,6 +187,7 @@ class Study:
         *,
         samples: int | None = None,
         seed: int | None = None,
+        workers: int | None = 1,
         progress: bool | None = None,
     ) -> xr.Dataset:
         """Return the probability of failures that are too rare for samples, down to 1e-8.
@@ -197,7 +198,9 @@ class Study:
                 values of the key `rare_failures`.
             samples: of each level, at least 100; a probability of 1e-4 takes four levels.
             seed: of the samples.
-            progress: True or False shows or hides the bar.
+            workers: number of processes, which the numbers do not depend on; None for one for each
+                core.
+            progress: True or False shows or hides the bar, which assumes a probability of 1e-8.
 
         Returns:
             Dataset over controller, plant and reference: ``probability`` among the possible runs,
@@ -214,6 +217,7 @@ class Study:
         The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
         with adaptive conditional samples. Its runs follow from the seed and stay in memory.
         """
+        count = check_workers("workers", workers)
         given = {"limits": limits, "samples": samples, "seed": seed}
         changes = {name: value for name, value in given.items() if value is not None}
         rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
@@ -222,7 +226,7 @@ class Study:
             check_choice("limits", name, names)
         if not self._executor.samples.paths:
             raise InputError(Problem("study", "has no varied numbers"))
-        return rare_failures(self._executor, self._prepared.names, rare, progress)
+        return rare_failures(self._text, self._prepared.names, rare, count, progress)
 
     @public_call
     def verify(

@@ -74,7 +74,7 @@ def sweep(
     check_places(("--plot", plot, FIGURE_SUFFIXES))
     out = out or study.with_suffix(".zarr")
     if sampled.spec.rare_failures is not None:
-        print_rare_failures(sampled)
+        print_rare_failures(sampled, workers)
         if sampled.spec.samples is None:
             return
     table = sampled.run(out, scheduler, resume=resume, workers=workers, chunk=chunk)
@@ -123,10 +123,10 @@ def print_statistics(
             warn(text)
 
 
-def print_rare_failures(study: Study) -> None:
+def print_rare_failures(study: Study, workers: int | None) -> None:
     """Estimate the probabilities of rare failures and print them."""
     with reported_warnings():
-        table = study.rare_failures()
+        table = study.rare_failures(workers=workers)
         for reference in table["reference"].values:
             rows = []
             for drive in table["controller"].values:

@@ -37,6 +37,17 @@ def warn_of_bristles(arm: Arm, model: str) -> None:
         )
 
 
+def warn_of_creep(arm: Arm, model: str) -> None:
+    """Warn if friction holds a joint in runs, but makes it creep in ``model``."""
+    if arm.assembly.has_sticking:
+        warn_caller(
+            f"{_joints(arm, lambda friction: friction.holds)}: {model} has friction as a smooth "
+            "function of the rate, with which a joint creeps where it sticks in simulations. With "
+            "smoothing_rate=0.01 (rad/s), simulations have such a function, too.",
+            AccuracyWarning,
+        )
+
+
 def warn_of_sticking(arm: Arm, qd: FloatArray, model: str) -> None:
     """Warn if friction holds a joint that rests at rates qd (dof,): ``model`` has a damper there.
 

@@ -127,7 +127,7 @@ class _Correction:
             weights = {name: np.zeros((plan.intervals + 1, dof)) for name in ("q", "qd")}
             weights["q"][-1], weights["qd"][-1] = row[:dof], row[dof:]
             rate = plan.intervals / plan.duration
-            arguments = {"torque": torque, "rate": rate, **self._options}
+            arguments = {"torque": torque, "rate": rate, "error_estimate": False, **self._options}
             gradient = goal_gradient(self._task.arm, plan.duration, weights, **arguments)
             found.append(gradient.torque.values.ravel())
         return np.array(found)

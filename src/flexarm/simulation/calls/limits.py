@@ -173,11 +173,14 @@ def _stops(run: Run) -> tuple[dict[str, FloatArray], str]:
             for one in _joints(part.arm)
         ]
         lower, upper = np.array(pairs).T
-        beyond.append(np.maximum(np.maximum(lower - angle, angle - upper), 0.0))
-    depth = np.concatenate(beyond)
-    hits = np.diff(depth > 0.0, axis=0, prepend=False) & (depth > 0.0)
-    deepest = depth.max(axis=0)
-    count = np.where(np.isnan(deepest), np.nan, hits.sum(axis=0))
+        beyond.append(np.stack([lower - angle, angle - upper], axis=1))
+    depth = np.concatenate(beyond)  # (samples, sides, joints)
+    hits = (np.diff(depth > 0.0, axis=0, prepend=False) & (depth > 0.0)).sum(axis=(0, 1))
+    deepest = np.maximum(depth.max(axis=(0, 1)), 0.0)
+    limited = np.isfinite(deepest)
+    if run.integrator.adaptive and limited.sum() == 1:
+        hits[limited] = (run.progress.impacts + 1) // 2  # each impact begins and ends
+    count = np.where(limited, hits, np.nan)
     numbers = {"stop_depth": deepest, "stop_hits": count}
     for number, joint, angle in zip(run.arm.joint_numbers, _joints(run.arm), deepest, strict=True):
         if joint.limits is None:

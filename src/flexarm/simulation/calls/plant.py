@@ -54,8 +54,9 @@ class Plant:
     The plant starts at time zero, at rest, with straight links and all joint angles zero. ``step``
     applies a torque until the next sample time and returns the readings of the sensors there. The
     loop of ``flexarm.simulate`` uses the same code, so the results agree to the last digit. Nothing
-    is recorded. A copy (``copy.deepcopy``, ``pickle``) continues independently from the current
-    state; a pickle cannot contain a load or base acceleration that is a lambda function.
+    is recorded, and no second run estimates the error through impacts: compare plants of different
+    tolerances for that. A copy (``copy.deepcopy``, ``pickle``) continues independently from the
+    current state; a pickle cannot contain a load or base acceleration that is a lambda function.
 
     Args:
         arm: the simulated arm.

@@ -40,7 +40,7 @@ from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.loop.stability import AnalysedLoop, instability
 from flexarm.simulation.run.changes import change_variables
 from flexarm.simulation.run.events import event_variables
-from flexarm.simulation.run.impacts import Beginning, compare_loops
+from flexarm.simulation.run.impacts import loop_comparison
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
@@ -219,7 +219,7 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     if controller is None:
         result = _open_loop(run, situation.history_of(run), situation.interpolation)
         return result, run.notices
-    beginning, simulated = Beginning.of(run), situation.simulated
+    simulated = situation.simulated
     acting = controller, situation.reference, situation.hardware
     loop = ClosedLoop(run, *acting)
     q = simulated.unpadded(situation.start[0])
@@ -227,8 +227,7 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
         *(situation.arm, simulated, *acting, situation.contacts, q, situation.duration)
     )
     stability = partial(instability, analysed, {})
-    compare = partial(compare_loops, run, beginning, loop.execute_again)
-    return _closed_loop(run, loop, stability, compare), run.notices
+    return _closed_loop(run, loop, stability), run.notices
 
 
 def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
@@ -265,19 +264,17 @@ def _open_loop(
     return result
 
 
-def _closed_loop(
-    run: Run, loop: ClosedLoop, stability: Callable[..., str], compare: Callable[[], None]
-) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
     """Execute a run with a controller.
 
     Args:
         stability: `instability`, with all arguments but ``changed``.
-        compare: `compare_loops`, with all arguments.
     """
     unstable = stability()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
+    compare = loop_comparison(run, loop.repetition)
     failure: SimulationError | None = None
     try:
         loop.execute()

@@ -371,10 +371,10 @@ def goal_gradient(
     check_flag("error_estimate", error_estimate)
     with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(settings: RunSettings) -> tuple[Run, Gradient]:
+        def differentiated(settings: RunSettings, once: bool = False) -> tuple[Run, Gradient]:
             checkpoints = Checkpoints.among(len(situation.times))
             again = replace(situation, settings=settings)
-            known = simulated(again, True, meter, checkpoints)
+            known = simulated(again, True, meter, checkpoints, once=once)
             channels = channels_of(arm, known.run.samples, names)
             arrays = {
                 name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
@@ -387,7 +387,7 @@ def goal_gradient(
         doubt, attributes = run.doubt, {}
         second = second_run(run, situation.settings) if error_estimate else None
         if second is not None:
-            other = differentiated(second.settings)
+            other = differentiated(second.settings, once=True)
             error = relative_error(found.torque, other[1].torque)
             attributes["relative_error"] = error
             run, found = other if second.tighter else (run, found)

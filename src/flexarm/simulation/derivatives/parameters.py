@@ -37,6 +37,7 @@ from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import added_coefficients, collected_samples
 from flexarm.simulation.run.channels import CHANNELS
+from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
@@ -340,7 +341,12 @@ class Parameters:
 
 
 def simulated(
-    situation: Situation, by_samples: bool, meter: Meter, checkpoints: Checkpoints | None = None
+    situation: Situation,
+    by_samples: bool,
+    meter: Meter,
+    checkpoints: Checkpoints | None = None,
+    *,
+    once: bool = False,
 ) -> Parameters:
     """Simulate a run; return what its derivatives require.
 
@@ -348,6 +354,7 @@ def simulated(
         by_samples: whether steps end at every torque sample. A step that spans several samples
             computes their derivatives inaccurately.
         checkpoints: filled by a run without a controller.
+        once: whether the run has exactly these tolerances, and is not repeated with others.
 
     Raises:
         InputError: if an argument does not fit the arm.
@@ -372,8 +379,8 @@ def simulated(
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = situation.history_of(run)
-    torque_of = partial(_with_stops, history_of) if by_samples else history_of
-    run_accurately(run, torque_of, checkpoints)
+    torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
+    (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
     return Parameters(
         run,
         environment,
@@ -392,15 +399,6 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
     samples, joints = np.shape(torque)
     history = history_of(settings.relative(situation.simulated))
     return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
-
-
-def _with_stops(history_of: Callable[[float], PiecewiseCubic], relative: float) -> PiecewiseCubic:
-    """Return a history in which steps end at every break.
-
-    A step that spans several torque samples computes their derivatives inaccurately.
-    """
-    history = history_of(relative)
-    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
 
 
 def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:

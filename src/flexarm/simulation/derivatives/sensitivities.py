@@ -74,8 +74,9 @@ def sensitivities(
             ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
         channels: names of channels that follow from q and qd; None: all of them.
-        error_estimate: whether a run that meets a contact or a joint stop is repeated at a second
-            tolerance, a hundredth of the first one (with a given step: half of it). The derivatives
+        error_estimate: whether a run that meets a contact or a joint stop, or slides against
+            friction that holds, is repeated at a second tolerance, a hundredth of the first one
+            or, near rounding, a hundred times it (fixed steps: half the step). The derivatives
             are then those of the more accurate run, and their largest difference is the coordinate
             ``relative_error``.
 
@@ -111,16 +112,16 @@ def sensitivities(
     check_flag("error_estimate", error_estimate)
     with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(settings: RunSettings) -> _Derivatives:
+        def differentiated(settings: RunSettings, once: bool = False) -> _Derivatives:
             run = replace(situation, settings=settings)
-            return _derivatives(simulated(run, has_samples(paths), meter), paths, names)
+            return _derivatives(simulated(run, has_samples(paths), meter, once=once), paths, names)
 
         found = differentiated(situation.settings)
         doubt = found.run.doubt
         second = second_run(found.run, situation.settings) if error_estimate else None
         errors = None
         if second is not None:
-            other = differentiated(second.settings)
+            other = differentiated(second.settings, once=True)
             errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
             found = other if second.tighter else found
             doubt = doubt or second.doubt(errors.max())

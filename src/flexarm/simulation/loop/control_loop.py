@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -378,14 +378,14 @@ class ClosedLoop(RunLoop):
         self.controller.reset()
         super().execute()
 
-    def execute_again(self, run: Run) -> None:
-        """Execute the loop for another run, with a copy of the controller from its start.
-
-        Raises:
-            SimulationError: like ``execute``.
-        """
+    def repetition(self) -> Callable[[Run], None]:
+        """Return a function that executes the loop for another run, with the controller of now."""
         controller = deepcopy(self.controller)
-        ClosedLoop(run, controller, self.reference, self.hardware).execute()
+
+        def execute(run: Run) -> None:
+            ClosedLoop(run, controller, self.reference, self.hardware).execute()
+
+        return execute
 
     def _look(self) -> None:
         run = self.run
