@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.model.checks import Record
-from flexarm.view.studio.values.ranges import unit_of
+from flexarm.view.studio.values.fields import unit_of
 
 #: Exponents of length, mass and time in each unit.
 _BASE = {

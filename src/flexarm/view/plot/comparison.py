@@ -12,9 +12,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from flexarm.base.arguments import check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
-from flexarm.view.plot.canvas import AxesArray, array_of, panels
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import GREY, Sheet, margins, styled
+from flexarm.view.plot.style import GREY, AxesArray, Sheet, array_of, margins, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from flexarm.base.arguments import check_choice, check_dataset
+from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.canvas import WIDTH, array_of, panels, rows
 from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.selection import Signals, named_results, several, signals_of
 from flexarm.view.plot.signals import draw_signals, finish, mark_ends
-from flexarm.view.plot.style import GREY, legend_above
+from flexarm.view.plot.style import GREY, INK, WIDTH, array_of, legend_above, panels, rows
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Plotting libraries.
 BACKENDS = ("matplotlib", "plotly")
@@ -66,9 +66,7 @@ def history(
     result = check_dataset("result", result)
     found = several("channels", channels, result)
     if _plotly_requested(backend, axes):
-        from flexarm.view.plot.interactive import history_page
-
-        return history_page(found)
+        return _history_page(found)
     return _panels(channels, found, axes, draw_signals)
 
 
@@ -143,9 +141,7 @@ def phase_portrait(
     values = signals_of("channel", result, channel)
     rates = signals_of("channel", result, f"{RATES[plain]}{bracket}{part}")
     if _plotly_requested(backend, axes):
-        from flexarm.view.plot.interactive import phase_page
-
-        return phase_page(values, rates)
+        return _phase_page(values, rates)
     with panels(axes, 1, (4.2, 3.6), rows(1)) as (panel,):
         lines = []
         for k, color in enumerate(series_colors(len(values.keys))):
@@ -202,3 +198,68 @@ def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
         handles += [Line2D([], [], color=GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
         handles, labels = handles[: len(labels) + len(parts)], [*labels, *parts]
     legend_above(panel, handles, labels)
+
+
+_PLOTLY_ROW = 230  # pixels
+
+
+def _history_page(found: list[Signals]) -> Any:
+    """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
+    _, subplots = _plotly()
+    titles = [signals.title for signals in found]
+    gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(found)}
+    figure = subplots.make_subplots(len(found), 1, subplot_titles=titles, **gaps)
+    figure.update_annotations(x=0.0, xanchor="left")  # the titles
+    for row, signals in enumerate(found, start=1):
+        for line, label, color in _lines(signals):
+            look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
+            legend = {"legendgroup": str(row), "legendgrouptitle": {"text": signals.title}}
+            figure.add_scatter(x=signals.time, y=line, row=row, col=1, **look, **legend)
+        figure.update_yaxes(title_text=signals.axis_label, row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(found), col=1)
+    figure.update_layout(
+        height=120 + _PLOTLY_ROW * len(found), template="simple_white", font_color=INK
+    )
+    return figure
+
+
+def _phase_page(values: Signals, rates: Signals) -> Any:
+    """Return a Plotly figure of a channel against its rate, with the time in the hover text."""
+    objects, _ = _plotly()
+    figure = objects.Figure()
+    for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):
+        figure.add_scatter(
+            x=x,
+            y=y,
+            name=label,
+            mode="lines",
+            line={"color": color, "width": 1.5},
+            customdata=values.time,
+            hovertemplate="t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}",
+        )
+    ends = {"mode": "markers", "showlegend": False, "hoverinfo": "skip"}
+    for k, fill in ((0, "white"), (-1, INK)):
+        dots = {"color": fill, "size": 8, "line": {"color": INK, "width": 1.5}}
+        figure.add_scatter(x=values.values[k], y=rates.values[k], marker=dots, **ends)
+    figure.update_xaxes(title_text=values.axis_label)
+    figure.update_yaxes(title_text=rates.axis_label)
+    figure.update_layout(title=values.title, template="simple_white", font_color=INK)
+    return figure
+
+
+def _lines(signals: Signals) -> list[tuple[Any, str, str]]:
+    labels = [label or signals.title for label in signals.labels]
+    return list(zip(signals.values.T, labels, series_colors(len(labels)), strict=True))
+
+
+def _plotly() -> tuple[Any, Any]:
+    """Import Plotly.
+
+    Raises:
+        InputError: if it is not installed.
+    """
+    try:
+        from plotly import graph_objects, subplots
+    except ImportError:
+        raise library_missing("backend 'plotly'", "plots") from None
+    return graph_objects, subplots

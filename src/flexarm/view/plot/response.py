@@ -13,8 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import check_array, public_call_as
 from flexarm.linear import LinearModel
-from flexarm.view.plot.canvas import AxesArray, array_of, panels
-from flexarm.view.plot.style import SERIES, Sheet, legend_above, margins, place_labels, styled
+from flexarm.view.plot.style import (
+    SERIES,
+    AxesArray,
+    Sheet,
+    array_of,
+    legend_above,
+    margins,
+    panels,
+    place_labels,
+    styled,
+)
 
 _WIDTH, _GAIN, _PHASE, _EDGES = 8.27, 1.7, 1.0, 0.85  # inches
 _MOST = 6

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from flexarm.base.arguments import check_choice, check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.simulation.calls.metrics import METRICS
-from flexarm.view.plot.canvas import WIDTH, AxesArray, array_of, panels
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import Sheet, margins, styled
+from flexarm.view.plot.style import WIDTH, AxesArray, Sheet, array_of, margins, panels, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

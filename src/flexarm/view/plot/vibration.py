@@ -11,16 +11,20 @@ from matplotlib.axes import Axes
 from flexarm.base.arguments import check_count, check_kind
 from flexarm.base.errors import public_call_as
 from flexarm.linear import Modes, ModeTracks
-from flexarm.view.plot.canvas import WIDTH, AxesArray, array_of, panels, rows
 from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import (
     BLUE,
     GREY,
     RIGID,
+    WIDTH,
+    AxesArray,
     Sheet,
+    array_of,
     legend_above,
     margins,
+    panels,
     place_labels,
+    rows,
     styled,
 )
 

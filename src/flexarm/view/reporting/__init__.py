@@ -14,11 +14,9 @@ from flexarm.identification.result import Identification
 from flexarm.identification.storage import is_identification
 from flexarm.model import Contact
 from flexarm.view.plot.animation.page import fragment
-from flexarm.view.plot.animation.scene import SceneOptions, scene_of, stations_of
-from flexarm.view.plot.animation.surroundings import surroundings
+from flexarm.view.plot.animation.scene import SceneOptions, scene_of, stations_of, surroundings
 from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
-from flexarm.view.reporting.document import render, template_engine
-from flexarm.view.reporting.panels import fitted, panels
+from flexarm.view.reporting.document import fitted, panels, render, template_engine
 
 if TYPE_CHECKING:
     import xarray as xr

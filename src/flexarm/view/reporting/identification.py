@@ -27,8 +27,7 @@ from flexarm.view.plot.fits import (
     fit_picture,
     matrix_picture,
 )
-from flexarm.view.reporting.document import clean, file_item, text_of
-from flexarm.view.reporting.measures import Table, number
+from flexarm.view.reporting.document import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
 _BAND = 2.576

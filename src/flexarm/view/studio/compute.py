@@ -26,7 +26,7 @@ from flexarm.view.plot.animation.scene import SceneOptions, scene_of, thin
 from flexarm.view.plot.drawn_arm import rigid_result
 from flexarm.view.plot.selection import Signals, several
 from flexarm.view.reporting import clock, report
-from flexarm.view.reporting.panels import error_panel, few_lines
+from flexarm.view.reporting.document import error_panel, few_lines
 from flexarm.view.studio.state import Project
 
 if TYPE_CHECKING:

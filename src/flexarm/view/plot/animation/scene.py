@@ -8,15 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.arm.actions.surfaces import arc_of, pieces_of
 from flexarm.arm.arm import Arm
-from flexarm.model import Contact
+from flexarm.base.arguments import check_list_of
+from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.cases.scenario.motions import motion_of
+from flexarm.control.contract.base import check_reference
+from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference
-from flexarm.view.plot.animation.solid import Solid, solid_of
-from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
+from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, scenario_of, shapes_of
 from flexarm.view.plot.selection import Signals
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Points along a link, enough for a smooth curve on a screen.
 STATIONS = 17
@@ -63,7 +68,7 @@ class Scene:
     path: FloatArray | None
     path_times: FloatArray
     reference: tuple[FloatArray, FloatArray] | None
-    solids: tuple[Solid, ...]
+    solids: tuple[_Solid, ...]
     histories: tuple[Signals, ...]
     view: FloatArray
 
@@ -136,7 +141,7 @@ def scene_of(
         path=path if options.trace else None,
         path_times=path_times,
         reference=desired,
-        solids=tuple(solid_of(contact.surface, view) for contact in contacts),
+        solids=tuple(_solid_of(contact.surface, view) for contact in contacts),
         histories=tuple(histories),
         view=view,
     )
@@ -198,3 +203,108 @@ def thin(signals: Signals, intervals: int) -> Signals:
         keep |= {int(chunk[0]), *chunk[values.argmin(axis=0)], *chunk[values.argmax(axis=0)]}
     chosen = np.array(sorted(keep))
     return replace(signals, time=signals.time[chosen], values=signals.values[chosen])
+
+
+#: Thickness of the band, as a fraction of the width of the view.
+_BAND = 0.03
+_POINTS = 181
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """Surface: its outline (k, 2) m, and the far side (k, 2) of a band of the solid behind it."""
+
+    course: FloatArray
+    behind: FloatArray
+
+
+def _solid_of(surface: Surface, view: FloatArray) -> _Solid:
+    """Return the outline and band of a surface in a view: left, right, bottom, top, m."""
+    width = float(view[1] - view[0])
+    middle = np.array([view[0] + view[1], view[2] + view[3]]) / 2.0
+    if isinstance(surface, SurfaceTable):
+        course = _course(surface, width)
+        along = np.gradient(course, axis=0)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        inward = np.stack([along[:, 1], -along[:, 0]], axis=1)  # solid lies to the right
+    elif isinstance(surface, RoundWall):
+        angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
+        outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        course = np.asarray(surface.center, dtype=np.float64) + surface.radius * outward
+        inward = outward if surface.inside else -outward
+    else:
+        course, inward = _line(surface, middle, width)
+    return _Solid(course, course + _BAND * width * inward)
+
+
+def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    _, point, normal = arc_of(surface)
+    along = np.array([normal[1], -normal[0]])
+    nearest = point + along * float(along @ (middle - point))
+    course = nearest + np.outer([-2.0 * width, 2.0 * width], along)
+    return course, np.array([-normal, -normal])
+
+
+def _course(surface: SurfaceTable, width: float) -> FloatArray:
+    """Return points (k, 2) of a tabulated curve; an open one continues straight beyond its ends."""
+    table = pieces_of(surface)
+    beyond = 0.0 if surface.closed else 2.0 * width
+    first, last = table[1, 0], table[-1, 0]
+    s = np.linspace(first, last, _POINTS)
+    if beyond:
+        s = np.concatenate([[first - beyond], s, [last + beyond]])
+    piece = table[np.searchsorted(table[1:, 0], s, side="right")]
+    d = s - piece[:, 0]
+    powers = np.stack([np.ones_like(d), d, d**2, d**3], axis=1)
+    return np.stack(
+        [np.sum(piece[:, 1:5] * powers, axis=1), np.sum(piece[:, 5:9] * powers, axis=1)], axis=1
+    )
+
+
+def surroundings(
+    arm: Arm, result: xr.Dataset, reference: Any, contacts: Sequence[Contact] | None
+) -> tuple[Any, Sequence[Contact]]:
+    """Return the reference, or None, and the contacts to draw with a result.
+
+    Args:
+        arm: arm of the result.
+        reference, contacts: as given by the user; None for those of the result's scenario.
+
+    Raises:
+        InputError: if ``reference`` is not a motion or has a different number of joints, or
+            ``contacts`` is not a list of contacts.
+    """
+    if contacts is not None:
+        contacts = check_list_of("contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(reference)
+        _check_joints(reference, arm)
+    moved, touched = _of_scenario(arm, result)
+    return (
+        moved if reference is None else reference,
+        touched if contacts is None else contacts,
+    )
+
+
+def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
+    """Return motion and contacts of a result's scenario, if it has one."""
+    scenario = scenario_of(result)
+    if scenario is None or len(scenario.arm.links) != arm.links:
+        return None, []
+    try:
+        return motion_of(arm, scenario), scenario.contacts
+    except FlexarmError:  # the plant differs from the arm of the scenario
+        return None, scenario.contacts
+
+
+def _check_joints(reference: Any, arm: Arm) -> None:
+    """Raise if a reference has neither the arm's number of joints nor its own tip path.
+
+    Raises:
+        InputError: if it has a different number of joints.
+    """
+    if getattr(reference, "tip", None) is None:
+        angles = np.asarray(reference.joint_angle(0.0))
+        if angles.shape != (arm.joints,):
+            rule = f"move the {arm.joints} joints of the arm"
+            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
