@@ -6,8 +6,8 @@ import numpy as np
 
 from flexarm.arm.actions.environment import Environment
 from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.complex_step import stepper_of
-from flexarm.linear.step_derivatives.formulas import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at
+from flexarm.linear.step_derivatives.step_jacobian import stepper_of
 from flexarm.model.paths import number_at
 from flexarm.simulation.calls.preparation import run_options
 from flexarm.simulation.histories.piecewise import PiecewiseCubic

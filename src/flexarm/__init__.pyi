@@ -74,12 +74,12 @@ from .control.laws import SlidingMode as SlidingMode
 from .control.laws import StrainFeedback as StrainFeedback
 from .control.laws import WaveBasedControl as WaveBasedControl
 from .control.laws.joint.mu_synthesis import MuSynthesis as MuSynthesis
-from .identification.frequency.measured_modes import MeasuredModes as MeasuredModes
+from .identification.assessment import Identifiability as Identifiability
+from .identification.assessment import identifiability as identifiability
+from .identification.frequency.fit import MeasuredModes as MeasuredModes
 from .identification.frequency.response import FrequencyResponse as FrequencyResponse
 from .identification.frequency.response import frequency_response as frequency_response
 from .identification.identify import identify as identify
-from .identification.planning.identifiability import Identifiability as Identifiability
-from .identification.planning.identifiability import identifiability as identifiability
 from .identification.reading import read_record as read_record
 from .identification.record import MeasuredRecord as MeasuredRecord
 from .identification.result import Identification as Identification
@@ -139,8 +139,8 @@ from .motion import rigid_torque as rigid_torque
 from .motion import smoothed as smoothed
 from .motion import spline_motion as spline_motion
 from .motion import via_point_motion as via_point_motion
+from .planning.learning.iterative import LearnedMotion as LearnedMotion
 from .planning.learning.iterative import iterative_learning as iterative_learning
-from .planning.learning.learned_motion import LearnedMotion as LearnedMotion
 from .planning.optimize.excitation import OptimalExcitation as OptimalExcitation
 from .planning.optimize.excitation import optimal_excitation as optimal_excitation
 from .planning.optimize.limits import MotionLimits as MotionLimits

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from bridges.octave import octave
 from bridges.symbolic_cases import PARAMETERS, arguments, assert_same, changed, parametric
-from flexarm.bridges.matlab.statements import EXPRESSIONS, statements
+from flexarm.bridges.matlab.export import EXPRESSIONS, statements
 from flexarm.cli.main import app
 from random_options import busy
 

@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.signal import chirp
 
 import flexarm as fa
-from flexarm.identification.frequency.measured_modes import assurance
+from flexarm.identification.frequency.fit import assurance
 
 pytestmark = pytest.mark.compiled
 

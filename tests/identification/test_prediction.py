@@ -10,9 +10,13 @@ from scipy.stats import multivariate_normal
 import flexarm as fa
 from flexarm.control.filters.predicted_readings import reading_rows
 from flexarm.identification import fitting
-from flexarm.identification.prediction import predicted_run
-from flexarm.identification.prediction.linear_filter import LinearModel, gains_of, likelihoods
-from flexarm.identification.prediction.predicted_run import PredictedRun
+from flexarm.identification.prediction import (
+    LinearModel,
+    PredictedRun,
+    gains_of,
+    likelihoods,
+    predicted_run,
+)
 from flexarm.identification.space import Case
 from flexarm.linear.step_derivatives.sampled_step import REACH
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 import flexarm as fa
-from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.motion.geometry.chain import tip_jacobian
 from flexarm.simulation.calls.metrics import metrics_of
 from paper_arms import laboratory_arm
 

@@ -11,8 +11,12 @@ from flexarm.arm.actions.loads import SAME_PLACE, loads_inboard, parts_of
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.assembly.hub_radius import move_masses
-from flexarm.arm.beams.parts import PartConstants, inverse_inertia, part_constants
-from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.arm.beams.parts import (
+    PartConstants,
+    inverse_inertia,
+    part_constants,
+    shortening_matrices,
+)
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels.layout import (
     ArmConstants,

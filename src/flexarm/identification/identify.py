@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from flexarm.arm.arm import Arm
+from flexarm.arm.arm import Arm, described_arm
 from flexarm.base.arguments import (
     check_choice,
     check_count,
@@ -30,6 +32,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.cases.scenario.file_errors import problems_at
 from flexarm.identification.assessment import (
     fits_by_channel,
     fits_of,
@@ -44,8 +47,8 @@ from flexarm.identification.fitting import (
     fit_from,
     random_start,
 )
-from flexarm.identification.prediction.predicted_run import PredictedRun
-from flexarm.identification.prediction.problem import PredictionProblem
+from flexarm.identification.prediction import PredictedRun, PredictionProblem
+from flexarm.identification.reading import record_of_file
 from flexarm.identification.record import (
     MeasuredRecord,
     Records,
@@ -60,7 +63,9 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
+from flexarm.model.file_format.identification_file import locate_identification
 from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.wording import path_of
 
 #: Losses of residuals, from SciPy.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -386,3 +391,56 @@ def _watch(progress: bool | None) -> Watch | None:
         print(f"evaluation {evaluation}: {squares:.6g}; fit {text}", file=sys.stderr, flush=True)
 
     return show
+
+
+class PreparedIdentification:
+    """Identification of a file, with its records read.
+
+    Args:
+        path: of the file; the paths of its records are relative to it.
+
+    Raises:
+        InputError: if the file or a record is invalid; the problems are listed with their lines.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.study, self._where = locate_identification(path)
+        self.arm = described_arm(self.study.arm)
+        self._folder = path.parent
+        self._records = self._read("records")
+        self._validation = self._read("validation")
+
+    def _read(self, key: str) -> dict[str, MeasuredRecord]:
+        found = {}
+        for name, description in getattr(self.study, key).items():
+            with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
+                found[name] = record_of_file(description, self._folder / description.file)
+        return found
+
+    def run(self, progress: bool | None = None) -> Identification:
+        """Estimate the parameters.
+
+        Raises:
+            InputError, SimulationError: as ``identify``.
+        """
+        study, fit = self.study, self.study.fit
+        try:
+            return identify(
+                self.arm,
+                self._records,
+                list(study.free),
+                validation=self._validation,
+                motors=study.motors,
+                progress=progress,
+                **dict(fit),
+            )
+        except InputError as error:
+            raise InputError(*map(self._in_file, error.problems)) from None
+
+    def _in_file(self, problem: Problem) -> Problem:
+        """Return a problem with its key and its line if its place is a record."""
+        for key in ("records", "validation"):
+            if problem.where in getattr(self.study, key):
+                name = f"{key}.{problem.where}.{problem.name}"
+                return replace(problem, name=name, where=self._where(path_of(name)))
+        return problem

@@ -9,10 +9,9 @@ from flexarm.arm.beams.assembly import (
     nodal_rotations,
     nodal_shapes,
 )
-from flexarm.arm.beams.flexibility import strain_to_nodal
-from flexarm.arm.beams.hermite import shape_functions
+from flexarm.arm.beams.hermite import beam_quadrature, shape_functions
+from flexarm.arm.beams.invariants import strain_to_nodal
 from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.quadrature import beam_quadrature
 from flexarm.arm.beams.shear import (
     deflection_shapes,
     point_shapes,

@@ -8,8 +8,7 @@ from scipy.stats import chi2
 import flexarm as fa
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters, SampledStep
 
 
 def one_link(payload=0.2, **options):

@@ -12,8 +12,7 @@ from scipy.stats import chi2
 import flexarm as fa
 from flexarm.cases.results.formats import write_result
 from flexarm.cases.scenario.controllers import FILTERS
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters, SampledStep
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import FilterSpec
 from flexarm.model.paths import with_numbers

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.beams import LinkConstants
-from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.arm.beams.parts import shortening_matrices
 from flexarm.base.errors import InputError, check_array
 from flexarm.kernels.forces.contact import LEVER, WEIGHT
 from flexarm.kernels.layout import Contacts, Loads, empty_loads

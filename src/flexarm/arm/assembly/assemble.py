@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flexarm.arm.assembly.hub_radius import move_root
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.parts import inverse_inertia
-from flexarm.arm.beams.table_points import interpolation_error
+from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, empty_constants

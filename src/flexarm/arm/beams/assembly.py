@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexarm.arm.beams.hermite import FloatArray
+from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray
 from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.quadrature import BeamQuadrature
 from flexarm.arm.beams.shear import (
     PointShapes,
     deflection_shapes,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import polynomial
@@ -39,3 +42,69 @@ def shape_functions(xi: FloatArray, length: float, derivative: int = 0) -> Float
     unit = np.array([1.0, length, 1.0, length]) / length**derivative
     values: FloatArray = np.asarray(powers @ _DERIVATIVES[derivative] * unit, np.float64)
     return values
+
+
+# The integrands have at most degree 7: cubic times cubic shape functions times a linear mass per
+# length, and quadratic times quadratic slopes times a cubic outboard moment. Four points suffice.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True, eq=False)
+class BeamQuadrature:
+    """Points and weights along one link divided into elements of equal length.
+
+    Attributes:
+        elements: number of elements.
+        element_length: length of each element (m).
+        points: (k,) distances from the root (m), increasing.
+        weights: (k,) quadrature weights (m).
+        element: (k,) index of the element of each point.
+        xi: (k,) position in that element, 0 to 1.
+    """
+
+    elements: int
+    element_length: float
+    points: FloatArray
+    weights: FloatArray
+    element: npt.NDArray[np.intp]
+    xi: FloatArray
+
+    @cached_property
+    def nodal_rows(self) -> npt.NDArray[np.intp]:
+        """Indices (k, 4) of the nodal coordinates of each point's element, from the root's on."""
+        return 2 * self.element[:, None] + np.arange(4)
+
+    @cached_property
+    def all_rows(self) -> npt.NDArray[np.intp]:
+        """Indices (k, 7) of the nodal coordinates, then of three interior values per element."""
+        interior = 2 * self.elements + 2 + 3 * self.element[:, None] + np.arange(3)
+        return np.hstack([self.nodal_rows, interior])
+
+
+def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:
+    """Return points and weights that integrate polynomials of degree 7 exactly on every piece.
+
+    A piece lies between adjacent element ends or breakpoints of the tables, so that shape functions
+    and tables are polynomials inside it.
+
+    Args:
+        breakpoints: (p,) stations of the tables (m), from 0 to the length, increasing.
+        elements: number of elements of equal length.
+    """
+    ends = np.linspace(0.0, breakpoints[-1], elements + 1)
+    edges = np.union1d(ends, breakpoints)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    points = (middle[:, None] + half[:, None] * _NODES).ravel()
+    # A piece may be as short as rounding errors (a breakpoint at an element end), so its middle and
+    # not its rounded points determine its element.
+    owner = np.searchsorted(ends[1:-1], middle, side="right")
+    element = np.repeat(owner, _NODES.size)
+    element_length = float(breakpoints[-1]) / elements
+    return BeamQuadrature(
+        elements=elements,
+        element_length=element_length,
+        points=points,
+        weights=(half[:, None] * _WEIGHTS).ravel(),
+        element=element,
+        xi=(points - ends[element]) / element_length,
+    )

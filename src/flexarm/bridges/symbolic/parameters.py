@@ -22,7 +22,7 @@ from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.formulas import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at
 from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a

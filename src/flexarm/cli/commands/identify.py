@@ -12,8 +12,8 @@ from flexarm.base.writing.places import check_place
 from flexarm.cases.results import write_result
 from flexarm.cli.failures import warn
 from flexarm.cli.tables import console, numbers
+from flexarm.identification.identify import PreparedIdentification
 from flexarm.identification.result import FIT_HEADS, HEADS, Identification, fit_rows
-from flexarm.identification.study import PreparedIdentification
 
 SUFFIXES = (".yaml", ".yml")
 

@@ -8,7 +8,7 @@ from flexarm.base.errors import InputError
 from flexarm.base.writing.places import check_place
 from flexarm.cases.results import read_result
 from flexarm.cli.tables import console
-from flexarm.identification.storage import is_identification
+from flexarm.identification.result import is_identification
 from flexarm.view.plot.drawn_arm import check_drawable
 from flexarm.view.reporting import report
 from flexarm.view.reporting.document import template_engine

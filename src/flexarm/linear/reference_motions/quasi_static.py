@@ -30,7 +30,7 @@ from flexarm.linear.vibration.modal import modes
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.dynamics.tip_constraint import TipConstraint
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
-from flexarm.motion.smoothing import window_points
+from flexarm.motion.shaping import window_points
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline

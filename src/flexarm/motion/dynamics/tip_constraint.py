@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem
-from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.motion.geometry.chain import tip_jacobian
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.motion.geometry.kinematics import tip_position
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -91,3 +90,29 @@ def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
             angle += joint.rest_angle
         at = at + arm.lengths[i] * np.array([np.cos(angle), np.sin(angle)])
     return at, angle
+
+
+def tip_position(lengths: Floats, angles: Floats) -> Floats:
+    """Return the tip (..., 2) in world axes (m)."""
+    psi = np.cumsum(angles, axis=-1)
+    return np.stack([np.cos(psi) @ lengths, np.sin(psi) @ lengths], axis=-1)
+
+
+def tip_jacobian(lengths: Floats, angles: Floats) -> Floats:
+    """Return J (..., 2, n); column j is the rotation about joint j of the links outboard of it."""
+    psi = np.cumsum(angles, axis=-1)
+    links = np.stack([-lengths * np.sin(psi), lengths * np.cos(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def tip_jacobian_rate(lengths: Floats, angles: Floats, rates: Floats) -> Floats:
+    """Return dJ/dt (..., 2, n) when the joints turn at `rates` (..., n), rad/s."""
+    psi = np.cumsum(angles, axis=-1)
+    spin = lengths * np.cumsum(rates, axis=-1)
+    links = np.stack([-spin * np.cos(psi), -spin * np.sin(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def _outboard_sum(links: Floats) -> Floats:
+    """Return the sum over links j, j+1, ..., n in column j."""
+    return np.flip(np.cumsum(np.flip(links, axis=-1), axis=-1), axis=-1)

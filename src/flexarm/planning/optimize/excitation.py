@@ -21,7 +21,7 @@ from flexarm.base.errors import (
     check_array,
     public_call,
 )
-from flexarm.identification.planning.identifiability import Identifiability, predicted
+from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
 from flexarm.model.checks import checked_arguments

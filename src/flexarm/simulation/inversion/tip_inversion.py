@@ -33,8 +33,7 @@ from flexarm.base.errors import (
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.collocation import stage_times
-from flexarm.linear.small_deviations.response import torque_response
+from flexarm.linear.small_deviations.collocation import stage_times, torque_response
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.dynamics.tip_constraint import TipConstraint

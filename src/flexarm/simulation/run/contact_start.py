@@ -15,7 +15,7 @@ from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, STIFFNESS
 from flexarm.kernels.layout import Contacts
 from flexarm.linear.reference_motions.pressed import PressedMotion
 from flexarm.model import Contact
-from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.motion.geometry.chain import tip_jacobian
 
 #: Fractions of the reach: a larger depth is a visible error of the initial state, and a path that
 #: is closer than this to a surface counts as on it.

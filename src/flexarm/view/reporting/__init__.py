@@ -10,8 +10,7 @@ import numpy as np
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.writing.places import AnyPath, check_place, write_text
-from flexarm.identification.result import Identification
-from flexarm.identification.storage import is_identification
+from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
 from flexarm.view.plot.animation.page import fragment
 from flexarm.view.plot.animation.scene import SceneOptions, scene_of, stations_of, surroundings
