@@ -59,11 +59,7 @@ class Energy(NamedTuple):
 
 
 def _warn_of_tables(spec: ArmSpec) -> None:
-    """Warn of tables whose points are too few for a smooth taper.
-
-    Warns:
-        AccuracyWarning: if linear interpolation changes the first frequency by more than 0.5 %.
-    """
+    """Warn of tables whose points are too few for a smooth taper."""
     coarse = [
         f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, linear "
         f"interpolation between them changes the first frequency by about {100.0 * error:.1f} %. "

@@ -41,12 +41,7 @@ _KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default
 
 
 class BendingErrors:
-    """Estimate of the errors of an arm's states.
-
-    Args:
-        arm: the arm.
-        theory: the theory whose error is estimated; that of the arm by default.
-    """
+    """Estimate of the errors of an arm's states by its own theory, or by another one."""
 
     def __init__(self, arm: Arm, theory: str | None = None) -> None:
         self._linear = (arm.spec.theory if theory is None else theory) == "linear"
@@ -102,11 +97,9 @@ class BendingErrors:
     def surely_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return whether a bound, much faster than the estimate, excludes large errors.
 
-        Args:
-            eta: modal coordinates of all bodies (..., n, m), or the largest value of each.
-
-        The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
-        is at most the sum of eta^2 times the row sums of abs(G).
+        ``eta`` (..., n, m) are modal coordinates, or the largest value of each. The sum of the
+        errors of all links is at most the shortening of all pieces, and eta^T G eta is at most the
+        sum of eta^2 times the row sums of abs(G).
         """
         # Runs that fail contain states of any size: unlike other products, einsum does not warn.
         bound = np.einsum("...ij,...ij,ij->...", eta, eta, self._rows)
@@ -148,11 +141,7 @@ def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDefle
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
-    """Describe the largest error of an arm's theory; return an empty text if it is small.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
+    """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
     found = _description(arm, _own_errors(arm), states)
     if not found:
         return ""
@@ -168,11 +157,7 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
 
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:
-    """Describe the error of linear deviations, which is always that of the linear theory.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
+    """Describe the error of linear deviations, always that of the linear theory; "" if small."""
     found = _description(arm, BendingErrors(arm, "linear"), states)
     if not found:
         return ""
@@ -209,11 +194,7 @@ def bending_warning(arm: Arm, q: FloatArray) -> str:
 
 
 def warn_of_bending(arm: Arm, q: FloatArray) -> None:
-    """Warn once for a call that returns or uses bent states, unless a caller collects warnings.
-
-    Args:
-        q: (dof,), or (samples, dof).
-    """
+    """Warn once of bent q (dof,) or (samples, dof), unless a caller collects warnings."""
     warn_of_first([bending_warning(arm, q)])
 
 

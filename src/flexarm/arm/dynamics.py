@@ -59,11 +59,7 @@ class Dynamics(Coordinates):
         third: ArrayLike,
         shape: tuple[int, ...],
     ) -> None:
-        """Check q, qd and a third vector, and copy them to the kernels' arrays.
-
-        Raises:
-            InputError: if an argument has the wrong shape or is not finite.
-        """
+        """Check q, qd and a third vector, and copy them to the kernels' arrays."""
         vector = self._vector
         plain = is_plain(q, vector) and is_plain(qd, vector) and is_plain(third, shape)
         if not (plain and scratch.fill(q, qd, third)):  # type: ignore[arg-type]

@@ -74,10 +74,7 @@ def contact_values(
 def contact_forces(
     arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:
-    """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes.
-
-    Arguments as in ``contact_values``.
-    """
+    """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes."""
     return contact_values(arm, contacts, states, kernels)[..., FORCE : FORCE + 2]
 
 

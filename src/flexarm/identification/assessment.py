@@ -44,10 +44,7 @@ _MEASURES = {
 
 
 def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset, list[str]]:
-    """Return datasets of parameters and of initial states, and sentences about the former.
-
-    Each sentence names parameters that the data do not determine.
-    """
+    """Return datasets of parameters and of initial states, and sentences on undetermined ones."""
     slots, scale = problem.space.slots, problem.space.scale
     columns = columns_of_fit(problem, fit)
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
@@ -316,11 +313,7 @@ def predicted(
     motors: Motors | None,
     options: dict[str, Any],
 ) -> Identifiability:
-    """Return the identifiability of parameters by records, from arguments that are checked.
-
-    Raises:
-        InputError, SimulationError: as ``identifiability``.
-    """
+    """Return the identifiability of parameters by records, from arguments that are checked."""
     _check_noise(records)
     space = Space(arm, motors, free, records)
     runs = [RecordRun(name, record, arm, options) for name, record in records.items()]
@@ -341,11 +334,7 @@ def predicted(
 
 
 def _check_noise(records: dict[str, MeasuredRecord]) -> None:
-    """Check that every compared channel has a deviation of its noise.
-
-    Raises:
-        InputError: if it is missing; all are listed.
-    """
+    """Check that every compared channel has a deviation of its noise."""
     missing: dict[str, list[str]] = {}
     for name, record in records.items():
         channels = dict.fromkeys(label.channel for label in record.outputs)

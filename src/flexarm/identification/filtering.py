@@ -80,13 +80,7 @@ def _filtered(item: Filter, values: FloatArray, rate: float) -> FloatArray:
 
 
 def without_phase(values: FloatArray, cutoff: float, rate: float, order: int) -> FloatArray:
-    """Return values (samples,) after a Butterworth low-pass filter forwards and backwards.
-
-    Args:
-        cutoff: Hz, below half the rate.
-        rate: of the values, Hz.
-        order: of the filter; the two passes together have twice this order and no phase shift.
-    """
+    """Filter values (samples,) by Butterworth's low-pass of ``order`` forwards and backwards."""
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(order, cutoff, fs=rate, output="sos")

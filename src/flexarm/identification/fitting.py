@@ -84,11 +84,7 @@ class FitProblem:
         return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
 
     def prepare(self, vector: FloatArray) -> None:
-        """Return to the first guess of the noise, before a fit that starts at ``vector``.
-
-        Raises:
-            FitFailure: if the arm cannot be simulated there.
-        """
+        """Return to the first guess of the noise, before a fit that starts at ``vector``."""
         self.noise = dict(self._guess)
 
     def restore(self, fit: Fit) -> None:
@@ -165,13 +161,7 @@ class FitProblem:
         return np.concatenate([*blocks, priors])
 
     def derivatives(self, vector: FloatArray) -> list[FloatArray]:
-        """Return the derivatives (samples, channels, acting parameters) of each record.
-
-        They are kept for the last vector, because new weights do not change them.
-
-        Raises:
-            FitFailure: if the runs near ``vector`` fail.
-        """
+        """Return the derivatives (samples, channels, acting parameters) of each record, kept."""
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         every = []
@@ -185,11 +175,7 @@ class FitProblem:
         return every
 
     def whitened(self, record: int, values: FloatArray) -> FloatArray:
-        """Return residuals of a record, or derivatives of them, in standard deviations.
-
-        Args:
-            values: (samples, channels) or (samples, channels, n).
-        """
+        """Return values (samples, channels) or (samples, channels, n) in standard deviations."""
         run = self.runs[record]
         weights = np.array([self.noise[label.text] for label in run.labels])
         return np.asarray(values / weights.reshape(-1, *(1,) * (values.ndim - 2)))
@@ -197,10 +183,7 @@ class FitProblem:
     def tune(
         self, vector: FloatArray, outputs: list[FloatArray], robust: bool
     ) -> tuple[list[FloatArray], float]:
-        """Estimate the noise; return the outputs with it, and its largest relative change.
-
-        ``robust``: 1.4826 times the median of the magnitudes of the residuals, instead of the RMS.
-        """
+        """Estimate the noise; return the outputs with it, and its largest relative change."""
         old, self.noise = self.noise, self.noise_of(outputs, robust)
         return outputs, max((abs(self.noise[t] / old[t] - 1.0) for t in old), default=0.0)
 
@@ -219,10 +202,7 @@ class FitProblem:
         return Fit(vector, cost, outputs, dict(self.noise), self.evaluations, converged)
 
     def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
-        """Return the noise of each channel: the RMS of its residuals in all records.
-
-        ``robust``: 1.4826 times the median of their magnitudes.
-        """
+        """Return the RMS of each channel's residuals, or ``robust`` 1.4826 times their median."""
         residuals: dict[str, list[FloatArray]] = {}
         signals: dict[str, float] = {}
         for run, found in zip(self.runs, outputs, strict=True):
@@ -274,11 +254,7 @@ class Fit:
 
 
 def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
-    """Fit from a vector of parameters, with the noise of the channels estimated in between.
-
-    Raises:
-        FitFailure: if the arm of the start cannot be simulated.
-    """
+    """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
     problem.evaluations = 0
     problem.prepare(problem.vector(scaled))
@@ -392,15 +368,10 @@ _REFUSED = re.compile(r"parameters\[(\d+)\]")
 def output_derivatives(
     run: RecordRun, space: Space, record: int, vector: FloatArray, places: NDArray[np.intp]
 ) -> FloatArray | str:
-    """Return the derivatives of the outputs, or the reason why the run at ``vector`` fails.
+    """Return derivatives (samples, channels, places), or the reason why the run fails.
 
-    Args:
-        record: index of the record of ``run`` in ``space``.
-        places: of the numbers to differentiate by in ``vector``.
-
-    Returns:
-        (samples, channels, places) per unit of each number: those of ``sensitivities`` where it
-        supports the run and the number, else central differences.
+    They are those of ``sensitivities`` where it supports the run and the number, else central
+    differences. ``record`` is its index in ``space``; ``places`` are indices in ``vector``.
     """
     derivatives = np.zeros((run.times.size, len(run.labels), len(places)))
     exact = _exact_places(run, space, places)
@@ -437,12 +408,7 @@ def _by_duals(
     exact: Sequence[int],
     derivatives: FloatArray,
 ) -> list[int]:
-    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``places``.
-
-    Raises:
-        InputError: if the case is not possible.
-        SimulationError: if its run fails.
-    """
+    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``places``."""
     exact = list(exact)
     while exact:
         paths = [space.slots[places[k]].path for k in exact]

@@ -322,11 +322,7 @@ def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None
 def _best(
     problem: FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
 ) -> tuple[list[float], Fit]:
-    """Return the costs of all starts, NaN for those that failed, and the best fit.
-
-    Raises:
-        SimulationError: if all starts fail.
-    """
+    """Return the costs of all starts, NaN for those that failed, and the best fit."""
     costs: list[float] = []
     best: Fit | None = None
     for k in range(count):
@@ -353,11 +349,7 @@ def _predicted(
     best: Fit,
     iterations: int,
 ) -> FloatArray:
-    """Return the outputs of a record that was not fitted.
-
-    Raises:
-        SimulationError: if it cannot be simulated.
-    """
+    """Return the outputs of a record that was not fitted."""
     own = [parameter for parameter in free if parameter.per_record]
     space = Space(arm, motors, own, {run.name: run.record})
     problem = _problem(space, [run], None, best.noise, best.torque_noise)
@@ -418,11 +410,7 @@ class PreparedIdentification:
         return found
 
     def run(self, progress: bool | None = None) -> Identification:
-        """Estimate the parameters.
-
-        Raises:
-            InputError, SimulationError: as ``identify``.
-        """
+        """Estimate the parameters, with the errors of ``identify``."""
         study, fit = self.study, self.study.fit
         try:
             return identify(

@@ -133,12 +133,7 @@ class PredictedRun(RecordRun):
     def linearised(
         self, case: Case, torque_noise: FloatArray, noise: FloatArray
     ) -> LinearModel | str:
-        """Run the extended filter; return the linear model along it, or why it fails.
-
-        Args:
-            torque_noise: (joints,), N m
-            noise: (channels,)
-        """
+        """Run the extended filter; return the linear model along it, or why it fails."""
         try:
             model = self._model(case)
         except FlexarmError as error:
@@ -179,11 +174,7 @@ class PredictedRun(RecordRun):
         return np.diag(np.concatenate([np.zeros(size), deviations**2]))
 
     def _model(self, case: Case) -> _Model:
-        """Return the arm of a case along the record.
-
-        Raises:
-            FlexarmError: if the arm is not possible, or has no equilibrium.
-        """
+        """Return the arm of a case along the record; FlexarmError if it is not possible."""
         arm = Arm(case.spec)
         rows = {name: reading_rows(arm, Instrument(name)) for name in self.channels}
         H = np.stack([rows[label.channel][place_of(arm, label)] for label in self.labels])
@@ -195,10 +186,7 @@ class PredictedRun(RecordRun):
         )
 
     def _held_torques(self, case: Case) -> FloatArray:
-        """Return the torques (samples - 1, parts, joints), constant in each part of a sample.
-
-        Impulse and first moment of a straight line over a sample are exact.
-        """
+        """Return torques (samples - 1, parts, joints) of the impulse and moment of the lines."""
         edges = np.linspace(0.0, self.times[-1], self._parts * (self.times.size - 1) + 1)
         held = self._torque(case).means(edges).reshape(self.times.size - 1, self._parts, -1)
         if self._parts == 1:
@@ -263,11 +251,7 @@ class PredictionProblem(FitProblem):
         return _GUESS * self._scale if self._given is None else self._given
 
     def prepare(self, vector: FloatArray) -> None:
-        """Estimate the noise at the start of a fit.
-
-        Raises:
-            FitFailure: if the arm cannot be simulated there.
-        """
+        """Estimate the noise at the start of a fit; FitFailure if the arm cannot be simulated."""
         super().prepare(vector)
         self.torque_noise = self._first_guess()
         for _ in range(_PASSES):
@@ -293,11 +277,7 @@ class PredictionProblem(FitProblem):
     def tune(
         self, vector: FloatArray, outputs: list[FloatArray], robust: bool
     ) -> tuple[list[FloatArray], float]:
-        """Estimate noise and gains; return the outputs with them, and the largest change.
-
-        It is the relative change of the noise, or the RMS change of the predictions in standard
-        deviations.
-        """
+        """Estimate noise and gains; return the outputs, and the larger relative change of both."""
         old = dict(self.noise)
         self._estimate(vector)
         found = self.outputs(vector)
@@ -324,11 +304,7 @@ class PredictionProblem(FitProblem):
         return Fit(*done, torque_noise=self.torque_noise, gains=gains)
 
     def _estimate(self, vector: FloatArray) -> None:
-        """Estimate the noise along the filtered records, and set the gains.
-
-        Raises:
-            FitFailure: if a filter diverges.
-        """
+        """Estimate the noise along the filtered records, and set the gains."""
         models = [self._model(k, run, vector) for k, run in enumerate(self.runs)]
         self._estimate_noise(models)
         self._take(
@@ -430,13 +406,7 @@ class _Update(NamedTuple):
 def _corrected(
     P: FloatArray, H: FloatArray, noise: FloatArray, valid: NDArray[np.bool_]
 ) -> _Update:
-    """Return the correction of covariances (m, n, n) by readings with deviations ``noise``.
-
-    Args:
-        H: (channels, n)
-        noise: (m, channels)
-        valid: (channels,) whether a reading exists; the others have no effect.
-    """
+    """Return the correction of covariances (m, n, n) by the ``valid`` readings H (channels, n)."""
     noise = np.where(valid, noise, 1.0)
     # Readings in their own deviations, because rows of angles and strains differ by many digits.
     rows = H * valid[:, None] / noise[:, :, None]
@@ -456,13 +426,7 @@ def likelihoods(
     torque_noise: FloatArray,
     noise: FloatArray,
 ) -> FloatArray:
-    """Return minus the logarithms (m,) of the likelihoods, without constants.
-
-    Args:
-        measured, valid: (samples, channels)
-        torque_noise: (m, joints), N m
-        noise: (m, channels)
-    """
+    """Return minus the logarithms (m,) of the likelihoods of m noises, without constants."""
     m, (samples, _) = len(noise), measured.shape
     x, P = np.tile(model.start, (m, 1)), np.tile(model.P, (m, 1, 1))
     total = np.zeros(m)
@@ -502,13 +466,7 @@ def gains_of(
 def _most_likely(
     cost: Callable[[FloatArray], FloatArray], start: FloatArray, scale: FloatArray
 ) -> FloatArray:
-    """Return the positive intensities (p,) with the least cost.
-
-    Args:
-        cost: of intensities (m, p): (m,).
-        start: (p,)
-        scale: (p,) typical values.
-    """
+    """Return the positive intensities (p,), with typical values ``scale``, of the least cost."""
     from scipy.optimize import minimize
 
     count = start.size

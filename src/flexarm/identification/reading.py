@@ -123,11 +123,7 @@ def record_of_file(
     reference: Reference | None = None,
     hardware: Hardware | None = None,
 ) -> MeasuredRecord:
-    """Read the record of a description from a file; the path in the description is not used.
-
-    Raises:
-        InputError: as ``read_record``.
-    """
+    """Read the record of a description from a file; the path in the description is not used."""
     table = _read_table(file, description.encoding, description.skip)
     names = {split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
@@ -199,11 +195,7 @@ def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> 
 
 
 def _increasing(times: FloatArray) -> FloatArray:
-    """Return times that increase; equal intervals replace those that a file has rounded.
-
-    Raises:
-        InputError: if the times do not increase, even without their rounding.
-    """
+    """Return times that increase; equal intervals replace those that a file has rounded."""
     uniform = np.linspace(times[0], times[-1], times.size)
     interval = (times[-1] - times[0]) / max(times.size - 1, 1)
     unit = _last_digit(times)
@@ -239,11 +231,7 @@ def _last_digit(times: FloatArray) -> float:
 def _uniform(
     description: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
 ) -> tuple[FloatArray, dict[Label, FloatArray]]:
-    """Return uniform times from 0 and the columns at them.
-
-    Raises:
-        InputError: if a column has another length than the time, or too few samples remain.
-    """
+    """Return uniform times from 0 and the columns at them."""
     for label, column in columns.items():
         if column.size != times.size:
             rule = f"have {times.size} samples as the time"
@@ -379,11 +367,7 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
 
 
 def _text_of(path: Path, encoding: str) -> str:
-    """Return the text of a file.
-
-    Raises:
-        InputError: if the encoding is unknown, or the file has another one.
-    """
+    """Return the text of a file in an encoding."""
     try:
         return path.read_text("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
     except LookupError:

@@ -80,11 +80,7 @@ class Identification:
 
     @public_call
     def __getitem__(self, path: str) -> float:
-        """Return the estimate of a parameter by its path.
-
-        Raises:
-            InputError: if no parameter has this path.
-        """
+        """Return the estimate of a parameter by its path; InputError if no parameter has it."""
         return number_of(self.parameters, path, "estimate")
 
     @public_call
@@ -146,11 +142,7 @@ class Identification:
 
 
 def number_of(parameters: xr.Dataset, path: object, column: str) -> float:
-    """Return a number of a table of parameters.
-
-    Raises:
-        InputError: if no parameter has this path.
-    """
+    """Return a number of a table of parameters; InputError if no parameter has this path."""
     names = parameters["parameter"].values.tolist()
     if path not in names:
         hint = suggestion(str(path), names)
@@ -239,11 +231,7 @@ def _stored(found: Identification) -> xr.Dataset:
 
 
 def _restored(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return the fields of an identification from its dataset.
-
-    Raises:
-        InputError: if the dataset does not contain an identification.
-    """
+    """Return the fields of an identification from its dataset."""
     if _KIND not in dataset.attrs:
         raise InputError(Problem("dataset", "does not contain an identification"))
     try:

@@ -116,10 +116,7 @@ class RecordRun:
 
     @property
     def proportional(self) -> bool:
-        """Whether a strain is proportional to the distance of its gauge.
-
-        A controller that reads the strain moves the arm differently if the distance changes.
-        """
+        """Whether a strain is proportional to its gauge's distance: no controller reads it."""
         return self.record.controller is None
 
     def arguments(self, case: Case) -> dict[str, Any]:

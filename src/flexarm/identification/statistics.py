@@ -82,11 +82,7 @@ def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS)
     """Return the probability of correlations as large as those of residuals, if they were white.
 
     The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks. NaN
-    without residuals.
-
-    Args:
-        residuals: (samples,)
-        valid: (samples,) whether the record has the sample.
+    without residuals. ``valid`` (samples,) states whether the record has the sample.
     """
     from scipy.stats import chi2
 
@@ -106,11 +102,6 @@ def independence(
 
     Residuals that depend on past inputs (0 to ``lags`` samples) give a small value, residuals that
     are correlated over time for another reason do not. NaN without residuals or input.
-
-    Args:
-        residuals: (samples,)
-        valid: (samples,) whether the record has the sample.
-        signal: (samples,) of the input.
     """
     from scipy.stats import chi2
 
@@ -164,10 +155,7 @@ def information(columns: Sequence[Column]) -> FloatArray:
 
 
 def coloured_information(columns: Sequence[Column]) -> FloatArray:
-    """Return the covariance of the gradient of the fit with residuals that are not white.
-
-    For white residuals it equals ``information``.
-    """
+    """Return the covariance of the fit's gradient; ``information`` if the residuals are white."""
     from scipy.signal import fftconvolve
 
     total = np.zeros((columns[0].derivatives.shape[1],) * 2)
@@ -297,10 +285,7 @@ def undetermined(
 
 
 def _sparse(vectors: FloatArray) -> FloatArray:
-    """Return other vectors (k, n) that span the same space, with as many zeros as possible.
-
-    Gauss and Jordan's elimination with the largest pivots: separate causes become separate vectors.
-    """
+    """Return vectors (k, n) of the same space with many zeros, by Gauss and Jordan."""
     vectors = vectors.copy()
     for row in range(len(vectors)):
         rest = np.abs(vectors[row:])

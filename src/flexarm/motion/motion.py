@@ -277,11 +277,7 @@ def joint_motion(
 
 
 def check_motion(motion: object, arm: Arm | None = None) -> Motion:
-    """Return a motion; if an arm is given, one with the same number of joints.
-
-    Raises:
-        InputError: if it is not a `Motion`, or is for another number of joints.
-    """
+    """Return a motion; if an arm is given, one with the same number of joints."""
     if not isinstance(motion, Motion):
         hint = "Create one with fa.line_motion or fa.joint_motion."
         raise InputError(Problem("motion", "be a motion", shown(motion), hint))
@@ -376,11 +372,7 @@ class SampledMotion(TabulatedMotion, DerivedMotion):
 
 
 def _sampled_motion(motion: Motion, rate: float) -> SampledMotion:
-    """Tabulate a motion at a constant rate (Hz); see ``Motion.sampled``.
-
-    Raises:
-        InputError: if the rate is not positive, or would require more than a million samples.
-    """
+    """Tabulate a motion at a rate (Hz), at most a million times; see ``Motion.sampled``."""
     most = _MOST_SAMPLES / motion.duration
     rule = f"be greater than 0 and at most {most:.6g} for a motion of {motion.duration:.6g} s"
     frequency = check_number("rate", rate, lambda hertz: 0.0 < hertz <= most, rule)
@@ -407,10 +399,8 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
 def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
     """Return polynomials of degree 5 between rest before and rest after a motion.
 
-    Args:
-        edges: (k + 1,) s.
-        first, last: (k, n) at the start and at the end of each interval.
-        rests: (2, n) rad, angles before and after the motion.
+    ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
+    the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
     """
     from scipy.interpolate import PPoly
 
@@ -423,12 +413,7 @@ def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Flo
 
 
 def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
-    """Return Hermite polynomials: coefficients (k, 6, n), falling powers of time since the start.
-
-    Args:
-        first, last: (k, n) at the start and at the end of each interval.
-        width: (k,) s.
-    """
+    """Return Hermite polynomials (k, 6, n) of falling powers of the time since the start."""
     h = width[:, None]
     q, v, a = first.angle, h * first.rate, 0.5 * h**2 * first.acceleration
     # Values at the end minus those of the parabola given by the start.

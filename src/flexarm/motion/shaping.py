@@ -213,15 +213,10 @@ class SmoothedMotion(DerivedMotion):
 def window_points(
     times: Floats, breaks: Sequence[float], window: tuple[float, float], count: int
 ) -> tuple[Floats, Floats]:
-    """Return the points of Gauss quadrature over a window around each time, between the breaks.
+    """Return ages (T, k) s of Gauss points over a window before each time, and their shares.
 
-    Args:
-        times: (T,) s. breaks: (b,) s, where the averaged function is not smooth.
-        window: first and last age, s, counted back from each time.
-        count: points between two neighbouring breaks.
-
-    Returns:
-        Ages (T, k), s, and shares (T, k) of the window, whose sum is 1.
+    ``breaks`` (b,) s are where the averaged function is not smooth, ``window`` the first and last
+    age (s), ``count`` the points between two breaks. The sum of the shares (T, k) is 1.
     """
     ago = np.clip(times[:, None] - np.array(breaks), *window)
     edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), window)))

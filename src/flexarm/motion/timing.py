@@ -183,11 +183,7 @@ TIMING_LAWS: dict[str, TimingLaw] = {"quintic": quintic(), "trapezoidal": trapez
 
 
 def timing_law(profile: str | TimingLaw) -> TimingLaw:
-    """Return the timing law with the given name; return a `TimingLaw` unchanged.
-
-    Raises:
-        InputError: if no law has that name.
-    """
+    """Return the timing law with the given name; return a `TimingLaw` unchanged."""
     if isinstance(profile, TimingLaw):
         return profile
     if isinstance(profile, str) and profile in TIMING_LAWS:

@@ -93,12 +93,7 @@ class LinkNumbers(NamedTuple):
 
 
 class TipNumbers(NamedTuple):
-    """Distances between the tips of the flexible and the rigid arm, m.
-
-    Attributes:
-        largest: maximum during the motion.
-        at_end: distance at the end of the torques.
-    """
+    """Largest distance (m) of the tip from the rigid one in the motion, and that at its end."""
 
     largest: float
     at_end: float

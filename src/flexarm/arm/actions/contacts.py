@@ -40,11 +40,7 @@ def point_of(arm: Coordinates, contact: Contact) -> Load:
 
 
 def place_contacts(arm: Coordinates, contacts: Sequence[Contact]) -> Contacts:
-    """Convert contacts to the kernels' arrays.
-
-    Raises:
-        InputError: if a point is not on the arm.
-    """
+    """Convert contacts to the kernels' arrays; InputError if a point is not on the arm."""
     marks = [point_of(arm, contact) for contact in contacts]
     points = place_loads(arm, marks, what="Contact")
     tables = [pieces_of(c.surface) for c in contacts if isinstance(c.surface, SurfaceTable)]
@@ -104,10 +100,7 @@ def pieces_of(surface: SurfaceTable) -> FloatArray:
 
 
 def _cut(spline: CubicSpline, closed: bool) -> FloatArray:
-    """Return rows (pieces, 9): start (polygon length, m), then cubics of x, y in rising powers.
-
-    The first and the last row continue the curve beyond its start and its end.
-    """
+    """Return rows (pieces, 9): start (polygon length, m), cubics of x, y; open at both ends."""
     starts = []
     for a, b in zip(spline.x[:-1], spline.x[1:], strict=True):
         slopes = spline(np.linspace(a, b, 17), 1)

@@ -61,12 +61,7 @@ class Environment:
         )
 
     def placed(self, arm: Coordinates) -> Loads:
-        """Return the kernels' arrays for one state; time factors of loads are ignored.
-
-        Raises:
-            InputError: if a load or a contact is not on the arm, or the acceleration of the base
-                does not consist of two numbers.
-        """
+        """Return the kernels' arrays for one state; time factors of loads are ignored."""
         placed = place_loads(arm, self.loads)
         base = self.base_acceleration
         if base is not None:

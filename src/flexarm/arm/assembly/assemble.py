@@ -151,11 +151,7 @@ class Assembly:
 
 
 def assemble(spec: ArmSpec) -> Assembly:
-    """Compute the constants of an arm.
-
-    Raises:
-        InputError: if a link's mass matrix is not positive definite (theory page "beams").
-    """
+    """Compute the constants of an arm; InputError if a link's mass matrix is indefinite."""
     pieces: list[Piece] = []
     seats: list[Seat] = []
     link_body: list[int] = []
@@ -189,11 +185,7 @@ def assemble(spec: ArmSpec) -> Assembly:
 
 
 def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
-    """Return the constants of a link's segments, from the cache if possible.
-
-    Raises:
-        InputError: as in ``assemble``, with the index of this link.
-    """
+    """Return the constants of a link's segments, from the cache if possible; errors name it."""
     try:
         try:
             return _segments(link)

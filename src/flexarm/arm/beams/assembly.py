@@ -57,10 +57,7 @@ class BeamMatrices:
         return self.translational_mass + self.rotary_mass
 
     def over(self, shapes: FloatArray) -> BeamMatrices:
-        """Return the matrices over other coordinates, columns of ``shapes`` (n, k).
-
-        ``free_mass`` does not change.
-        """
+        """Return the matrices, except ``free_mass``, over other coordinates: ``shapes`` (n, k)."""
 
         def reduced(matrix: FloatArray) -> FloatArray:
             product: FloatArray = shapes.T @ matrix @ shapes
@@ -79,10 +76,7 @@ class BeamMatrices:
 def beam_matrices(
     table: BeamTable, quadrature: BeamQuadrature, shapes: PointShapes | None = None
 ) -> BeamMatrices:
-    """Assemble the matrices of a link; exact for tables that are linear between stations.
-
-    ``shapes`` are those of ``point_shapes``, if they are already computed.
-    """
+    """Assemble the matrices of a link; exact for tables that are linear between stations."""
     x, shapes = quadrature.points, shapes or point_shapes(table, quadrature)
     mass, rotary, rigidity = (
         np.interp(x, table.x, column)
@@ -110,16 +104,7 @@ def beam_matrices(
 
 
 def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray) -> FloatArray:
-    """Integrate density(x) N(x) along the link.
-
-    Args:
-        quadrature: the points; q is their number.
-        density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
-
-    Returns:
-        (n,) one entry per coordinate.
-    """
+    """Integrate density(x) N(x), (q,) and (q, 4 or 7) at the points, along the link: (n,)."""
     rows, size = _all_rows(quadrature, local)
     total = np.zeros(size)
     np.add.at(total, rows, local * (quadrature.weights * density)[:, None])
@@ -129,17 +114,7 @@ def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray)
 def product_integral(
     quadrature: BeamQuadrature, density: FloatArray, local: FloatArray, *, with_root: bool = False
 ) -> FloatArray:
-    """Integrate density(x) N(x) N(x)^T along the link.
-
-    Args:
-        quadrature: the points, q of them.
-        density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
-        with_root: whether to include the two nodal coordinates of the root, as the first ones.
-
-    Returns:
-        (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) including the root.
-    """
+    """Integrate density(x) N(x) N(x)^T as ``integral``: (n, n), or (n + 2, n + 2) ``with_root``."""
     rows, size = _all_rows(quadrature, local)
     total = np.zeros((size, size))
     if not density.any():  # most links have no rotary inertia
@@ -188,11 +163,7 @@ def nodal_rotations(
 def interior_shapes(
     stations: FloatArray, length: float, elements: int, field: str, derivative: int
 ) -> FloatArray:
-    """Evaluate interior shapes (k, 3 * elements) at stations; arguments as in `nodal_shapes`.
-
-    Args:
-        field: "deflection" for v, or "rotation" for phi.
-    """
+    """Evaluate interior shapes (k, 3 * elements) of v or phi at stations; see `nodal_shapes`."""
     element, xi = _places(stations, length, elements)
     of = interior_deflection if field == "deflection" else interior_rotation
     shapes = np.zeros((element.size, 3 * elements))

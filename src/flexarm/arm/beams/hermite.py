@@ -33,10 +33,6 @@ def shape_functions(xi: FloatArray, length: float, derivative: int = 0) -> Float
         xi: (k,) positions in the element, 0 at its inboard and 1 at its outboard end.
         length: length of the element (m).
         derivative: 0 deflection, 1 slope, 2 curvature, 3 derivative of curvature: d/dx, not d/dxi.
-
-    Returns:
-        (k, 4): columns belong to v_1, phi_1, v_2, phi_2. A slope column has one more factor of
-        metre than a deflection column; each derivative has one less.
     """
     powers = xi[:, None] ** np.arange(4 - derivative)
     unit = np.array([1.0, length, 1.0, length]) / length**derivative
@@ -84,12 +80,8 @@ class BeamQuadrature:
 def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:
     """Return points and weights that integrate polynomials of degree 7 exactly on every piece.
 
-    A piece lies between adjacent element ends or breakpoints of the tables, so that shape functions
-    and tables are polynomials inside it.
-
-    Args:
-        breakpoints: (p,) stations of the tables (m), from 0 to the length, increasing.
-        elements: number of elements of equal length.
+    A piece lies between adjacent element ends or breakpoints (p,) m of the tables, so that shape
+    functions and tables are polynomials inside it.
     """
     ends = np.linspace(0.0, breakpoints[-1], elements + 1)
     edges = np.union1d(ends, breakpoints)

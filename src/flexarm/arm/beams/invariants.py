@@ -158,11 +158,7 @@ class LinkConstants:
 def link_constants(table: BeamTable, elements: int, modes: int | None = None) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
-    Args:
-        table: section properties along the link.
-        elements: number of finite elements of equal length.
-        modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
-            the full finite element model.
+    ``modes`` is the number of reduced shapes, 1 to 2 * elements; None: the finite elements.
 
     Raises:
         InputError: if the mass matrix is not positive definite, or numbers overflow.
@@ -217,15 +213,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
 
 
 def rigid_constants(table: BeamTable, elements: int = 1) -> LinkConstants:
-    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
-
-    Args:
-        table: section properties along the link; those of stiffness have no effect.
-        elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
-
-    Raises:
-        InputError: if numbers overflow.
-    """
+    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0)."""
     none, square = np.zeros(0), np.zeros((0, 0))
     with _in_range(table):
         length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
@@ -307,15 +295,11 @@ def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return the residuals of unit rigid motions, after subtracting the shapes' approximation.
+    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first.
 
-    Args:
-        translation, rotation: (n + k,) nodal and interior values of the shapes' best approximation.
-
-    Returns:
-        (n + 2 + k, 2) values, with the root's pair first. With the full finite element model the
-        residual decays within a few elements of the root. It is so small compared to the rigid
-        motion that differences of integrals (int mu x^2 - a.a) would lose it.
+    The arguments (n + k,) are the values of their best approximation by the shapes. With the full
+    finite element model the residual decays within a few elements of the root. It is so small that
+    differences of integrals (int mu x^2 - a.a) would lose it.
     """
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
     left = np.zeros((2 + translation.size, 2))
@@ -329,10 +313,7 @@ def _left_of_rigid_motion(
 
 
 def _residual_inertia(free_mass: FloatArray, left: FloatArray) -> FloatArray:
-    """Return inertia (3,) of the motions ``left``: translation, coupling, rotation.
-
-    ``left`` has shape (n + 2 + k, 2).
-    """
+    """Return inertia (3,) of motions ``left`` (n + 2 + k, 2): translation, coupling, rotation."""
     inertia = left.T @ free_mass @ left
     return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
 
@@ -391,8 +372,8 @@ def beam_basis(
 
     Args:
         matrices: matrices of the link.
-        strain_to_nodal: (n, n) F of `flexibility.strain_to_nodal`.
-        element_length: h (m), the unit of its rotation rows.
+        strain_to_nodal: (n, n) F of `strain_to_nodal`, whose rotation rows have the unit of
+            ``element_length`` h (m).
         modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
 
     Raises:
@@ -524,11 +505,7 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
 def _shear_flexibility(
     rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
 ) -> FloatArray:
-    """Return the mean shear angle of each element under unit shear force, (elements,), rad/(N m).
-
-    The angle is a parabola: the best approximation of 1/kGA in the element by three Legendre
-    polynomials.
-    """
+    """Return the mean shear angle (elements,) under unit shear force, a parabola, rad/(N m)."""
     basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
     weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)
     gram = np.zeros((quadrature.elements, 3, 3))

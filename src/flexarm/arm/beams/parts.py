@@ -41,14 +41,7 @@ class PartConstants:
 
 
 def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
-    """Integrate a link from its root to stations; exact, as the constants of the whole link.
-
-    Args:
-        link: constants of the link with m shapes; m = 0 for a rigid link.
-        x: (k,) stations, 0 to the length (m).
-        shortening: whether bending shortens the axis (second-order theory); if not, D0 and D1 are
-            zero.
-    """
+    """Integrate a link from its root to stations x (k,) m; D0 and D1 only with ``shortening``."""
     table, m = link.table, link.w2.size
     quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
     s, weights = quadrature.points, quadrature.weights
@@ -82,10 +75,7 @@ def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> P
 
 
 def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
-    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive.
-
-    ``inertia`` (kg m^2) and ``first_moment`` (kg m) are about the root.
-    """
+    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive."""
     central = inertia - first_moment / mass * first_moment if mass else 0.0
     return 1.0 / central if central > 0.0 else 0.0
 

@@ -40,15 +40,7 @@ class BeamTable:
         return float(self.x[-1])
 
     def outboard_moment(self, s: FloatArray, power: int) -> FloatArray:
-        """Integrate mu x^power from each station `s` to the tip; exact.
-
-        Args:
-            s: (k,) stations (m).
-            power: 0 gives the mass (kg), 1 the first moment about the root (kg m).
-
-        Returns:
-            (k,) integrals.
-        """
+        """Integrate mu x^power from each station s (k,) m to the tip; exact: (k,) kg or kg m."""
         between = self._moment(self.x[:-1], self.x[1:], power)
         beyond = np.append(np.cumsum(between[::-1])[::-1], 0.0)[1:]
         interval = np.clip(np.searchsorted(self.x, s, side="right") - 1, 0, self.x.size - 2)

@@ -46,15 +46,7 @@ def element_integrals(quadrature: BeamQuadrature, density: FloatArray) -> FloatA
 
 
 def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
-    """Return rows that give the shear angle v' - phi from nodal coordinates; (B.30).
-
-    Args:
-        parameters: (k,) Phi_s of k elements.
-        length: length of an element (m).
-
-    Returns:
-        (k, 4): columns belong to v_1, phi_1, v_2, phi_2.
-    """
+    """Return rows (k, 4) that give the shear angle v' - phi from v_1, phi_1, v_2, phi_2; (B.30)."""
     share = parameters / (1.0 + parameters)
     rows: FloatArray = share[:, None] * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5])
     return rows
@@ -63,16 +55,9 @@ def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
 def deflection_shapes(
     xi: FloatArray, length: float, angles: FloatArray, derivative: int = 0
 ) -> FloatArray:
-    """Evaluate the shapes of the deflection, or one of their derivatives; (B.31).
+    """Evaluate the deflection v, its slope v' or curvature v'' = phi': (k, 4), as (B.31).
 
-    Args:
-        xi: (k,) positions in their elements, 0 to 1.
-        length: length of an element (m).
-        angles: (k, 4) rows of `shear_angles` of the elements of the positions.
-        derivative: 0 deflection v, 1 slope v', 2 curvature v'' = phi'.
-
-    Returns:
-        (k, 4): columns belong to v_1, phi_1, v_2, phi_2.
+    ``xi`` (k,) are positions in their elements, ``angles`` (k, 4) the rows of `shear_angles`.
     """
     local = shape_functions(xi, length, derivative)
     turned: FloatArray = local + (local[:, 1] + local[:, 3])[:, None] * angles
@@ -86,15 +71,9 @@ def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatA
 
 
 def interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
-    """Evaluate the deflection v of an element's three interior shapes, or its slope v'.
+    """Evaluate v of an element's three interior shapes at xi (k,), or its slope v': (k, 3).
 
-    Args:
-        xi: (k,) positions in their elements, 0 to 1.
-        length: length of an element (m).
-        derivative: 0 deflection v, 1 slope v'.
-
-    Returns:
-        (k, 3): the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
+    They are the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
     """
     zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
     if derivative == 0:
@@ -103,11 +82,7 @@ def interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> F
 
 
 def interior_rotation(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
-    """Evaluate the rotation phi of the interior shapes, or phi', as `interior_deflection`.
-
-    Returns:
-        (k, 3): zero, zero, and the parabola xi (1 - xi).
-    """
+    """Evaluate the rotation phi of the interior shapes, or phi': zero, zero, xi (1 - xi)."""
     zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
     shape = bump if derivative == 0 else (1.0 - 2.0 * xi) / length
     return np.stack([zero, zero, shape], axis=1)
@@ -178,12 +153,7 @@ class _Interior:
         return np.vstack([np.eye(self.values.shape[1]), self.values])
 
     def stiffened(self, strain_to_nodal: FloatArray, units: FloatArray) -> FloatArray:
-        """Return the factor F of the flexibility (K + Y^T Y)^-1 = F F^T.
-
-        Args:
-            strain_to_nodal: (n, n) F of the static response, rows in metres.
-            units: (n,) divisors that convert its rows to nodal coordinates.
-        """
+        """Return F of (K + Y^T Y)^-1 = F F^T from that of K^-1, whose rows have ``units`` (n,)."""
         from scipy.linalg import solve_triangular
 
         Y = self.stiffening @ (strain_to_nodal / units[:, None])
@@ -194,14 +164,7 @@ class _Interior:
 def interior_values(
     table: BeamTable, quadrature: BeamQuadrature, shapes: PointShapes, stiffness: FloatArray
 ) -> _Interior:
-    """Compute the interior values of a link per nodal value.
-
-    Args:
-        table: section properties along the link.
-        quadrature: its points.
-        shapes: `point_shapes` of the link.
-        stiffness: K (n + k, n + k) over nodal and interior values, of `beam_matrices`.
-    """
+    """Compute the interior values of a link from K (n + k, n + k), also over interior values."""
     n = 2 * quadrature.elements
     if table.shear_rigidity is None:
         return _Interior(np.zeros((0, n)), np.zeros((0, n)))

@@ -162,15 +162,7 @@ _FOLDERS = {
 
 
 def compiled(fmi: str, name: str, files: dict[str, str], sources: list[str]) -> tuple[str, bytes]:
-    """Return the place of the library in the archive and its content.
-
-    Args:
-        fmi: version of FMI. name: identifier of the model.
-        files: texts by name. sources: names of those to compile.
-
-    Raises:
-        OSError: if there is no compiler, it fails, or FMI has no name for this system.
-    """
+    """Return the place of the library in the archive and its content; OSError if it fails."""
     folder = _FOLDERS.get((platform.machine(), fmi)) if sys.platform == "linux" else None
     if folder is None:
         raise OSError(f"binaries for FMI {fmi} are made on Linux only (x86-64; FMI 3.0 also arm64)")
@@ -210,15 +202,7 @@ _UNITS: dict[str, dict[str, int]] = {
 def _model_description(
     fmi: str, name: str, token: str, sources: list[str], variables: list[_Variable], step: float
 ) -> bytes:
-    """Return ``modelDescription.xml``.
-
-    Args:
-        fmi: "2.0" or "3.0".
-        name: identifier of the model. token: its GUID or instantiation token.
-        sources: names of the source files to compile.
-        variables: by value reference.
-        step: proposed communication step, s.
-    """
+    """Return ``modelDescription.xml``; ``step`` (s) is the proposed communication step."""
     two = fmi == "2.0"
     root = XML.Element("fmiModelDescription", fmiVersion=fmi, modelName=name)
     root.set("guid" if two else "instantiationToken", token)

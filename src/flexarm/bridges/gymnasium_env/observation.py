@@ -102,12 +102,7 @@ class Observation:
         return [name for part in self.parts for name in part.names]
 
     def vector(self, measurement: Mapping[str, FloatArray], task: FloatArray) -> Vector:
-        """Return the observation (..., size), clipped to the bounds of the space.
-
-        Args:
-            measurement: readings (..., numbers of the signal).
-            task: values of the task (..., values).
-        """
+        """Return the observation (..., size), clipped to the bounds of the space."""
         values = []
         for label, signal in self._signals:
             value = measurement[label]

@@ -181,14 +181,7 @@ EXPRESSIONS = {
 
 
 def statements(function: casadi.Function) -> Iterator[str]:
-    """Yield the statements that compute the outputs of a function from its inputs.
-
-    Inputs and outputs are arrays with the names of the function's, one column for each evaluation.
-    The outputs exist already and are dense columns.
-
-    Raises:
-        NotImplementedError: if an operation has no expression; the kernels use none of these.
-    """
+    """Yield the statements that compute the outputs, columns that exist, from the inputs."""
     given, results = function.name_in(), function.name_out()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)

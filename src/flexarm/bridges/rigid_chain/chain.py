@@ -137,10 +137,7 @@ def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatA
 
 
 def _damping_factor(link: Link, bars: list[Link], springs: list[Joint]) -> float:
-    """Return the factor (s) of the springs' stiffness that is their damping.
-
-    The damping ratio of the first mode of the link is that of a `ModalDamping`.
-    """
+    """Return the damping of springs over stiffness (s): that of the first mode stays."""
     damping = link.damping
     if damping is None:
         return 0.0
@@ -203,8 +200,6 @@ class Body(NamedTuple):
 
 def bodies(chain: RigidChain) -> list[Body]:
     """Return the bodies from the base to the tip: bars, then a payload with an offset.
-
-    A mass at the tip of a bar, such as that of a joint, is part of the body of the bar.
 
     Raises:
         InputError: if a body has no mass or no inertia, which simulators refuse.

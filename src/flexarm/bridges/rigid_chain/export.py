@@ -385,11 +385,7 @@ class _Part:
 
 
 def _exudyn_script(chain: RigidChain, found: list[Body], name: str) -> str:
-    """Return a script that builds the chain in Exudyn; welded bodies are part of those before.
-
-    Raises:
-        InputError: if nothing moves.
-    """
+    """Return a script that builds the chain in Exudyn; welded bodies are part of those before."""
     parts: list[_Part] = []
     root, angle, tip = 0j, 0.0, 0j  # axes of the last body, in those of its hinge
     for body in found:

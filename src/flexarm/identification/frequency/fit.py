@@ -67,14 +67,10 @@ def fitted(
     rates: NDArray[np.bool_],
     count: int,
 ) -> FittedModes:
-    """Fit modes to a response.
+    """Fit ``count`` modes to a response (F, outputs, inputs) at frequencies (F,) Hz.
 
-    Args:
-        hertz: (F,) frequencies.
-        response: (F, outputs, inputs).
-        deviation: of the response; NaN where unknown.
-        rates: (outputs,) whether an output is the rate of a position.
-        count: number of modes.
+    ``deviation`` is that of the response, NaN where unknown; ``rates`` (outputs,) states whether an
+    output is the rate of a position.
     """
     problem = _Problem(hertz, response, deviation, rates)
     numbers = problem.start
@@ -201,11 +197,7 @@ class _Problem:
         return np.asarray(trials[int(np.argmax(gain))])
 
     def slopes(self, numbers: FloatArray) -> FloatArray:
-        """Return the derivatives (errors, numbers) of the errors without that of the projection.
-
-        The omitted part is orthogonal to the errors' gradient: Kaufman, BIT Numerical Mathematics
-        15 (1975) 49.
-        """
+        """Return derivatives (errors, numbers) of the errors; Kaufman, BIT 15 (1975) 49."""
         terms, found = self._terms(numbers), []
         changed = [
             (self._terms(numbers + change) - self._terms(numbers - change)) / (2.0 * _STEP)
@@ -403,9 +395,6 @@ def _shapes_at(
 
     The RMS is over the modes and all parts of a channel, because a part that does not move, such as
     the axis along the arm, has no size of its own.
-
-    Raises:
-        InputError: if the arm does not have an output.
     """
     states = np.concatenate(
         [modes.complex_shapes, modes.eigenvalues[:, None] * modes.complex_shapes], axis=1

@@ -173,11 +173,7 @@ def frequency_response(
 
 
 def _check_band(band: ArrayLike | None) -> tuple[float, float]:
-    """Return the lowest and the highest frequency, Hz; all without a band.
-
-    Raises:
-        InputError: if the band is not a pair of ascending numbers.
-    """
+    """Return the lowest and the highest frequency, Hz; all without a band."""
     if band is None:
         return 0.0, np.inf
     low, high = check_array("band", band, (2,)).tolist()
@@ -187,12 +183,7 @@ def _check_band(band: ArrayLike | None) -> tuple[float, float]:
 
 
 def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], list[Label]]:
-    """Return the inputs and outputs that all records have.
-
-    Raises:
-        InputError: if records have no input, prescribed joints, or other signals or settings than
-            the first.
-    """
+    """Return the inputs and outputs that all records have, with the same settings."""
     names = list(records)
     first = records[names[0]]
     inputs, outputs = list(first.inputs), list(first.outputs)
@@ -215,11 +206,7 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
 
 
 def _average(parts: list[_Spectra]) -> _Spectra:
-    """Return the average of the spectra of records, weighted by their numbers of averages.
-
-    Raises:
-        InputError: if segments of records have different lengths.
-    """
+    """Return the average of the spectra of records, weighted by their numbers of averages."""
     if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
         hint = "Give its length in seconds."
         raise InputError(
@@ -237,11 +224,7 @@ def _estimate(
     outputs: list[Label],
     band: tuple[float, float],
 ) -> FrequencyResponse:
-    """Return H1 = S_yu S_uu^-1 with its deviation and multiple coherence.
-
-    Raises:
-        InputError: if no frequency in the band is excited by all inputs independently.
-    """
+    """Return H1 = S_yu S_uu^-1 with its deviation and multiple coherence."""
     m, hertz = len(inputs), spectra.frequency_hz
     driven = spectra.matrix[:, :m, :m]
     power = np.diagonal(driven, axis1=1, axis2=2).real
@@ -319,13 +302,7 @@ class _Spectra(NamedTuple):
 
 
 def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _Spectra:
-    """Return the spectra of whole periods (s) of a record from a time (s) on.
-
-    A linear drift from period to period, as of an arm that turns slowly, is removed.
-
-    Raises:
-        InputError: if a period is not a whole number of samples, or the record is too short.
-    """
+    """Return the spectra of whole periods (s) of a record, without a drift between periods."""
     from scipy.signal import csd
 
     rate, values = record.rate, _signals(record)
@@ -359,11 +336,7 @@ def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _S
 
 
 def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None:
-    """Warn if inputs (inputs, samples) differ from one of ``count`` periods to the next.
-
-    Warns:
-        AccuracyWarning: if they differ by more than a noisy measurement of them.
-    """
+    """Warn if inputs (inputs, samples) differ from one of ``count`` periods to the next."""
     parts = inputs.reshape(len(inputs), count, -1)
     middle = parts.mean(axis=(1, 2), keepdims=True)
     changed = np.linalg.norm(np.diff(parts, axis=1)) / np.sqrt(2.0 * (count - 1))
@@ -375,11 +348,7 @@ def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None
 
 
 def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float) -> _Spectra:
-    """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch).
-
-    Raises:
-        InputError: if a segment is longer than the record from ``start`` on, or too short.
-    """
+    """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch)."""
     from scipy.signal import csd
 
     rate = record.rate
@@ -408,11 +377,7 @@ def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float
 
 
 def _signals(record: MeasuredRecord) -> FloatArray:
-    """Return the inputs and outputs (n, samples) of a record.
-
-    Raises:
-        InputError: if samples are missing.
-    """
+    """Return the inputs and outputs (n, samples) of a record without missing samples."""
     columns = {**record.inputs, **record.outputs}
     missing = [label.text for label, column in columns.items() if np.isnan(column).any()]
     if missing:

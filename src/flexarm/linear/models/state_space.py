@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 def control_system(model: Any, **options: Any) -> control.StateSpace:
     """Convert a linear model to a state-space system of python-control with the same names.
 
-    Args:
-        model: object with A, B, C, D and the names ``inputs`` and ``outputs``.
-        options: further arguments of ``control.StateSpace``.
-
     Raises:
         InputError: if python-control is not installed.
     """

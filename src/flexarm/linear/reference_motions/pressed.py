@@ -221,11 +221,7 @@ def _refuse_across(
     normal: Callable[[float], FloatArray],
     end: float,
 ) -> None:
-    """Raise if the path crosses the surface, instead of following it, until a time (s).
-
-    Raises:
-        InputError: if most of the path is along the normal while the tip presses.
-    """
+    """Raise if the path crosses the surface, instead of following it, until a time (s)."""
     times = np.linspace(0.0, end, _INSTANTS)
     steps = np.diff(motion.tip(times), axis=0)
     middles = (0.5 * (times[1:] + times[:-1])).tolist()

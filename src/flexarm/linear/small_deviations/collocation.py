@@ -36,16 +36,10 @@ def stage_times(edges: Floats) -> Floats:
 
 
 def stage_accelerations(h: Floats, M: Floats, D: Floats, K: Floats, force: Floats) -> Floats:
-    """Solve ``M qdd + D qd + K q = force`` at the stages of N steps.
+    """Solve ``M qdd + D qd + K q = force`` at the stages of N steps of length h (N,) s.
 
-    Args:
-        h: (N,) s, lengths of the steps.
-        M, D, K: (N, s, k, k) at the stages, or (N, 1, k, k) constant over each step.
-        force: (N, s, k, p) generalised forces at the stages.
-
-    Returns:
-        Accelerations (N, s, k, 2 k + p) per unit q and qd at the start of the step, and by each
-        force.
+    Matrices are (N, s, k, k) at the stages or constant (N, 1, k, k), forces (N, s, k, p). The
+    accelerations (N, s, k, 2 k + p) are per unit q and qd at the start, and by each force.
     """
     count, s, k, p = force.shape
     step = h[:, None, None, None, None]
@@ -61,10 +55,7 @@ def stage_accelerations(h: Floats, M: Floats, D: Floats, K: Floats, force: Float
 
 
 def step_maps(h: Floats, accelerations: Floats) -> Floats:
-    """Return the state (N, 2 k, 2 k + p) at the end of each step, from `stage_accelerations`.
-
-    The columns are those of ``accelerations``.
-    """
+    """Return the state (N, 2 k, 2 k + p) at the end of each step, in the same columns."""
     k = accelerations.shape[2]
     h = h[:, None, None]
     places = h**2 * np.tensordot(accelerations, _METHOD.bA, axes=(1, 0))
@@ -157,11 +148,7 @@ def held_step_maps(
 def _step_maps(
     arm: Arm, h: float, q: FloatArray, qd: FloatArray, part: slice
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the linear maps of some steps.
-
-    From the start of a step (N, 2 dof, 2 dof), and from the torques at its stages
-    (N, 2 dof, 3, joints).
-    """
+    """Return the maps of steps from their start, and from stage torques (N, 2 dof, 3, joints)."""
     after = slice(part.start + 1, part.stop + 1)
     middle = [0.5 * (q[part] + q[after]), 0.5 * (qd[part] + qd[after]), (qd[after] - qd[part]) / h]
     by = dynamics_along(arm, *middle).force_by
@@ -202,12 +189,7 @@ def solve_deviations(
     dqd: FloatArray,
     added: FloatArray | None = None,
 ) -> DeviationPath:
-    """Integrate the deviations over the steps between the edges (N + 1,), s.
-
-    Args:
-        dq, dqd: (k,) at the first edge.
-        added: (N, 3, k) generalised forces at the stages, in addition to ``r``.
-    """
+    """Integrate deviations over steps between edges (N + 1,) s, with ``added`` forces (N, 3, k)."""
     k, parts = dq.size, []
     for first in range(0, len(edges) - 1, _CHUNK):
         chunk = edges[first : first + _CHUNK + 1]

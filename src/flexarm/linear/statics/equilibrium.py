@@ -289,11 +289,7 @@ class _Search:
         return Equilibrium(q, holding, lowest > 0.0, lowest, loads, contacts)
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
-        """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass.
-
-        Raises:
-            EquilibriumError: if the mass matrix is indefinite.
-        """
+        """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
         from scipy.linalg import eigh
 
         free = self.unknown
@@ -324,11 +320,7 @@ _SOFTEST = 1e-12
 def _descent_step(
     K: FloatArray, M: FloatArray, force: FloatArray, size: float
 ) -> tuple[FloatArray, bool]:
-    """Return the descent step (k,) under a force (k,), and whether K is positive definite.
-
-    Args:
-        size: step of a coordinate without stiffness, m kg^0.5.
-    """
+    """Return the descent step (k,), at most ``size`` without stiffness, and whether K > 0."""
     from scipy.linalg import eigh
 
     values, vectors = eigh((K + K.T) / 2.0, M)

@@ -76,11 +76,7 @@ def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> Non
 
 
 def refuse_sticking(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
-    """Raise if friction holds a joint; arguments as in ``refuse_bristles``.
-
-    Raises:
-        InputError: if the friction of any joint holds it.
-    """
+    """Raise if friction holds a joint; arguments as in ``refuse_bristles``."""
     if arm.assembly.has_sticking:
         sticking = _joints(arm, lambda friction: friction.holds)
         rule = f"{value} cannot be combined with friction that holds ({sticking})".lstrip()

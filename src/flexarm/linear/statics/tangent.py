@@ -74,14 +74,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
 
 
 def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
-    """Compute the steady shape q (dof,) at a constant spin, with the joint angles of ``q``.
-
-    Theory page "small motion", (S.5); Newton's method with the exact tangent.
-
-    Raises:
-        InputError: under the conditions of ``steady_rates``.
-        EquilibriumError: if Newton's method does not converge.
-    """
+    """Compute the steady shape q (dof,) at a constant spin, with joint angles of ``q``; (S.5)."""
     from scipy.linalg import solve
 
     rates, still = steady_rates(arm, spin), np.zeros(arm.dof)

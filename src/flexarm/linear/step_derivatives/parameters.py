@@ -136,12 +136,7 @@ def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:
 def constants_at(
     arm: Arm, values: Mapping[str, Any], dtype: Any = object
 ) -> tuple[ArmConstants, Array]:
-    """Return the constants and the rows of gauges (gauges, m) for values of parameters.
-
-    Args:
-        values: numbers or symbols by path.
-        dtype: number type of the arrays.
-    """
+    """Return the constants and the rows of gauges (gauges, m) for numbers or symbols by path."""
     spec, assembly = arm.spec, arm.assembly
     for path, value in values.items():
         spec = with_number(spec, path, value, checked=False)

@@ -227,11 +227,7 @@ class FreeParameters:
 
 
 def _check(arm: Arm, path: str, name: str) -> None:
-    """Raise unless the constants depend on a number by formulas that leave all points unchanged.
-
-    Raises:
-        InputError: as in ``FreeParameters``.
-    """
+    """Raise unless the constants depend on a number by formulas that leave all points unchanged."""
     value = number_at(name, arm.spec, path)
     other = value * (1.0 + _PROBE) if value else _PROBE
     changed = Arm(with_number(arm.spec, path, other))
@@ -284,19 +280,11 @@ class Steps(NamedTuple):
 
 
 class SampledSteps:
-    """Steps of an arm over several sample times under zero-order-hold torques.
+    """Steps of an arm over up to ``most`` sample times (s) under zero-order-hold torques.
 
     The steps are those of the method "rk4" and their number follows from the fastest mode of the
     arm, as in `SampledStep`, but they are coarser, for controllers. The derivatives are computed in
     dual numbers.
-
-    Args:
-        arm: the arm.
-        sample_time: s.
-        most: largest number of sample times of a call.
-
-    Attributes:
-        steps: number of steps in a sample time.
     """
 
     def __init__(self, arm: Arm, sample_time: float, most: int) -> None:

@@ -128,11 +128,7 @@ class _Stepper(Protocol):
 
 
 def stepper_of(arm: Arm, method: str, h: float) -> _Stepper:
-    """Return a stepper of step h (s) for a method of ``INTEGRATORS``.
-
-    Raises:
-        InputError: if the method is unknown, or its step does not depend on the state alone.
-    """
+    """Return a stepper of step h (s) for a method whose step depends on the state alone."""
     kind = INTEGRATORS.get(method) if isinstance(method, str) else None
     if kind is not None and issubclass(kind, ExplicitRungeKutta):
         tableau = kind().tableau

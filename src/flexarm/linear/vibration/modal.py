@@ -241,11 +241,7 @@ def _check_mass(M: FloatArray) -> None:
 
 
 def _displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
-    """Return displacements (k, links, stations, 2) of the neutral axis, world axes, m.
-
-    They are exactly linear in ``shapes`` (k, dof), real or complex: derivatives of the axis about
-    q (dof,) by complex perturbation of its kernel.
-    """
+    """Return displacements (k, links, stations, 2) of the axis by ``shapes`` (k, dof), exactly."""
     places = [
         marker(number, x)
         for number, link in enumerate(arm.spec.links, start=1)
@@ -336,13 +332,7 @@ def _positive_shift(M: FloatArray, K: FloatArray) -> float:
 
 
 def _damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> _Damped:
-    """Solve the quadratic eigenvalue problem in undamped modes; theory (S.3), (S.4).
-
-    Args:
-        squared: (k,) rad^2/s^2.
-        coupling: (k, k) part of the stiffness that is not in the undamped modes.
-        damping: (k, k), with gyroscopic terms.
-    """
+    """Solve the quadratic eigenvalue problem in k undamped modes; theory (S.3), (S.4)."""
     from scipy.linalg import eig
 
     count = squared.size
@@ -367,10 +357,7 @@ def _damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> _
 
 
 def _ratio(first: _ComplexArray, second: _ComplexArray) -> FloatArray:
-    """Return the damping ratio of each pair of eigenvalues; NaN if their product is not positive.
-
-    The pairs are the roots of s^2 + 2 ratio frequency s + frequency^2.
-    """
+    """Return the damping ratio of each pair of eigenvalues; NaN without a positive product."""
     product = (first * second).real
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = -(first + second).real / (2.0 * np.sqrt(product))

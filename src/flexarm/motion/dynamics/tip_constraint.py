@@ -54,11 +54,7 @@ class TipConstraint:
         return np.setdiff1d(np.arange(self.count), best)
 
     def check(self) -> None:
-        """Raise if the joints cannot move the tip in every direction along the path.
-
-        Raises:
-            InputError: if the smallest singular value of the tip Jacobian is below its bound.
-        """
+        """Raise InputError if the joints cannot move the tip in every direction along the path."""
         if self.count == 1:
             return
         chain, motion = self.motion.chain, self.motion

@@ -43,11 +43,7 @@ class RigidChain:
 
 
 def check_arm(arm: Arm) -> Arm:
-    """Return an object that has the joints and links of an arm.
-
-    Raises:
-        InputError: if it does not have them.
-    """
+    """Return an object that has the joints and links of an arm, or raise InputError."""
     parts = ("joints", "links", "lengths", "spec", "assembly")
     if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
         given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
@@ -56,11 +52,7 @@ def check_arm(arm: Arm) -> Arm:
 
 
 def rigid_chain(arm: Arm) -> RigidChain:
-    """Return the rigid chain of an arm.
-
-    Raises:
-        InputError: if no joint turns, or two joints that turn are at the same position.
-    """
+    """Return the rigid chain of an arm; InputError without joints, or if two of them coincide."""
     if check_arm(arm).joints == 0:
         raise InputError(Problem("arm", "has no joint that is not fixed"))
     turning = [seat.link for seat in arm.assembly.seats]
@@ -79,10 +71,7 @@ def rigid_chain(arm: Arm) -> RigidChain:
 
 
 def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
-    """Return position (2,) and angle from the root of one link to the root of another or the tip.
-
-    In the axes of the first link. The joint of the first link has an effect only if it is fixed.
-    """
+    """Return position (2,) and angle from the root of a link, in its axes, to another or tip."""
     at, angle = np.zeros(2), 0.0
     for i in range(first, end):
         joint = arm.spec.joints[i]

@@ -31,10 +31,7 @@ ELBOWS = ("up", "down")
 
 
 def reach_limits(lengths: Floats) -> tuple[float, float]:
-    """Return the smallest and largest distance (m) of the tip from the base.
-
-    The smallest is zero unless one link is longer than all the others together.
-    """
+    """Return the smallest and largest distance (m) of the tip from the base."""
     total = float(np.sum(lengths))
     return max(0.0, 2.0 * float(np.max(lengths)) - total), total
 
@@ -70,14 +67,7 @@ def inverse_kinematics(
 
 
 def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None) -> Floats:
-    """Return joint angles (n,) of a rigid chain for a point (2,) within reach.
-
-    Args:
-        chain, point, elbow, posture: see `inverse_kinematics`.
-
-    Raises:
-        InputError: if the posture has the wrong shape, is not finite, or is not permitted.
-    """
+    """Return joint angles (n,) of a rigid chain for a point (2,); see `inverse_kinematics`."""
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
         return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
@@ -214,11 +204,8 @@ def nearest_posture(
 ) -> Floats:
     """Return the angles (n,), n > 2, nearest to a posture among those with the tip at a point.
 
-    The nearest of the minima found by descents from the posture and from other starts.
-
-    Args:
-        lengths: (n,) m. point: from the base (2,), m, within reach. posture: (n,) rad.
-        starts: postures (n,) with the tip at the point.
+    The nearest of the minima found by descents from the posture and from ``starts``, postures
+    (n,) with the tip at the point (2,) m from the base.
     """
     pulled, miss = damped_least_squares(lengths, point, posture)
     arrived = miss <= _ARRIVED * float(np.sum(lengths))

@@ -99,15 +99,7 @@ def tip_motion(
     start_time: float,
     posture: ArrayLike | None,
 ) -> TipMotion:
-    """Return a motion of the rigid arm's tip along a path, from rest to rest.
-
-    Args:
-        arm, duration, profile, elbow, start_time, posture: see `line_motion`.
-        path: path in world axes.
-
-    Raises:
-        InputError: under the conditions of `line_motion`.
-    """
+    """Return a motion of the tip along a path in world axes, as `line_motion` along a line."""
     duration, start_time = checked_times(duration, start_time)
     law = timing_law(profile)
     chain = rigid_chain(arm)
@@ -192,11 +184,7 @@ class SingularPathError(Exception):
 def _path_derivatives(
     lengths: Floats, angles: Floats, way: Floats, bend: Floats
 ) -> tuple[Floats, Floats]:
-    """Return dq/ds and d2q/ds2, each (T, n), at postures `angles` (T, n).
-
-    Args:
-        way, bend: dp/ds and d2p/ds2 there, (T, 2).
-    """
+    """Return dq/ds and d2q/ds2 (T, n) at ``angles`` (T, n), from dp/ds and d2p/ds2 (T, 2)."""
     jacobian = tip_jacobian(lengths, angles)
     inverse = _pseudo_inverse(jacobian)
     slope = _times(inverse, way)
@@ -241,12 +229,7 @@ def _two_link_posture(
     directions: Floats,
     s: Floats,
 ) -> Floats:
-    """Return the postures (T, 2) at path fractions s.
-
-    Args:
-        nodes: increasing s (k,) from 0; at: the tip there from the base (k, 2), m; directions: its
-            direction there without jumps (k,), rad.
-    """
+    """Return the postures (T, 2) at s, with tip ``at`` (k, 2) m in ``directions`` at ``nodes``."""
     point = path.at(s).point - chain.base
     k = np.searchsorted(nodes, s, side="right") - 1
     turn = directions[k] + _turned(at[k], point)

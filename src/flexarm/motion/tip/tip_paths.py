@@ -192,25 +192,15 @@ class ArcPath(TipPath):
 
 
 def line_path(start: ArrayLike, end: ArrayLike) -> LinePath:
-    """Return the straight line between two world points (2,), m.
-
-    Raises:
-        InputError: if a point has the wrong shape or is not finite.
-    """
+    """Return the straight line between two world points (2,), m."""
     start, end = check_array("start", start, (2,)), check_array("end", end, (2,))
     return LinePath("line from start to end", {"start": 0.0, "end": 1.0}, start, end - start)
 
 
 def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
-    """Return straight lines between world points (k, 2), m, with rounded corners.
+    """Return straight lines between world points (k, 2) m, rounded from ``blend`` m at corners.
 
-    Args:
-        blend: distance (m) from each corner at which the path leaves the lines; None: a quarter of
-            the shorter of the two lines.
-
-    Raises:
-        InputError: if there are fewer than two points, two successive points are equal, or the
-            rounded corners do not fit on the lines.
+    By default the rounding begins at a quarter of the shorter of the two lines.
     """
     corners = _different(points)
     sides = np.diff(corners, axis=0)
@@ -245,13 +235,7 @@ def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
 
 
 def spline_path(points: ArrayLike) -> PolynomialPath:
-    """Return the cubic spline through world points (k, 2), m, over the lengths of its chords.
-
-    It is closed, without a corner, if the last point equals the first.
-
-    Raises:
-        InputError: if the points are not two or more, each different from the one before it.
-    """
+    """Return the spline through world points (k, 2) m; closed if the last equals the first."""
     from scipy.interpolate import CubicSpline
 
     knots = _different(points)
@@ -264,11 +248,7 @@ def spline_path(points: ArrayLike) -> PolynomialPath:
 
 
 def arc_path(center: ArrayLike, start: ArrayLike, angle: float) -> ArcPath:
-    """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad).
-
-    Raises:
-        InputError: if the start is at the centre, or the angle is zero or not finite.
-    """
+    """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad)."""
     center = check_array("center", center, (2,))
     start = check_array("start", start, (2,))
     angle = check_number("angle", angle, lambda turn: turn != 0.0, "differ from 0")

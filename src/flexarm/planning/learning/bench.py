@@ -174,13 +174,7 @@ def joint_errors(arm: Arm, reference: Reference, window: Window, output: str) ->
 
 
 class AddedTorque(Controller):
-    """Controller that adds torques, constant in intervals from time zero on, to an inner one.
-
-    Args:
-        inner: the controller.
-        torque: (N, joints) N m, in each interval; the last one also after the end.
-        interval: length of an interval, s.
-    """
+    """Controller that adds torques (N, joints) N m, constant in intervals (s), to an inner one."""
 
     def __init__(self, inner: Controller, torque: FloatArray, interval: float) -> None:
         self.inner, self.torque, self.interval = inner, torque, interval
@@ -229,11 +223,7 @@ _INSTANTS = 21
 
 
 class Window(NamedTuple):
-    """Division of a trial into intervals in which the added torque is constant.
-
-    Attributes:
-        sample_time: of the controller, s. stride: samples per interval. intervals: their number N.
-    """
+    """Division of a trial into N ``intervals`` of constant added torque, of ``stride`` samples."""
 
     sample_time: float
     stride: int
@@ -257,11 +247,7 @@ class Window(NamedTuple):
 
 
 def check_linear(controller: Controller, arm: Arm, reference: Reference) -> tuple[str, ...]:
-    """Return the readings of a controller that can be linearised along a trial.
-
-    Raises:
-        InputError: if it does not declare its memory, or requires other readings.
-    """
+    """Return the readings of a controller that can be linearised along a trial."""
     if memory_of(controller) is None:
         hint = "It is needed to predict the next trial; see flexarm.Controller."
         raise InputError(Problem("controller", "declare its memory", shown(controller), hint))
@@ -277,14 +263,9 @@ def _lifted_model(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of tip and joint angles at the ends of the intervals.
 
-    Args:
-        arm: the model. controller, reference: those of the trial.
-        trial: result of ``simulate`` at the sample times of the controller.
-        window: the intervals.
-
-    Returns:
-        Tip position (N, 2, N, joints) m and joint angles (N, joints, N, joints) rad, by the torque
-        added in each interval, N m.
+    ``trial`` is a result at the sample times of the controller. The derivatives of the tip
+    (N, 2, N, joints) m and of the angles (N, joints, N, joints) rad are by the torque added in
+    each interval, N m.
     """
     names = check_linear(controller, arm, reference)
     count, steps = window.intervals, window.intervals * window.stride

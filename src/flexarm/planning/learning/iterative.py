@@ -245,12 +245,7 @@ def _check_choice_of_law(
     lead: float,
     cutoff: float | None,
 ) -> _Choice:
-    """Return the validated parameters of a law.
-
-    Raises:
-        InputError: if a number is negative or not finite, has another number of joints, or
-            parameters of both laws are given.
-    """
+    """Return the validated parameters of a law: numbers of one law only, positive or zero."""
     weights = check_nonnegative("effort", effort), check_nonnegative("change", change)
     given = {"derivative": derivative, "proportional": proportional}
     gains = {
@@ -347,10 +342,7 @@ class _Law(NamedTuple):
     G: FloatArray
 
     def contraction(self, P: FloatArray) -> FloatArray:
-        """Return the matrix that multiplies the change of torques in each trial; (C.103).
-
-        ``P`` (N p, N joints) is the lifted model.
-        """
+        """Return the matrix that multiplies the change of torques in each trial; (C.103)."""
         found: FloatArray = self.Q - self.G @ P
         return found
 
@@ -358,10 +350,8 @@ class _Law(NamedTuple):
 def norm_optimal(P: FloatArray, effort: float, change: float) -> _Law:
     """Return the law of least errors, torques and changes of torques; (C.104).
 
-    Args:
-        P: (N p, N joints), lifted model.
-        effort, change: weights of the torques and of their changes, relative to the largest
-            singular value of ``P`` squared.
+    ``P`` (N p, N joints) is the lifted model; the weights ``effort`` of torques and ``change`` of
+    their changes are relative to its largest singular value squared.
     """
     from scipy.linalg import cho_factor, cho_solve
 
@@ -382,11 +372,8 @@ def proportional_derivative(
 ) -> _Law:
     """Return the law of proportional and derivative learning; (C.105).
 
-    Args:
-        inverse: (N, joints, p), joint errors per output error.
-        proportional, derivative: (joints,) N m/rad and N m s/rad.
-        lead: number of intervals by which a torque precedes its error.
-        interval: s.
+    ``inverse`` (N, joints, p) are joint errors per output error; a torque precedes its error by
+    ``lead`` intervals (s). The gains (joints,) are in N m/rad and N m s/rad.
     """
     count, m, p = inverse.shape
     later = np.eye(count)[np.minimum(np.arange(count) + lead, count - 1)]

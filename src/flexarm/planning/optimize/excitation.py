@@ -193,11 +193,7 @@ class _Experiment:
         self.evaluations = 0
 
     def run(self, torque: Multisine) -> xr.Dataset:
-        """Simulate an experiment.
-
-        Raises:
-            SimulationError: if the run stops early.
-        """
+        """Simulate an experiment."""
         self.evaluations += 1
         return simulate(
             self.arm,
@@ -245,11 +241,7 @@ class _Experiment:
         return bool(np.all(self.excess(torque, run) <= 0.0))
 
     def largest(self, torque: Multisine) -> Multisine:
-        """Return the multisine with the largest common factor within the limits.
-
-        Raises:
-            InputError: if there is no such factor.
-        """
+        """Return the multisine with the largest common factor within the limits."""
         low, high = 0.0, 1.0
         for _ in range(_DOUBLINGS):
             if not self.within(torque.scaled(high)):

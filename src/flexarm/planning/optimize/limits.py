@@ -151,12 +151,7 @@ class Bound(NamedTuple):
 
 
 def bounds_of(limits: MotionLimits, arm: Arm) -> tuple[Bound, ...]:
-    """Return the bounds of quantities of the state; for torques there is `torque_limits`.
-
-    Raises:
-        InputError: if there is a limit of strain without gauges, or a limit with another number of
-            values than the arm has joints or gauges.
-    """
+    """Return the bounds of quantities of the state; for torques there is `torque_limits`."""
     found = []
     if limits.joint_rate is not None:
         rate = _each("joint_rate", limits.joint_rate, arm.joints)

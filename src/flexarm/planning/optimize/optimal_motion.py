@@ -278,10 +278,7 @@ class _End(NamedTuple):
 
 
 def _corrected(task: Task, plan: Plan) -> Plan:
-    """Return a plan that ends at rest in the simulation; the given one if there is none.
-
-    Torques and their rates stay within their limits.
-    """
+    """Return a plan that ends at rest in the simulation; the same one if there is none."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the last run matters

@@ -98,13 +98,7 @@ def task_of(
     duration: float | None,
     count: int | None,
 ) -> Task:
-    """Return the problem between two postures, which are equilibria (joints,), rad.
-
-    Raises:
-        InputError: if a limit excludes the start or the end, a limit of torques is missing, or the
-            duration is shorter than the joints need at their largest rates.
-        EquilibriumError: if a posture has no equilibrium.
-    """
+    """Return the problem between two postures, which are equilibria (joints,), rad."""
     torque, torque_rate = torque_limits(limits, arm)
     bounds = bounds_of(limits, arm)
     ends = equilibrium(arm, start), equilibrium(arm, end)
@@ -155,11 +149,7 @@ def _excluded(
 
 
 def _inside(name: str, distances: FloatArray) -> list[Problem]:
-    """Return the obstacles that contain the tip at rest.
-
-    Args:
-        distances: (obstacles,) of the tip minus the clearance; negative inside.
-    """
+    """Return the obstacles that contain the tip at rest, from its distances (obstacles,)."""
     hint = "The normal of a Wall points out of the solid; a RoundWall is solid unless inside=True."
     rule = f"contains the tip at the {name}, clearance included"
     return [
@@ -235,11 +225,7 @@ class Plan:
         return self.slope / self.duration
 
     def refined(self, intervals: int, continuous: bool) -> Plan:
-        """Return the same motion over other intervals, by the polynomials of the collocation.
-
-        Args:
-            continuous: whether the torque is continuous; else it is constant in each interval.
-        """
+        """Return the motion over other intervals, with continuous torques or constant ones."""
         nodes = np.linspace(0.0, 1.0, intervals + 1)
         stages = (nodes[:-1, None] + GAUSS.c / intervals).ravel()
         q, slope, _ = self._at(nodes)

@@ -406,11 +406,7 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
 def states_of(
     run: xr.Dataset, begin: float, duration: float, intervals: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, dq/ds at the nodes and d2q/ds2 at the stages of a plan, from a simulation.
-
-    Args:
-        begin, duration: of the plan in the simulation, s.
-    """
+    """Return q, dq/ds at the nodes and d2q/ds2 at the stages of a plan, from a simulation."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
     times = run.time.values

@@ -56,13 +56,7 @@ _SCHEDULED = 0.3
 
 
 class Candidate(NamedTuple):
-    """A kind of controller for a task.
-
-    Attributes:
-        name: in tables.
-        reason: why it is a candidate.
-        drives: settings to try, as drives of a file.
-    """
+    """A kind of controller for a task, the reason, and the settings to try."""
 
     name: str
     reason: str
@@ -307,21 +301,13 @@ class Loops:
         return scenario_of(self._content, drive)
 
     def prepare_motion(self, drive: Drive) -> None:
-        """Create the motion, which all drives share.
-
-        Raises:
-            InputError: if it leaves the reach of the arm.
-        """
+        """Create the motion, which all drives share; InputError if it leaves the reach."""
         scenario = self.scenario(drive)
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
 
     def assess(self, drive: Drive) -> Assessed:
-        """Return the margins of a drive.
-
-        Raises:
-            FlexarmError: if the controller cannot be designed for the arm.
-        """
+        """Return the margins of a drive; FlexarmError if it cannot be designed for the arm."""
         scenario = self.scenario(drive)
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
@@ -341,10 +327,7 @@ class Loops:
         return Assessed(drive, margins, _states(controller, nominal, self._postures[0], **around))
 
     def best(self, candidate: Candidate, disk_margin: float) -> Assessed | None:
-        """Return the best setting of a candidate; None if none can be designed.
-
-        ``error`` is then the text of the last error.
-        """
+        """Return the best setting of a candidate; None, and ``error``, if none can be designed."""
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
             warnings.simplefilter("ignore", FlexarmWarning)

@@ -125,11 +125,7 @@ class ControllerDesign:
 
 
 def check_new(name: str, path: AnyPath, *, overwrite: bool, hint: str = "") -> None:
-    """Raise if a scenario file cannot be written, or exists and is not to be replaced.
-
-    Raises:
-        InputError: in these cases.
-    """
+    """Raise if a scenario file cannot be written, or exists and is not to be replaced."""
     place = check_place(name, path, SCENARIO_SUFFIXES)
     if not overwrite and os.path.lexists(place):
         hint = hint or "Give another name, or overwrite=True."
@@ -219,11 +215,7 @@ def design(
 def _assessed(
     needs: Requirements, content: dict[str, Any], candidates: Sequence[Candidate]
 ) -> dict[str, Assessed]:
-    """Return the best setting of each candidate that can be designed, by name.
-
-    Raises:
-        InputError: if there is none.
-    """
+    """Return the best setting of each candidate that can be designed, by name."""
     plants = {
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
@@ -245,11 +237,7 @@ def _table(
     found: Mapping[str, Assessed],
     progress: bool | None,
 ) -> xr.Dataset:
-    """Return the margins of the candidates, and the metrics of their simulations.
-
-    Raises:
-        SimulationError: if no candidate completes its simulation on the arm of the model.
-    """
+    """Return the margins of the candidates, and the metrics of their simulations."""
     drives = {name: one.drive for name, one in found.items()}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
     with warnings.catch_warnings():  # the table has the warnings of the runs
@@ -275,10 +263,7 @@ def _table(
 
 
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
-    """Return the candidate with the least error in the worst case.
-
-    Candidates with the required margin come first, then those that are stable on all arms.
-    """
+    """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
     values = {
         name: (
@@ -391,10 +376,7 @@ def _instruments(needs: Requirements) -> list[dict[str, Any]]:
 
 
 def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:
-    """Return the plants of a study that differ from the model as far as the uncertainty permits.
-
-    Names have the differences in words; the first plant is the model.
-    """
+    """Return plants at the limits of the uncertainty, named by it; the first is the model."""
     found: dict[str, dict[str, Any]] = {"nominal": {}}
     heavy = {"payload_factor": 1.0 + needs.payload}
     light = {"payload_factor": max(0.0, 1.0 - needs.payload)}

@@ -253,11 +253,7 @@ def _lines(signals: Signals) -> list[tuple[Any, str, str]]:
 
 
 def _plotly() -> tuple[Any, Any]:
-    """Import Plotly.
-
-    Raises:
-        InputError: if it is not installed.
-    """
+    """Import Plotly."""
     try:
         from plotly import graph_objects, subplots
     except ImportError:

@@ -24,13 +24,9 @@ _CLEAR = 14.0
 def label_lines(
     axes: Axes, lines: Sequence[Line2D] | None = None, *, size: float = 8.0
 ) -> list[Text]:
-    """Write the label of each line beside it and in its colour, where it covers nothing else.
+    """Write labels of lines, by default all, beside them where they cover nothing else.
 
     Call it last, because the places depend on the limits and the layout.
-
-    Args:
-        lines: with labels; all labelled lines of the axes by default.
-        size: of the letters, points.
     """
     figure = axes.figure
     figure.draw_without_rendering()  # type: ignore[union-attr]  # applies the layout

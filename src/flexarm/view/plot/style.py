@@ -183,11 +183,7 @@ class Sheet(Figure):
 def margins(
     sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
 ) -> None:
-    """Set the margins around all axes, in inches, for a sheet of any size.
-
-    Margins are fixed instead of computed by a layout engine, so that figures of a series are
-    aligned and drawn twice as fast.
-    """
+    """Set the margins around all axes, in inches: a layout engine takes twice as long."""
     width, height = sheet.get_size_inches()
     sheet.subplots_adjust(
         left=left / width,
@@ -212,12 +208,7 @@ def legend_above(
     labels: Sequence[str] | None = None,
     columns: int | None = None,
 ) -> None:
-    """Put the legend above the axes, at the right, where it covers no line.
-
-    Args:
-        handles, labels: of the legend; by default those of all labelled lines.
-        columns: by default as many as entries, in one row.
-    """
+    """Put the legend above the axes, at the right, in one row by default."""
     if handles is None or labels is None:
         handles, labels = axes.get_legend_handles_labels()
     columns = len(handles) if columns is None else columns
@@ -238,16 +229,8 @@ def panels(
 ) -> Iterator[list[Axes]]:
     """Yield ``count`` axes: the given ones, or those of a new figure of pyplot.
 
-    The figure is registered with pyplot, so that notebooks and ``plt.show()`` display it. Axes of
-    the caller keep the caller's settings.
-
-    Args:
-        axes: Matplotlib axes, several as a list or array of any shape; None for a new figure.
-        size: width and height of the new figure, inches.
-        arrange: function that adds the axes to the new figure.
-
-    Raises:
-        InputError: if ``axes`` is not that number of Matplotlib axes.
+    The figure of ``size`` inches is registered with pyplot, so that notebooks and ``plt.show()``
+    display it. Axes of the caller keep the caller's settings.
     """
     if axes is not None:
         yield _checked_axes(axes, count)
@@ -268,11 +251,7 @@ def panels(
 
 
 def _checked_axes(axes: object, count: int) -> list[Axes]:
-    """Return ``count`` Matplotlib axes as a list.
-
-    Raises:
-        InputError: if ``axes`` is not that number of Matplotlib axes.
-    """
+    """Return ``count`` Matplotlib axes as a list."""
     if isinstance(axes, np.ndarray):
         given = list(axes.ravel())
     else:

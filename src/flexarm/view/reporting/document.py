@@ -36,11 +36,7 @@ _MOST_TEXT, _MOST_LINK = 100_000, 200_000
 
 
 def template_engine() -> Any:
-    """Return the Jinja environment with the templates of reports.
-
-    Raises:
-        InputError: if Jinja2 is not installed.
-    """
+    """Return the Jinja environment with the templates of reports."""
     try:
         import jinja2
     except ImportError:
@@ -70,14 +66,7 @@ def render(
     player: str,
     magnify: float,
 ) -> str:
-    """Return the page of a report.
-
-    Args:
-        engine: from `template_engine`.
-        reference: motion to compute errors from, or None.
-        histories: of the tables, with all samples.
-        player: HTML fragment that plays the arm, with its bending drawn ``magnify`` times as large.
-    """
+    """Return the page of a report; errors are from ``reference``, unless it is None."""
     scenario = scenario_of(result)
     tables = [_energies_table(result)] if "kinetic_energy" in result else []
     if reference is not None:
@@ -290,11 +279,7 @@ _MOST_NUMBERS = 200_000
 
 
 def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> list[Signals]:
-    """Return the histories of a report.
-
-    Raises:
-        InputError: if ``channels`` contains a channel that the result lacks.
-    """
+    """Return the histories of a report."""
     if channels is not None:
         return [few_lines(each) for each in several("channels", channels, result)]
     names = [name for name in (*USUAL, *_FURTHER) if name in result and result[name].size]

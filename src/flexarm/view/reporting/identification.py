@@ -38,11 +38,7 @@ _MOST_DRAWN = 24
 
 
 def identification_page(engine: Any, found: Identification, title: str, notes: str) -> str:
-    """Return the page of an identification.
-
-    Args:
-        engine: from `template_engine`.
-    """
+    """Return the page of an identification."""
     names = found.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
     matrix = found.parameters["correlation"].values

@@ -26,14 +26,7 @@ _RECONNECT = 60.0
 
 
 def serve(project: Project, host: str, port: int, token: str, show: bool) -> None:
-    """Serve the studio until it is interrupted.
-
-    Args:
-        project: state of a new window.
-        host, port: where to listen.
-        token: text that a browser must send.
-        show: whether to open a browser.
-    """
+    """Serve the studio until it is interrupted; a browser must send the token."""
     worker = Worker(parts_of, lambda text: Failure((("", text),)))
     # The first answers load or compile their kernels while the browser opens.
     for purpose in ("picture", "margins"):

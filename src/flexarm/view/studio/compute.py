@@ -40,12 +40,7 @@ _MOST_FREQUENCIES = 6
 
 @dataclass(frozen=True)
 class Request:
-    """Work for the computing process.
-
-    Attributes:
-        project: what to simulate.
-        purpose: what to compute.
-    """
+    """Work for the computing process: what to simulate, and for what purpose."""
 
     project: Project
     purpose: Literal["picture", "margins", "report"] = "picture"
@@ -126,10 +121,7 @@ def _part(request: Request) -> Part:
 
 @lru_cache(maxsize=1)
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
-    """Return the scenario, ready to run, and the simulated arm if it differs.
-
-    The last one is kept, because the margins follow the picture.
-    """
+    """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
     prepared = prepare(project.scenario)
     arm = project.simulated_arm
     return prepared, None if arm == project.scenario.arm else Arm(arm)

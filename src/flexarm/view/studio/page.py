@@ -38,10 +38,6 @@ _MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
 class Window:
     """A browser window.
 
-    Args:
-        history: its state.
-        worker: computes for all windows.
-
     Attributes:
         key: secret part of the address of its picture.
         latest: number, whether the slider is released, and data (JSON) of the newest picture.
@@ -370,12 +366,7 @@ def script_of(project: Project) -> str:
 
 
 def _code(value: Any, names: dict[str, set[str]], indent: int, used: int) -> str:
-    """Return an expression for a value; collect the classes in it by module.
-
-    Args:
-        indent: indentation of the line in which the expression begins.
-        used: number of characters before the expression in that line.
-    """
+    """Return an expression for a value that begins at ``used``; collect classes by module."""
     if isinstance(value, Record):
         given = {name: part for name, part in value if name in value.model_fields_set}
         given.pop("kind", None)

@@ -26,11 +26,8 @@ Put = Callable[[Project], None]
 class Panel:
     """Values of a project, each with its control.
 
-    A group has no controls before it is opened, and is not updated while it is closed.
-
-    Args:
-        preview, commit: as for `_Control`.
-        put: receives a project with another choice of what to simulate.
+    A group has no controls before it is opened, and is not updated while it is closed. ``put``
+    receives a project with another choice of what to simulate.
     """
 
     def __init__(self, preview: _Set, commit: _Set, put: Put) -> None:
@@ -200,14 +197,7 @@ _Set = Callable[[Path, Any], None]
 
 
 class _Control:
-    """Control of one field.
-
-    Args:
-        field: what it shows.
-        preview: called with the values of a slider that moves.
-        commit: called with every other new value.
-        refuse: called with the path and the message of text that is not a value.
-    """
+    """Control of one field: ``preview`` while a slider moves, ``refuse`` for text without value."""
 
     def __init__(
         self, field: Field, preview: _Set, commit: _Set, refuse: Callable[[Path, str], None]

@@ -39,12 +39,7 @@ _GAP, _LEAST = 0.85, 0.5
 
 
 class Stage:
-    """Picture with a static background and artists that change with the frame.
-
-    Args:
-        scenes: side by side, with equal numbers of frames and of histories.
-        width: of the picture, pixels.
-    """
+    """Picture of scenes side by side: a static background, and artists that change."""
 
     def __init__(self, scenes: Sequence[Scene], width: int) -> None:
         with styled("screen"):

@@ -23,12 +23,7 @@ _PARTS = 1e4
 
 
 def page(scenes: Sequence[Scene], fps: float, speed: float, title: str) -> str:
-    """Return the text of an HTML page that plays scenes side by side.
-
-    Args:
-        fps: frames per second of the player.
-        speed: seconds of the run per second of the player.
-    """
+    """Return the text of an HTML page that plays scenes side by side; ``speed`` is run s per s."""
     head = f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
     head += '</title><meta name="viewport" content="width=device-width, initial-scale=1">'
     head += f"<style>{style()}</style></head>\n<body>"
@@ -41,11 +36,7 @@ def style() -> str:
 
 
 def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None) -> str:
-    """Return the player as a fragment of a page with the style sheet `style`.
-
-    Args:
-        beside: number of histories beside the arm, the others are below it; None for all.
-    """
+    """Return the player, with ``beside`` histories beside the arm, for pages with `style`."""
     # A title may contain "</script>", so write "<" as an escape sequence.
     text = as_json(player_data(scenes, fps, speed, beside)).replace("<", "\\u003c")
     place = "document.currentScript.previousElementSibling"

@@ -162,13 +162,7 @@ def _view(points: FloatArray) -> FloatArray:
 
 
 def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: float) -> FloatArray:
-    """Return arcs with a head, (F, joints, points, 2): counter-clockwise for positive torques.
-
-    Args:
-        centers: (F, joints, 2).
-        start: (F, joints) rad.
-        part: (F, joints) torques as fractions of the largest one.
-    """
+    """Return arcs (F, joints, points, 2) of torques, fractions ``part`` of the largest."""
     sweep = _SWEEP * part
     fraction = np.linspace(0.0, 1.0, 25)
     angle = start[..., None] + sweep[..., None] * fraction
@@ -190,10 +184,7 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
 
 
 def thin(signals: Signals, intervals: int) -> Signals:
-    """Return a history with few enough points for a picture, including all peaks.
-
-    For each interval the first sample and the extreme values of every line are kept.
-    """
+    """Return a history with few points, and of each interval the extreme values of lines."""
     count, lines = signals.values.shape
     if count <= intervals * (1 + 2 * lines):
         return signals
@@ -264,16 +255,7 @@ def _course(surface: SurfaceTable, width: float) -> FloatArray:
 def surroundings(
     arm: Arm, result: xr.Dataset, reference: Any, contacts: Sequence[Contact] | None
 ) -> tuple[Any, Sequence[Contact]]:
-    """Return the reference, or None, and the contacts to draw with a result.
-
-    Args:
-        arm: arm of the result.
-        reference, contacts: as given by the user; None for those of the result's scenario.
-
-    Raises:
-        InputError: if ``reference`` is not a motion or has a different number of joints, or
-            ``contacts`` is not a list of contacts.
-    """
+    """Return the reference, or None, and the contacts to draw, by default the scenario's."""
     if contacts is not None:
         contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
@@ -298,11 +280,7 @@ def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
 
 
 def _check_joints(reference: Any, arm: Arm) -> None:
-    """Raise if a reference has neither the arm's number of joints nor its own tip path.
-
-    Raises:
-        InputError: if it has a different number of joints.
-    """
+    """Raise if a reference has neither the arm's number of joints nor its own tip path."""
     if getattr(reference, "tip", None) is None:
         angles = np.asarray(reference.joint_angle(0.0))
         if angles.shape != (arm.joints,):

@@ -46,13 +46,7 @@ _AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 
 
 def _draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False) -> None:
-    """Draw a time history of the flexible arm, and of the rigid arm as a dashed line.
-
-    Args:
-        axes: axes to draw into.
-        panel, case: link and channel, and their data.
-        frame: whether the title states the reference of the tip's channels.
-    """
+    """Draw a history of the flexible arm, and of the rigid arm as a dashed line."""
     for model, look in (("flexible", FLEXIBLE), ("rigid", RIGID)):
         axes.plot(case.time, _values(panel, case, model), **look)
     of_tip = panel.channel.startswith("link_tip")
@@ -180,10 +174,7 @@ def _path(case: Histories) -> Sheet:
 
 
 def _history(panel: Panel, case: Histories) -> Sheet:
-    """Draw one history; below an angle also its difference from the rigid arm.
-
-    The difference has its own axes, because it is a thousandth of the angle.
-    """
+    """Draw one history; below an angle also its difference from the rigid arm, a thousandth."""
     if panel.channel != "link_angle":
         draw = partial(_draw_history, panel=panel, frame=True)
         return _single(draw, case, figure=panel.figure)
@@ -200,10 +191,7 @@ def _history(panel: Panel, case: Histories) -> Sheet:
 
 
 def overview(case: Histories) -> Sheet:
-    """Draw all figures of the paper on one page, A4 landscape.
-
-    The rows are angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
-    """
+    """Draw all figures of the paper on one page, A4 landscape, one row for each quantity."""
     sheet = Sheet(11.69, 8.27)
     with styled():
         margins(sheet, left=0.65, bottom=0.45, right=0.3, top=1.0)

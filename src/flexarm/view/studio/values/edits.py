@@ -53,16 +53,7 @@ def way_of(link: Link) -> str:
 def plain_edit(
     record: Scenario | StudySpec, scenario: Scenario, place: Path, path: Path, value: Any
 ) -> tuple[Path, Sequence[Any]]:
-    """Return an edit as a path of the record and values for it; the first valid one counts.
-
-    Args:
-        record: what is edited. place: path in it.
-        scenario: the simulated one. path: the same path in it.
-
-    Raises:
-        InputError: if the text of a table is not a table.
-        LookupError: if there is no such path.
-    """
+    """Return an edit of a scenario's path as a place in the record and the values to try there."""
     word, place, path = place[-1], place[:-1], path[:-1]
     old = _at(record, place)
     if word == TABLE:
@@ -95,11 +86,7 @@ def plain_edit(
 
 
 def shown_by(record: Scenario | StudySpec, place: Path, path: Path) -> Path:
-    """Return the path, or its beginning, of the field to continue with after an edit.
-
-    Args:
-        record: the edited one. place: path of the edit in it. path: in the simulated scenario.
-    """
+    """Return the path, or its beginning, of the field to continue with after an edit."""
     if path[-1] == REMOVE:
         return (*path[: -2 if isinstance(path[-2], int) else -1], NEW)
     if path[-1] == NEW:
@@ -198,13 +185,7 @@ def table_text(record: Record) -> str:
 
 
 def table_content(text: str, record: Record) -> dict[str, Any]:
-    """Return the columns of a table in text as a file has them, for a record to check.
-
-    The line of names may be missing. Cells that are not numbers remain text.
-
-    Raises:
-        InputError: if a row has more or fewer values than there are names.
-    """
+    """Return the columns of a table in text; names may be missing, other cells remain text."""
     rows = [_SPACES.split(line.strip()) for line in text.splitlines() if line.strip()]
     head = _SPACES.split(table_text(record).splitlines()[0])
     if rows and any(isinstance(_value(cell), str) for cell in rows[0]):

@@ -501,11 +501,7 @@ class Sizes:
 
 
 def _range_of(name: str, value: float, description: str, form: Form, sizes: Sizes) -> _Range:
-    """Return the range of the slider of a number.
-
-    Args:
-        name: of its field. form: with its bounds. description: with its unit.
-    """
+    """Return the range of the slider of a number."""
     bounds = list(form.bounds())
     lowest = max((bound for bound, below, _ in bounds if below), default=-math.inf)
     highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)

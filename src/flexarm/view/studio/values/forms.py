@@ -178,11 +178,7 @@ def _form_name(annotation: Any, origin: Any, parts: tuple[Any, ...]) -> FormName
 
 
 def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
-    """Return the forms of the value at a path of a scenario or study, which may be omitted.
-
-    Raises:
-        LookupError: if there is no such path.
-    """
+    """Return the forms of the value at a path, which may be omitted; LookupError without one."""
     value: Any = record
     found: Forms | None = None
     for part in path:

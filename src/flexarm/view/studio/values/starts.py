@@ -122,12 +122,7 @@ _SPACE = 0.05
 def new_value(
     scenario: Scenario, path: Path, forms: Forms, kind: str | None = None, old: Any = None
 ) -> Any:
-    """Return a starting value for a place in a scenario, as a file has it.
-
-    Args:
-        path: of the value in the scenario.
-        forms: of the value. kind: of its record, if there are several.
-        old: the value to replace, or None.
+    """Return a starting value in a scenario instead of ``old``, as a file has it.
 
     A kind that does not exist is returned alone, so that the records report what is wrong.
     """
@@ -142,10 +137,7 @@ def new_value(
 
 
 def first_entries(scenario: Scenario, forms: Forms) -> list[dict[str, Any]]:
-    """Return the entries of a list that stand for its omission, or none.
-
-    A controller whose instruments are not listed has exact ones.
-    """
+    """Return the entries of a list that stand for its omission, or none."""
     if not any(form.type is Instrument for form in forms.records):
         return []
     gauges = any(link.gauges for link in scenario.arm.links)
@@ -153,11 +145,7 @@ def first_entries(scenario: Scenario, forms: Forms) -> list[dict[str, Any]]:
 
 
 def new_record(scenario: Scenario, record: type[Record], old: Any = None) -> dict[str, Any]:
-    """Return starting values of a record, as a file has them; arguments as for `new_value`.
-
-    Required fields without an entry in the table below start with simple values within their
-    bounds.
-    """
+    """Return starting values of a record; required fields without an entry get simple ones."""
     fields = record.model_fields
     kind = kind_of(record)
     found = {} if kind is None else {"kind": kind}
@@ -472,10 +460,7 @@ _GAIN_STARTS: dict[str, _Start] = {
 
 
 def _drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
-    """Return a drive of a kind, with gains well below the vibration of the arm.
-
-    An unknown kind is returned alone, so that the records report what is wrong.
-    """
+    """Return a drive with gains well below the vibration of the arm; of unknown kind, alone."""
     records = {form.model_fields["kind"].default: form for form in chain(*DRIVES.values())}
     found: dict[str, Any] = {"kind": kind}
     if kind not in records:
