@@ -143,10 +143,10 @@ from .planning.learning.iterative import LearnedMotion as LearnedMotion
 from .planning.learning.iterative import iterative_learning as iterative_learning
 from .planning.optimize.excitation import OptimalExcitation as OptimalExcitation
 from .planning.optimize.excitation import optimal_excitation as optimal_excitation
-from .planning.optimize.limits import MotionLimits as MotionLimits
 from .planning.optimize.optimal_motion import optimal_motion as optimal_motion
 from .planning.optimize.solution import OptimalMotion as OptimalMotion
 from .planning.optimize.solution import OptimizationError as OptimizationError
+from .planning.optimize.task import MotionLimits as MotionLimits
 from .planning.proposals.design import ControllerDesign as ControllerDesign
 from .planning.proposals.design import design as design
 from .simulation.batch.reductions import Reduction as Reduction

@@ -1,6 +1,6 @@
 """Motions of the joints and of the tip, inverse kinematics, and the rigid torques along them."""
 
-from flexarm.motion.dynamics.rigid_torques import RigidTorque, rigid_torque
+from flexarm.motion.dynamics.dynamics_along import RigidTorque, rigid_torque
 from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics
 from flexarm.motion.motion import JointMotion, JointState, Motion, SampledMotion, joint_motion
 from flexarm.motion.shaping import ShapedMotion, SmoothedMotion, smoothed

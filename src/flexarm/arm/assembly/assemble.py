@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.assembly.hub_radius import move_root
+from flexarm.arm.assembly.coordinates import move_root
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.parts import inverse_inertia
 from flexarm.arm.beams.properties import interpolation_error

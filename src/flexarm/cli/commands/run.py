@@ -120,7 +120,7 @@ def _written(result: xr.Dataset, options: RunOptions) -> Iterator[tuple[str, Pat
         write_result(result, options.out)
         yield "result", options.out
     if options.plot is not None:
-        from flexarm.view.plot.signals import signals_figure
+        from flexarm.view.plot.histories import signals_figure
 
         write_figure(signals_figure(result), options.plot)
         yield "plot", options.plot

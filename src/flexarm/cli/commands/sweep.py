@@ -153,7 +153,7 @@ def print_rare_failures(study: Study) -> None:
 
 def draw_samples(table: xr.Dataset, plot: Path) -> None:
     """Write the figure of the samples."""
-    from flexarm.view.plot.samples import samples_figure
+    from flexarm.view.plot.comparison import samples_figure
 
     write_figure(samples_figure(table), plot)
     console().print(f"plot in {plot}", soft_wrap=True)

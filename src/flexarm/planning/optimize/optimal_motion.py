@@ -25,7 +25,6 @@ from flexarm.base.errors import (
 )
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
-from flexarm.planning.optimize.limits import MotionLimits
 from flexarm.planning.optimize.solution import (
     OptimalMotion,
     OptimizationError,
@@ -35,7 +34,7 @@ from flexarm.planning.optimize.solution import (
     simulated,
     tabulated,
 )
-from flexarm.planning.optimize.task import OBJECTIVES, Plan, Task, task_of
+from flexarm.planning.optimize.task import OBJECTIVES, MotionLimits, Plan, Task, task_of
 from flexarm.planning.optimize.transcription import (
     Answer,
     Transcription,

@@ -16,8 +16,7 @@ from flexarm.base.errors import FlexarmError, LargeDeflectionWarning, public_cal
 from flexarm.linear import equilibrium, modes
 from flexarm.motion.geometry.chain import RigidChain, rigid_chain
 from flexarm.motion.motion import JointState, TabulatedMotion, quintic_table
-from flexarm.planning.optimize.limits import UNITS, Bound, Quantities
-from flexarm.planning.optimize.task import Plan, Task
+from flexarm.planning.optimize.task import UNITS, Bound, Plan, Quantities, Task
 from flexarm.simulation.batch.reductions import Reduction, reduced
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.calls.run import simulate

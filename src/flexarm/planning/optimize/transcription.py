@@ -22,8 +22,7 @@ from flexarm.base.errors import LargeDeflectionWarning
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.control.design.input_shaping import shaped
 from flexarm.motion import Motion, joint_motion, rigid_torque
-from flexarm.planning.optimize.limits import Quantities
-from flexarm.planning.optimize.task import GAUSS, STAGES, Plan, Task
+from flexarm.planning.optimize.task import GAUSS, STAGES, Plan, Quantities, Task
 from flexarm.simulation.calls.run import simulate
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from flexarm.motion.dynamics.rigid_torques import RigidTorque
+from flexarm.motion.dynamics.dynamics_along import RigidTorque
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

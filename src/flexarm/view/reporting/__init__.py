@@ -12,8 +12,13 @@ from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
-from flexarm.view.plot.animation.page import fragment
-from flexarm.view.plot.animation.scene import SceneOptions, scene_of, stations_of, surroundings
+from flexarm.view.plot.animation.scene import (
+    SceneOptions,
+    fragment,
+    scene_of,
+    stations_of,
+    surroundings,
+)
 from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.view.reporting.document import fitted, panels, render, template_engine
 

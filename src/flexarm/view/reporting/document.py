@@ -21,8 +21,7 @@ from flexarm.cases.scenario.summary import about_arm, about_run
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
 from flexarm.simulation.calls.result import package_version
-from flexarm.view.plot.animation.page import style
-from flexarm.view.plot.animation.scene import thin
+from flexarm.view.plot.animation.scene import style, thin
 from flexarm.view.plot.drawn_arm import scenario_of
 from flexarm.view.plot.selection import USUAL, Signals, readable_unit, several, signals_of
 

@@ -19,7 +19,7 @@ from flexarm.identification.result import (
 from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
-from flexarm.view.plot.animation.page import style
+from flexarm.view.plot.animation.scene import style
 from flexarm.view.plot.fits import (
     Correlation,
     FittedChannel,

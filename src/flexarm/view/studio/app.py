@@ -11,7 +11,7 @@ from nicegui import Client, app, ui
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import Response
 
-from flexarm.view.plot.animation.page import player_function, style
+from flexarm.view.plot.animation.scene import player_function, style
 from flexarm.view.studio.compute import Failure, Request, parts_of
 from flexarm.view.studio.guard import Guard, is_loopback
 from flexarm.view.studio.page import Window

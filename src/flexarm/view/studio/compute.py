@@ -21,8 +21,7 @@ from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.arm.plausibility import implausible
 from flexarm.simulation.calls.compare import warnings_of
-from flexarm.view.plot.animation.page import player_data
-from flexarm.view.plot.animation.scene import SceneOptions, scene_of, thin
+from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
 from flexarm.view.plot.drawn_arm import rigid_result
 from flexarm.view.plot.selection import Signals, several
 from flexarm.view.reporting import clock, report

@@ -17,8 +17,15 @@ from flexarm.base.arguments import (
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text, write_whole
 from flexarm.model import Contact
-from flexarm.view.plot.animation.page import inline, page
-from flexarm.view.plot.animation.scene import Scene, SceneOptions, scene_of, surroundings, thin
+from flexarm.view.plot.animation.scene import (
+    Scene,
+    SceneOptions,
+    inline,
+    page,
+    scene_of,
+    surroundings,
+    thin,
+)
 from flexarm.view.plot.animation.video import (
     check_animation_place,
     find_ffmpeg,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.view.plot.animation.scene import Scene
-from flexarm.view.plot.signals import draw_signals
+from flexarm.view.plot.histories import draw_signals
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,
