@@ -9,7 +9,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 
 from flexarm.arm.arm import Arm
@@ -22,6 +21,7 @@ from flexarm.linear import LinearModel, linearize
 from flexarm.linear.models.signals import state_names
 
 if TYPE_CHECKING:
+    import casadi
     import xarray as xr
 
 
@@ -147,41 +147,44 @@ def _numbers(values: np.ndarray[Any, Any]) -> Any:
     return values.tolist() if values.dtype.kind in "OUST" else values
 
 
-#: Expressions of the operations in terms of their operands.
+#: Expressions of CasADi's operations in terms of their operands.
 EXPRESSIONS = {
-    casadi.OP_ASSIGN: "{0}",
-    casadi.OP_ADD: "{0} + {1}",
-    casadi.OP_SUB: "{0} - {1}",
-    casadi.OP_MUL: "{0} .* {1}",
-    casadi.OP_DIV: "{0} ./ {1}",
-    casadi.OP_NEG: "-{0}",
-    casadi.OP_INV: "1 ./ {0}",
-    casadi.OP_SQ: "{0} .* {0}",
-    casadi.OP_TWICE: "2 * {0}",
-    casadi.OP_POW: "{0} .^ {1}",
-    casadi.OP_CONSTPOW: "{0} .^ {1}",
-    casadi.OP_SQRT: "sqrt({0})",
-    casadi.OP_EXP: "exp({0})",
-    casadi.OP_EXPM1: "expm1({0})",
-    casadi.OP_LOG: "log({0})",
-    casadi.OP_LOG1P: "log1p({0})",
-    casadi.OP_SIN: "sin({0})",
-    casadi.OP_COS: "cos({0})",
-    casadi.OP_TAN: "tan({0})",
-    casadi.OP_ATAN: "atan({0})",
-    casadi.OP_ATAN2: "atan2({0}, {1})",
-    casadi.OP_SINH: "sinh({0})",
-    casadi.OP_COSH: "cosh({0})",
-    casadi.OP_TANH: "tanh({0})",
-    casadi.OP_FABS: "abs({0})",
-    casadi.OP_SIGN: "sign({0})",
-    casadi.OP_FMIN: "min({0}, {1})",
-    casadi.OP_FMAX: "max({0}, {1})",
+    "ASSIGN": "{0}",
+    "ADD": "{0} + {1}",
+    "SUB": "{0} - {1}",
+    "MUL": "{0} .* {1}",
+    "DIV": "{0} ./ {1}",
+    "NEG": "-{0}",
+    "INV": "1 ./ {0}",
+    "SQ": "{0} .* {0}",
+    "TWICE": "2 * {0}",
+    "POW": "{0} .^ {1}",
+    "CONSTPOW": "{0} .^ {1}",
+    "SQRT": "sqrt({0})",
+    "EXP": "exp({0})",
+    "EXPM1": "expm1({0})",
+    "LOG": "log({0})",
+    "LOG1P": "log1p({0})",
+    "SIN": "sin({0})",
+    "COS": "cos({0})",
+    "TAN": "tan({0})",
+    "ATAN": "atan({0})",
+    "ATAN2": "atan2({0}, {1})",
+    "SINH": "sinh({0})",
+    "COSH": "cosh({0})",
+    "TANH": "tanh({0})",
+    "FABS": "abs({0})",
+    "SIGN": "sign({0})",
+    "FMIN": "min({0}, {1})",
+    "FMAX": "max({0}, {1})",
 }
 
 
 def statements(function: casadi.Function) -> Iterator[str]:
     """Yield the statements that compute the outputs, columns that exist, from the inputs."""
+    import casadi
+
+    expressions = {getattr(casadi, f"OP_{name}"): text for name, text in EXPRESSIONS.items()}
     given, results = function.name_in(), function.name_out()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
@@ -193,8 +196,8 @@ def statements(function: casadi.Function) -> Iterator[str]:
             value = repr(function.instruction_constant(k))
         elif operation == casadi.OP_INPUT:
             value = f"{given[source[0]]}({source[1] + 1}, :)"
-        elif operation in EXPRESSIONS:
-            value = EXPRESSIONS[operation].format(*(f"w{one}" for one in source))
+        elif operation in expressions:
+            value = expressions[operation].format(*(f"w{one}" for one in source))
         else:
             raise NotImplementedError(f"operation {operation} of CasADi in MATLAB")
         yield f"w{target[0]} = {value};"
