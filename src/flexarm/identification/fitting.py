@@ -229,28 +229,19 @@ class FitFailure(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of one start.
+    """Result of one start."""
 
-    Attributes:
-        vector: (parameters,) estimates.
-        cost: minus the logarithm of the likelihood without constants: comparable between starts.
-        outputs: of each record.
-        noise: standard deviation by channel.
-        evaluations: number of runs of all records, without those for derivatives.
-        converged: whether the fit ended at a minimum, before the limit of iterations, with noise
-            that no longer changes.
-        torque_noise: (joints,) of prediction errors, N m, or None.
-        gains: of the filters of prediction errors, one for each record.
-    """
-
-    vector: FloatArray
+    vector: FloatArray  # (parameters,) estimates
+    #: Minus the logarithm of the likelihood without constants: comparable between starts
     cost: float
-    outputs: list[FloatArray]
-    noise: dict[str, float]
-    evaluations: int
+    outputs: list[FloatArray]  # of each record
+    noise: dict[str, float]  # standard deviation by channel
+    evaluations: int  # number of runs of all records, without those for derivatives
+    #: Whether the fit ended at a minimum, before the limit of iterations, with noise that no longer
+    #: changes
     converged: bool
-    torque_noise: FloatArray | None = None
-    gains: tuple[Any, ...] = ()
+    torque_noise: FloatArray | None = None  # (joints,) of prediction errors, N m, or None
+    gains: tuple[Any, ...] = ()  # of the filters of prediction errors, one for each record
 
 
 def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:

@@ -26,15 +26,11 @@ _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 
 class Label(NamedTuple):
-    """One number of a channel at a time.
+    """One number of a channel at a time."""
 
-    Attributes:
-        channel: name of the channel.
-        part: number of the joint, link or gauge, counted from 1, or the axis "x" or "y"; empty for
-            a channel of one number.
-    """
-
-    channel: str
+    channel: str  # name of the channel
+    #: Number of the joint, link or gauge, counted from 1, or the axis "x" or "y"; empty for a
+    #: channel of one number
     part: int | str
 
     @property

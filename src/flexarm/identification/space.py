@@ -29,18 +29,12 @@ _INITIAL = re.compile(r"initial\.(qd?)\[(\d+)\]$")
 
 
 class Case(NamedTuple):
-    """What a vector of parameters means for a record.
+    """What a vector of parameters means for a record."""
 
-    Attributes:
-        spec: the arm.
-        motors: of records with a current as input, or None.
-        q, qd: (dof,) added to the initial state.
-    """
-
-    spec: ArmSpec
-    motors: Motors | None
-    q: FloatArray
-    qd: FloatArray
+    spec: ArmSpec  # the arm
+    motors: Motors | None  # of records with a current as input, or None
+    q: FloatArray  # (dof,) added to the initial state
+    qd: FloatArray  # (dof,) added to the initial state
 
 
 @dataclass(frozen=True)

@@ -37,17 +37,11 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
 
 
 class Column(NamedTuple):
-    """Residuals of one channel of a record, weighted, and their derivatives.
+    """Residuals of one channel of a record, weighted, and their derivatives."""
 
-    Attributes:
-        residuals: (samples,), zero where missing.
-        derivatives: (samples, parameters) of the residuals, zero where missing.
-        valid: (samples,) whether the record has the sample.
-    """
-
-    residuals: FloatArray
-    derivatives: FloatArray
-    valid: NDArray[np.bool_]
+    residuals: FloatArray  # (samples,), zero where missing
+    derivatives: FloatArray  # (samples, parameters) of the residuals, zero where missing
+    valid: NDArray[np.bool_]  # (samples,) whether the record has the sample
 
 
 def pair_sums(values: FloatArray, lags: int) -> FloatArray:

@@ -33,15 +33,10 @@ _BRACKET, _SMALLEST = 2e-3, 1e-6
 
 
 class Impulses(NamedTuple):
-    """Impulses of a shaper.
+    """Impulses of a shaper."""
 
-    Attributes:
-        amplitudes: (k,), with sum 1.
-        phases: (k,) rad, ascending from 0.
-    """
-
-    amplitudes: Floats
-    phases: Floats
+    amplitudes: Floats  # (k,), with sum 1
+    phases: Floats  # (k,) rad, ascending from 0
 
 
 def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:

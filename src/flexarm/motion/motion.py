@@ -136,12 +136,9 @@ class PathMotion(Motion):
 
     A subclass sets the attributes and defines `path`, and `path_breaks` if it has any. The path is
     twice continuously differentiable.
-
-    Attributes:
-        law: timing law.
     """
 
-    law: TimingLaw
+    law: TimingLaw  # timing law
 
     @abstractmethod
     def path(self, s: Floats) -> JointState:
@@ -214,13 +211,9 @@ class JointMotion(PathMotion):
 
 @dataclass(frozen=True, eq=False)
 class DerivedMotion(Motion):
-    """A motion computed from another one, whose chain it has; derived classes are dataclasses.
+    """A motion computed from another one, whose chain it has; derived classes are dataclasses."""
 
-    Attributes:
-        motion: the original motion.
-    """
-
-    motion: Motion
+    motion: Motion  # the original motion
     chain: RigidChain = field(init=False, repr=False)
     duration: float = field(init=False)
     start_time: float = field(init=False)

@@ -77,18 +77,14 @@ class PaperCase:
 
 
 class LinkNumbers(NamedTuple):
-    """Deflections of one link in one run, m.
+    """Deflections of one link in one run, m."""
 
-    Attributes:
-        peak: largest tip deflection during the motion.
-        residual: half the peak-to-peak tip deflection after the end of the torques, which is the
-            amplitude of the residual vibration.
-        theory: largest difference of the tip deflection between the paper's and the second-order
-            theory during the motion.
-    """
-
-    peak: float
+    peak: float  # largest tip deflection during the motion
+    #: Half the peak-to-peak tip deflection after the end of the torques, which is the amplitude of
+    #: the residual vibration
     residual: float
+    #: Largest difference of the tip deflection between the paper's and the second-order theory
+    #: during the motion
     theory: float
 
 

@@ -27,21 +27,15 @@ IntArray = NDArray[np.intp]
 
 
 class Piece(NamedTuple):
-    """A body that is a link, or a segment of a link.
+    """A body that is a link, or a segment of a link."""
 
-    Attributes:
-        link: index of the link. body: index of the body. start: distance of the piece's root from
-            the link's root (m). shapes: constants of the piece. first: index of its first modal
-            coordinate in q. rows: rows of the link's nodal values that belong to this piece.
-        offset: distance of the piece's root from the origin of the body (m), the hub radius or 0.
-    """
-
-    link: int
-    body: int
-    start: float
-    shapes: LinkConstants
-    first: int
-    rows: slice
+    link: int  # index of the link
+    body: int  # index of the body
+    start: float  # distance of the piece's root from the link's root (m)
+    shapes: LinkConstants  # constants of the piece
+    first: int  # index of its first modal coordinate in q
+    rows: slice  # rows of the link's nodal values that belong to this piece
+    #: Distance of the piece's root from the origin of the body (m), the hub radius or 0
     offset: float = 0.0
 
     @property
@@ -51,40 +45,27 @@ class Piece(NamedTuple):
 
 
 class Seat(NamedTuple):
-    """A joint that is not fixed, at the root of a link.
+    """A joint that is not fixed, at the root of a link."""
 
-    Attributes:
-        link: index of the link. body: index of the body that the motor rotates: the link's first
-            one or, with an elastic joint, a body of zero length before it. angle: index of the
-            joint angle in q. twist: index of the elastic joint's twist in q, or None.
-        backlash: whether the spring of the elastic joint has one.
-    """
-
-    link: int
+    link: int  # index of the link
+    #: Index of the body that the motor rotates: the link's first one or, with an elastic joint, a
+    #: body of zero length before it
     body: int
-    angle: int
-    twist: int | None
-    backlash: bool = False
+    angle: int  # index of the joint angle in q
+    twist: int | None  # index of the elastic joint's twist in q, or None
+    backlash: bool = False  # whether the spring of the elastic joint has one
 
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Kernel constants of an arm, and the positions of its coordinates in the arrays.
+    """Kernel constants of an arm, and the positions of its coordinates in the arrays."""
 
-    Attributes:
-        constants: constants of n bodies with m modes each, padded; friction is a function of the
-            rate.
-        pieces: the bodies that form the links, from the base outwards.
-        seats: the joints that are not fixed, from the base outwards.
-        link_body: (links,) first body of each link.
-        coordinates: (dof,) index of each entry of q in the flattened (n, 1 + m) array.
-    """
-
+    #: Constants of n bodies with m modes each, padded; friction is a function of the rate
     constants: ArmConstants
-    pieces: tuple[Piece, ...]
-    seats: tuple[Seat, ...]
-    link_body: IntArray
-    coordinates: IntArray
+    pieces: tuple[Piece, ...]  # the bodies that form the links, from the base outwards
+    seats: tuple[Seat, ...]  # the joints that are not fixed, from the base outwards
+    link_body: IntArray  # (links,) first body of each link
+    coordinates: IntArray  # (dof,) index of each entry of q in the flattened (n, 1 + m) array
 
     @property
     def has_bristles(self) -> bool:

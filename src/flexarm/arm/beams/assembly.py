@@ -32,23 +32,16 @@ class BeamMatrices:
     """Matrices of one link over n = 2 * elements nodal values, plus 3 * elements interior ones.
 
     The interior values exist only with shear.
-
-    Attributes:
-        translational_mass: (n, n) integral of mu N N^T.
-        rotary_mass: (n, n) integral of rho I N_phi N_phi^T.
-        stiffness: (n, n) integral of EI N_phi' N_phi'^T, and with shear of
-            k G A (N' - N_phi) (N' - N_phi)^T.
-        deflection_moment: (n,) integral of mu N: momentum of the deflection.
-        rotation_moment: (n,) integral of mu x N + rho I N_phi: its angular momentum about the
-            root.
-        free_mass: (n + 2, n + 2) mass without the clamp; the coordinates of the root come first.
     """
 
-    translational_mass: FloatArray
-    rotary_mass: FloatArray
+    translational_mass: FloatArray  # (n, n) integral of mu N N^T
+    rotary_mass: FloatArray  # (n, n) integral of rho I N_phi N_phi^T
+    #: (n, n) integral of EI N_phi' N_phi'^T, and with shear of k G A (N' - N_phi) (N' - N_phi)^T
     stiffness: FloatArray
-    deflection_moment: FloatArray
+    deflection_moment: FloatArray  # (n,) integral of mu N: momentum of the deflection
+    #: (n,) integral of mu x N + rho I N_phi: its angular momentum about the root
     rotation_moment: FloatArray
+    #: (n + 2, n + 2) mass without the clamp; the coordinates of the root come first
     free_mass: FloatArray
 
     @property

@@ -47,23 +47,14 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True, eq=False)
 class BeamQuadrature:
-    """Points and weights along one link divided into elements of equal length.
+    """Points and weights along one link divided into elements of equal length."""
 
-    Attributes:
-        elements: number of elements.
-        element_length: length of each element (m).
-        points: (k,) distances from the root (m), increasing.
-        weights: (k,) quadrature weights (m).
-        element: (k,) index of the element of each point.
-        xi: (k,) position in that element, 0 to 1.
-    """
-
-    elements: int
-    element_length: float
-    points: FloatArray
-    weights: FloatArray
-    element: npt.NDArray[np.intp]
-    xi: FloatArray
+    elements: int  # number of elements
+    element_length: float  # length of each element (m)
+    points: FloatArray  # (k,) distances from the root (m), increasing
+    weights: FloatArray  # (k,) quadrature weights (m)
+    element: npt.NDArray[np.intp]  # (k,) index of the element of each point
+    xi: FloatArray  # (k,) position in that element, 0 to 1
 
     @cached_property
     def nodal_rows(self) -> npt.NDArray[np.intp]:

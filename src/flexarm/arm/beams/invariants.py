@@ -330,20 +330,18 @@ _DIAGONALITY = 1e-7
 class BeamBasis:
     """Mass-normalised shapes Phi of one link: nodal coordinates are `basis @ eta`.
 
-    Attributes:
-        basis: (n, m) with n = 2 * elements: column j contains shape j at the nodes (m and rad per
-            unit of eta_j, which is in sqrt(kg) m).
-        projector: (m, n) `basis^T M`: eta of a nodal deflection; for one outside the span of the
-            shapes, eta of its mass-orthogonal projection.
-        w2: (m,) stiffness over the shapes (rad^2/s^2), increasing: squared frequencies of the
-            clamped link.
-
     Raises:
         InputError: if `projector @ basis` is not the identity.
     """
 
+    #: (n, m) with n = 2 * elements: column j contains shape j at the nodes (m and rad per unit of
+    #: eta_j, which is in sqrt(kg) m)
     basis: FloatArray
+    #: (m, n) `basis^T M`: eta of a nodal deflection; for one outside the span of the shapes, eta of
+    #: its mass-orthogonal projection
     projector: FloatArray
+    #: (m,) stiffness over the shapes (rad^2/s^2), increasing: squared frequencies of the clamped
+    #: link
     w2: FloatArray
 
     def __post_init__(self) -> None:

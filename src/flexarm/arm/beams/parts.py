@@ -21,23 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PartConstants:
-    """Integrals from the root to each of k stations, over the m shapes of the whole link.
+    """Integrals from the root to each of k stations, over the m shapes of the whole link."""
 
-    Attributes:
-        mass, first_moment, inertia: (k,) kg, kg m, kg m^2 about the root.
-        S, a: (k, m) integrals of mu Phi and of mu x Phi + rho I Psi.
-        D0, D1: (k, m, m) integrals of mu g and of mu x g.
-        spread: (k, m, m) integral of mu Phi Phi^T, without rotary inertia.
-    """
-
-    mass: FloatArray
-    first_moment: FloatArray
-    inertia: FloatArray
-    S: FloatArray
-    a: FloatArray
-    D0: FloatArray
-    D1: FloatArray
-    spread: FloatArray
+    mass: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    first_moment: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    inertia: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    S: FloatArray  # (k, m) integrals of mu Phi and of mu x Phi + rho I Psi
+    a: FloatArray  # (k, m) integrals of mu Phi and of mu x Phi + rho I Psi
+    D0: FloatArray  # (k, m, m) integrals of mu g and of mu x g
+    D1: FloatArray  # (k, m, m) integrals of mu g and of mu x g
+    spread: FloatArray  # (k, m, m) integral of mu Phi Phi^T, without rotary inertia
 
 
 def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:

@@ -93,17 +93,13 @@ class PointShapes:
     """Shapes of the element of each quadrature point: (q, 4) for v_1, phi_1, v_2, phi_2.
 
     With shear (q, 7), where the last three columns are the interior shapes.
-
-    Attributes:
-        deflection: v. slope: v'. rotation: phi of the section. curvature: phi'.
-        shear: the angle v' - phi.
     """
 
-    deflection: FloatArray
-    slope: FloatArray
-    rotation: FloatArray
-    curvature: FloatArray
-    shear: FloatArray
+    deflection: FloatArray  # v
+    slope: FloatArray  # v'
+    rotation: FloatArray  # phi of the section
+    curvature: FloatArray  # phi'
+    shear: FloatArray  # the angle v' - phi
 
 
 def point_shapes(table: BeamTable, quadrature: BeamQuadrature) -> PointShapes:
@@ -136,15 +132,11 @@ _NEGLIGIBLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class _Interior:
-    """Interior values of a link per nodal value; k = 3 * elements with shear, else 0.
+    """Interior values of a link per nodal value; k = 3 * elements with shear, else 0."""
 
-    Attributes:
-        values: (k, n) rows that multiply nodal coordinates.
-        stiffening: (k, n) Y: the stiffness over the nodal coordinates is K + Y^T Y, where K is
-            the stiffness of the static response.
-    """
-
-    values: FloatArray
+    values: FloatArray  # (k, n) rows that multiply nodal coordinates
+    #: (k, n) Y: the stiffness over the nodal coordinates is K + Y^T Y, where K is the stiffness of
+    #: the static response
     stiffening: FloatArray
 
     @property

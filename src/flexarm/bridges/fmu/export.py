@@ -456,25 +456,16 @@ _OTHER_INPUTS = {
 
 @dataclass(frozen=True)
 class _Variable:
-    """Variable of an FMU; its value reference is its place in the list of all variables.
+    """Variable of an FMU; its value reference is its place in the list of all variables."""
 
-    Attributes:
-        name, unit, description: as in ``flexarm.simulation.run.channels``; the unit may be empty.
-        causality: "independent", "input", "parameter", "output" or "local".
-        variability: "continuous", "discrete" or "fixed".
-        start: initial value; None for computed variables.
-        state: place of the state whose derivative this is.
-        nominal: size of a state; None for other variables.
-    """
-
-    name: str
-    unit: str
-    description: str
-    causality: str
-    variability: str = "continuous"
-    start: float | None = None
-    state: int | None = None
-    nominal: float | None = None
+    name: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
+    unit: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
+    description: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
+    causality: str  # "independent", "input", "parameter", "output" or "local"
+    variability: str = "continuous"  # "continuous", "discrete" or "fixed"
+    start: float | None = None  # initial value; None for computed variables
+    state: int | None = None  # place of the state whose derivative this is
+    nominal: float | None = None  # size of a state; None for other variables
 
 
 class _Variables:

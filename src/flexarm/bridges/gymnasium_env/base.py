@@ -52,21 +52,13 @@ _STRETCH = 1.2
 
 @dataclass(frozen=True)
 class Part:
-    """Group of components of the observation vector.
+    """Group of components of the observation vector."""
 
-    Attributes:
-        name: common name of the components.
-        unit: common unit of the components.
-        size: number of components.
-        bound: largest magnitude.
-        axes: whether the components are x and y, instead of numbers from 1.
-    """
-
-    name: str
-    unit: str
-    size: int
-    bound: float
-    axes: bool = False
+    name: str  # common name of the components
+    unit: str  # common unit of the components
+    size: int  # number of components
+    bound: float  # largest magnitude
+    axes: bool = False  # whether the components are x and y, instead of numbers from 1
 
     @property
     def names(self) -> list[str]:

@@ -40,19 +40,13 @@ class Comparison(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RigidChain:
-    """Arm of rigid links.
+    """Arm of rigid links."""
 
-    Attributes:
-        arm: the rigid arm; the bending of links is the rotation of some of its joints.
-        starts: for each link of the flexible arm the place of its first bar in ``arm``, from 0.
-        driven: the same for its joints that are not fixed.
-        comparisons: frequencies and static flexibilities.
-    """
-
-    arm: Arm
+    arm: Arm  # the rigid arm; the bending of links is the rotation of some of its joints
+    #: For each link of the flexible arm the place of its first bar in ``arm``, from 0
     starts: tuple[int, ...]
-    driven: tuple[int, ...]
-    comparisons: tuple[Comparison, ...]
+    driven: tuple[int, ...]  # the same for its joints that are not fixed
+    comparisons: tuple[Comparison, ...]  # frequencies and static flexibilities
 
 
 def rigid_chain(arm: Arm, count: int) -> RigidChain:

@@ -41,23 +41,15 @@ _DAMPED = 0.5
 
 
 class FittedModes(NamedTuple):
-    """Modes of a response, in the order of ascending frequency.
+    """Modes of a response, in the order of ascending frequency."""
 
-    Attributes:
-        frequency_hz, damping_ratio: (k,)
-        frequency_deviation, damping_deviation: (k,) standard deviations.
-        residues: (k, outputs, inputs) complex A_k.
-        fitted: (F, outputs, inputs) the response of the modes and of the rest.
-        fit: (outputs, inputs) percent, 100 is perfect.
-    """
-
-    frequency_hz: FloatArray
-    damping_ratio: FloatArray
-    frequency_deviation: FloatArray
-    damping_deviation: FloatArray
-    residues: ComplexArray
-    fitted: ComplexArray
-    fit: FloatArray
+    frequency_hz: FloatArray  # (k,)
+    damping_ratio: FloatArray  # (k,)
+    frequency_deviation: FloatArray  # (k,) standard deviations
+    damping_deviation: FloatArray  # (k,) standard deviations
+    residues: ComplexArray  # (k, outputs, inputs) complex A_k
+    fitted: ComplexArray  # (F, outputs, inputs) the response of the modes and of the rest
+    fit: FloatArray  # (outputs, inputs) percent, 100 is perfect
 
 
 def fitted(

@@ -288,17 +288,11 @@ _SEGMENTS, _FEWEST = 8, 8
 
 
 class _Spectra(NamedTuple):
-    """Averaged spectra of inputs and outputs, the inputs first.
+    """Averaged spectra of inputs and outputs, the inputs first."""
 
-    Attributes:
-        frequency_hz: (F,).
-        matrix: (F, n, n) averages of Z Z^H of the transforms Z (n,), squared SI units.
-        averages: number of independent averages.
-    """
-
-    frequency_hz: FloatArray
-    matrix: _ComplexArray
-    averages: float
+    frequency_hz: FloatArray  # (F,)
+    matrix: _ComplexArray  # (F, n, n) averages of Z Z^H of the transforms Z (n,), squared SI units
+    averages: float  # number of independent averages
 
 
 def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _Spectra:

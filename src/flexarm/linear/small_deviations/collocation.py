@@ -166,16 +166,12 @@ def _step_maps(
 
 @dataclass(frozen=True, eq=False)
 class DeviationPath:
-    """Deviations over N steps as piecewise polynomials.
+    """Deviations over N steps as piecewise polynomials."""
 
-    Attributes:
-        edges: (N + 1,) s. dq, dqd: (N + 1, k) at the edges. stages: (N, 3, k) accelerations.
-    """
-
-    edges: FloatArray
+    edges: FloatArray  # (N + 1,) s. dq, dqd: (N + 1, k) at the edges.
     dq: FloatArray
     dqd: FloatArray
-    stages: FloatArray
+    stages: FloatArray  # (N, 3, k) accelerations
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dq and dqd (T, k) at times (T,) within the edges."""

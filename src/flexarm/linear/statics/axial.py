@@ -236,16 +236,11 @@ def _gains(piece: Piece) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Acting:
-    """Loads of a run.
+    """Loads of a run."""
 
-    Attributes:
-        loads: as placed. factors: of their values (samples or 1, loads).
-        base: accelerations of the base (samples or 1, 2), m/s^2.
-    """
-
-    loads: Loads
-    factors: FloatArray
-    base: FloatArray
+    loads: Loads  # as placed
+    factors: FloatArray  # of their values (samples or 1, loads)
+    base: FloatArray  # accelerations of the base (samples or 1, 2), m/s^2
 
     @classmethod
     def constant(cls, loads: Loads) -> Acting:

@@ -24,18 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigidChain:
-    """Straight bars between the joints that turn.
+    """Straight bars between the joints that turn."""
 
-    Attributes:
-        lengths: lengths of the bars (n,), m.
-        offset: angles between bars minus joint angles (n,), rad; zero unless a fixed joint
-            has a rest angle.
-        base: position of the first joint that turns (2,), world axes, m.
-    """
-
-    lengths: Floats
+    lengths: Floats  # lengths of the bars (n,), m
+    #: Angles between bars minus joint angles (n,), rad; zero unless a fixed joint has a rest angle
     offset: Floats
-    base: Floats
+    base: Floats  # position of the first joint that turns (2,), world axes, m
 
     def tip(self, joint_angles: Floats) -> Floats:
         """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""

@@ -43,15 +43,10 @@ class PathPoint(NamedTuple):
 
 
 class TipPath(ABC):
-    """A path p(s) of the tip, 0 <= s <= 1.
+    """A path p(s) of the tip, 0 <= s <= 1."""
 
-    Attributes:
-        title: name of the path in messages.
-        marks: names of points in messages, with their s.
-    """
-
-    title: str
-    marks: dict[str, float]
+    title: str  # name of the path in messages
+    marks: dict[str, float]  # names of points in messages, with their s
 
     @property
     @abstractmethod
@@ -108,15 +103,11 @@ class LinePath(TipPath):
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPath(TipPath):
-    """A path of polynomials: a rounded polygon or a spline.
-
-    Attributes:
-        pieces: polynomials of s with values (2,), twice continuously differentiable.
-    """
+    """A path of polynomials: a rounded polygon or a spline."""
 
     title: str
     marks: dict[str, float]
-    pieces: PPoly
+    pieces: PPoly  # polynomials of s with values (2,), twice continuously differentiable
 
     @property
     def breaks(self) -> tuple[float, ...]:

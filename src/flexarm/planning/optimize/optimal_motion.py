@@ -265,15 +265,10 @@ _SAMPLES = 10
 
 
 class _End(NamedTuple):
-    """End of a simulation.
+    """End of a simulation."""
 
-    Attributes:
-        run: its result.
-        error: (2 m,) amplitudes that should be zero, relative to the motion.
-    """
-
-    run: Any
-    error: FloatArray
+    run: Any  # its result
+    error: FloatArray  # (2 m,) amplitudes that should be zero, relative to the motion
 
 
 def _corrected(task: Task, plan: Plan) -> Plan:

@@ -27,27 +27,17 @@ OBJECTIVES = ("time", "energy", "vibration")
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Problem of an optimal motion.
+    """Problem of an optimal motion."""
 
-    Attributes:
-        arm: the arm.
-        start, end: equilibria between which the arm moves.
-        objective: one of `OBJECTIVES`.
-        duration: s; None if it is free.
-        torque, torque_rate: largest magnitudes (joints,), N m and N m/s; infinite without a limit.
-        bounds: bounds of the other quantities.
-        modes: number of the lowest vibrations that are at rest at the end; None for all.
-    """
-
-    arm: Arm
-    start: Equilibrium
-    end: Equilibrium
-    objective: str
-    duration: float | None
-    torque: FloatArray
-    torque_rate: FloatArray
-    bounds: tuple[Bound, ...]
-    modes: int | None
+    arm: Arm  # the arm
+    start: Equilibrium  # equilibria between which the arm moves
+    end: Equilibrium  # equilibria between which the arm moves
+    objective: str  # one of `OBJECTIVES`
+    duration: float | None  # s; None if it is free
+    torque: FloatArray  # largest magnitudes (joints,), N m and N m/s; infinite without a limit
+    torque_rate: FloatArray  # largest magnitudes (joints,), N m and N m/s; infinite without a limit
+    bounds: tuple[Bound, ...]  # bounds of the other quantities
+    modes: int | None  # number of the lowest vibrations that are at rest at the end; None for all
 
     @property
     def continuous(self) -> bool:
@@ -191,20 +181,13 @@ STAGES = len(GAUSS.c)
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion over N intervals.
+    """A motion over N intervals."""
 
-    Attributes:
-        duration: T, s.
-        q: (N + 1, dof) coordinates at the nodes.
-        slope: (N + 1, dof) dq/ds at the nodes.
-        curve: (N, 3, dof) d2q/ds2 at the stages.
-        torque: (N, 2, joints) N m at the start and at the end of each interval, linear in between.
-    """
-
-    duration: float
-    q: FloatArray
-    slope: FloatArray
-    curve: FloatArray
+    duration: float  # T, s
+    q: FloatArray  # (N + 1, dof) coordinates at the nodes
+    slope: FloatArray  # (N + 1, dof) dq/ds at the nodes
+    curve: FloatArray  # (N, 3, dof) d2q/ds2 at the stages
+    #: (N, 2, joints) N m at the start and at the end of each interval, linear in between
     torque: FloatArray
 
     @property
@@ -365,18 +348,12 @@ class Quantities(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """Bounds of one quantity along a motion.
+    """Bounds of one quantity along a motion."""
 
-    Attributes:
-        name: name of the limit.
-        value: function of `Quantities` that returns (k,) values.
-        lower, upper: (k,), infinite for no bound.
-    """
-
-    name: str
-    value: Callable[[Quantities], Any]
-    lower: FloatArray
-    upper: FloatArray
+    name: str  # name of the limit
+    value: Callable[[Quantities], Any]  # function of `Quantities` that returns (k,) values
+    lower: FloatArray  # (k,), infinite for no bound
+    upper: FloatArray  # (k,), infinite for no bound
 
     @property
     def size(self) -> FloatArray:

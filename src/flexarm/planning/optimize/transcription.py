@@ -48,21 +48,13 @@ _TOLERANCE = 1e-7
 
 
 class Answer(NamedTuple):
-    """Answer of the solver.
+    """Answer of the solver."""
 
-    Attributes:
-        plan: the last iterate.
-        status: return status of IPOPT.
-        converged: whether it is a solution.
-        iterations: their number.
-        violation: largest violated constraint, relative to its size.
-    """
-
-    plan: Plan
-    status: str
-    converged: bool
-    iterations: int
-    violation: float
+    plan: Plan  # the last iterate
+    status: str  # return status of IPOPT
+    converged: bool  # whether it is a solution
+    iterations: int  # their number
+    violation: float  # largest violated constraint, relative to its size
 
 
 class _Sizes(NamedTuple):

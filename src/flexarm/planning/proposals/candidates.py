@@ -247,17 +247,11 @@ _MARGINS = {
 
 
 class Assessed(NamedTuple):
-    """A drive with its worst margins over plants and postures.
+    """A drive with its worst margins over plants and postures."""
 
-    Attributes:
-        drive: as in a file.
-        margins: by name, see ``_MARGINS``; SI units.
-        states: numbers that the controller keeps between samples.
-    """
-
-    drive: Drive
-    margins: dict[str, float]
-    states: int
+    drive: Drive  # as in a file
+    margins: dict[str, float]  # by name, see ``_MARGINS``; SI units
+    states: int  # numbers that the controller keeps between samples
 
     @property
     def stable(self) -> bool:

@@ -27,22 +27,14 @@ _MOST_RESULTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Lines of one channel.
+    """Lines of one channel."""
 
-    Attributes:
-        name: of the channel.
-        time: (T,) s.
-        values: (T, k) in ``unit``, the unit of the axis.
-        labels: (k,) of the lines.
-        keys: (k,) selectors of the lines, such as ``y`` in ``tip[y]``.
-    """
-
-    name: str
-    time: FloatArray
-    values: FloatArray
+    name: str  # of the channel
+    time: FloatArray  # (T,) s
+    values: FloatArray  # (T, k) in ``unit``, the unit of the axis
     unit: str
-    labels: tuple[str, ...]
-    keys: tuple[str, ...]
+    labels: tuple[str, ...]  # (k,) of the lines
+    keys: tuple[str, ...]  # (k,) selectors of the lines, such as ``y`` in ``tip[y]``
 
     @property
     def title(self) -> str:

@@ -47,31 +47,21 @@ class Request:
 
 @dataclass(frozen=True)
 class Picture:
-    """A finished run.
+    """A finished run."""
 
-    Attributes:
-        data: of the player, as JSON. warnings: of the arm and of the result.
-        frequencies: with locked joints at the start, Hz.
-        seconds: computing time.
-    """
-
-    data: bytes
-    warnings: tuple[str, ...]
-    frequencies: tuple[float, ...]
-    seconds: float
+    data: bytes  # of the player, as JSON
+    warnings: tuple[str, ...]  # of the arm and of the result
+    frequencies: tuple[float, ...]  # with locked joints at the start, Hz
+    seconds: float  # computing time
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of the loop at the start of the motion.
+    """Margins of the loop at the start of the motion."""
 
-    Attributes:
-        rows: joint, gain margin, phase margin (degrees) and delay margin (ms), as text.
-        note: why there are none, or a statement about all of them.
-    """
-
+    #: joint, gain margin, phase margin (degrees) and delay margin (ms), as text
     rows: tuple[tuple[str, str, str, str], ...]
-    note: str = ""
+    note: str = ""  # why there are none, or a statement about all of them
 
 
 @dataclass(frozen=True)
@@ -83,13 +73,9 @@ class Report:
 
 @dataclass(frozen=True)
 class Failure:
-    """A run that is not possible, or did not reach its end.
+    """A run that is not possible, or did not reach its end."""
 
-    Attributes:
-        problems: path of a value, or empty, and the statement about it.
-    """
-
-    problems: tuple[tuple[str, str], ...]
+    problems: tuple[tuple[str, str], ...]  # path of a value, or empty, and the statement about it
 
 
 Part = Picture | Margins | Report | Failure

@@ -41,17 +41,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class Project:
-    """A scenario or a study, and what of it is simulated; edits return another project.
+    """A scenario or a study, and what of it is simulated; edits return another project."""
 
-    Attributes:
-        record: the scenario or the study.
-        name: name for its files, without suffix.
-        choice: None for a scenario.
-    """
-
-    record: Scenario | StudySpec
-    name: str
-    choice: Choice | None = None
+    record: Scenario | StudySpec  # the scenario or the study
+    name: str  # name for its files, without suffix
+    choice: Choice | None = None  # None for a scenario
 
     @property
     def scenario(self) -> Scenario:

@@ -43,40 +43,26 @@ _NO_ARROW = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Motion of one arm in F frames; lengths in m, world axes.
+    """Motion of one arm in F frames; lengths in m, world axes."""
 
-    Attributes:
-        title: above the arm, or empty.
-        times: (F,) of the run, s.
-        links: (F, links, stations, 2) as drawn, with magnified bending.
-        depths: (links,) depths of the links in the plane, zero if the model has none.
-        bends: (links,) whether a link is flexible.
-        joints: (F, movable joints, 2).
-        payload: whether the arm carries one.
-        arrows: (F, movable joints, points, 2) of torques, NaN without an arrow; or None.
-        ghost: (F, links, stations, 2) of the rigid counterpart, or None.
-        path: (P, 2) of the drawn tip, at times (P,) ``path_times``; or None.
-        reference: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None.
-        solids: surfaces of the contacts.
-        histories: beside the arm.
-        view: (4,) smallest and largest x, smallest and largest y of everything that moves.
-    """
-
-    title: str
-    times: FloatArray
-    links: FloatArray
+    title: str  # above the arm, or empty
+    times: FloatArray  # (F,) of the run, s
+    links: FloatArray  # (F, links, stations, 2) as drawn, with magnified bending
+    #: (links,) depths of the links in the plane, zero if the model has none
     depths: tuple[float, ...]
-    bends: tuple[bool, ...]
-    joints: FloatArray
-    payload: bool
+    bends: tuple[bool, ...]  # (links,) whether a link is flexible
+    joints: FloatArray  # (F, movable joints, 2)
+    payload: bool  # whether the arm carries one
+    #: (F, movable joints, points, 2) of torques, NaN without an arrow; or None
     arrows: FloatArray | None
-    ghost: FloatArray | None
-    path: FloatArray | None
+    ghost: FloatArray | None  # (F, links, stations, 2) of the rigid counterpart, or None
+    path: FloatArray | None  # (P, 2) of the drawn tip, at times (P,) ``path_times``; or None
     path_times: FloatArray
+    #: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None
     reference: tuple[FloatArray, FloatArray] | None
-    solids: tuple[_Solid, ...]
-    histories: tuple[Signals, ...]
-    view: FloatArray
+    solids: tuple[_Solid, ...]  # surfaces of the contacts
+    histories: tuple[Signals, ...]  # beside the arm
+    view: FloatArray  # (4,) smallest and largest x, smallest and largest y of everything that moves
 
 
 @dataclass(frozen=True)

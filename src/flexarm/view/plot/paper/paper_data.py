@@ -96,19 +96,15 @@ class Histories:
     """Data of one case of the paper.
 
     The data are plain arrays, so that they can be sent to another process at low cost.
-
-    Attributes:
-        duration: of the motion, s.
-        time: (T,) s.
-        runs: model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of
-            the case: "flexible", "rigid", "second_order".
-        postures: model to (postures, links, stations, 2) m, at evenly spaced times of the motion;
-            "flexible" and "rigid".
     """
 
-    duration: float
-    time: FloatArray
+    duration: float  # of the motion, s
+    time: FloatArray  # (T,) s
+    #: Model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of the case:
+    #: "flexible", "rigid", "second_order".
     runs: dict[str, dict[str, FloatArray]]
+    #: Model to (postures, links, stations, 2) m, at evenly spaced times of the motion; "flexible"
+    #: and "rigid"
     postures: dict[str, FloatArray]
 
 

@@ -365,26 +365,19 @@ _Choices = tuple[tuple[str, tuple[tuple[Any, str], ...]], ...]
 
 @dataclass(frozen=True)
 class Field:
-    """One value with its control, or a button.
+    """One value with its control, or a button."""
 
-    Attributes:
-        path: in the simulated scenario, or of an edit; see `flexarm.view.studio.values.edits`.
-        label: name in words. value: current one; of a table its text.
-        control: slider (a number), list (one of ``choices``), switch (true or false), text (YAML),
-            table (rows of numbers), or button (an edit without a value).
-        unit, description: of the record's field.
-        range: of the slider; text may give other values.
-        other: edit that gives the value its other form, as a path and the name of the form.
-    """
-
-    path: Path
-    label: str
-    value: Any
+    path: Path  # in the simulated scenario, or of an edit; see `flexarm.view.studio.values.edits`.
+    label: str  # name in words
+    value: Any  # current one; of a table its text
+    #: Slider (a number), list (one of ``choices``), switch (true or false), text (YAML), table
+    #: (rows of numbers), or button (an edit without a value)
     control: Literal["slider", "list", "switch", "text", "table", "button"]
-    unit: str = ""
-    description: str = ""
-    range: _Range | None = None
+    unit: str = ""  # of the record's field
+    description: str = ""  # of the record's field
+    range: _Range | None = None  # of the slider; text may give other values
     choices: _Choices = ()
+    #: Edit that gives the value its other form, as a path and the name of the form
     other: tuple[Path, str] | None = None
 
     @property
@@ -408,16 +401,12 @@ class Field:
 
 @dataclass(frozen=True)
 class Part:
-    """Fields under one title.
-
-    Attributes:
-        path: of the value that they describe. folded: whether it starts closed.
-    """
+    """Fields under one title."""
 
     title: str
-    path: Path
+    path: Path  # of the value that they describe
     entries: tuple[_Entry, ...]
-    folded: bool = False
+    folded: bool = False  # whether it starts closed
 
     def looks_like(self, other: Part) -> bool:
         """Whether the controls of another part can show this one."""
@@ -489,15 +478,11 @@ class _Range:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of an arm that limit sliders.
+    """Sizes of an arm that limit sliders."""
 
-    Attributes:
-        links: number of links. reach: m. longest: length of the longest link (m).
-    """
-
-    links: int
-    reach: float
-    longest: float
+    links: int  # number of links
+    reach: float  # m
+    longest: float  # length of the longest link (m)
 
 
 def _range_of(name: str, value: float, description: str, form: Form, sizes: Sizes) -> _Range:
