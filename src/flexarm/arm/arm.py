@@ -301,7 +301,7 @@ class Arm(Dynamics):
 
 
 def _copy_of(spec: ArmSpec) -> Arm:
-    """Return the arm of a pickled description."""
+    """Return the arm of a pickled description, without the warnings of a call by the user."""
     return Arm(spec)
 
 

@@ -116,13 +116,6 @@ class BendingErrors:
 _of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
 
 
-def _own_errors(arm: Arm) -> BendingErrors:
-    errors = _of_arms.get(arm)
-    if errors is None:
-        errors = _of_arms[arm] = BendingErrors(arm)
-    return errors
-
-
 class _LargestDeflection(NamedTuple):
     """Piece with the largest deflection relative to its length in a state; deflection in m."""
 
@@ -142,7 +135,9 @@ def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDefle
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
-    found = _description(arm, _own_errors(arm), states)
+    if arm not in _of_arms:
+        _of_arms[arm] = BendingErrors(arm)
+    found = _description(arm, _of_arms[arm], states)
     if not found:
         return ""
     fact, link, error = found

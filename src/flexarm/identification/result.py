@@ -211,7 +211,11 @@ def _stored(found: Identification) -> xr.Dataset:
         name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
         for name, table in tables.items()
     }
-    parts = [_prefixed(name, table) for name, table in kept.items() if table.data_vars]
+    parts = [
+        table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
+        for name, table in kept.items()
+        if table.data_vars
+    ]
     attributes: dict[str, Any] = {
         "undetermined": list(found.undetermined),
         "noise": dict(found.noise),
@@ -280,11 +284,6 @@ def _history(dataset: xr.Dataset, record: int) -> xr.Dataset:
 
 def _arm(text: str) -> Arm:
     return Arm(arm_spec_of_text(text, "result"))
-
-
-def _prefixed(name: str, table: xr.Dataset) -> xr.Dataset:
-    """Return a table with the prefix of its name before all variables and dimensions."""
-    return table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
 
 
 def _table(dataset: xr.Dataset, name: str) -> xr.Dataset:

@@ -215,7 +215,9 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = empty_constants(n, m, c, g)
-    constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
+    constants.arm[HAS_JOINT_LAWS] = float(
+        any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
+    )
     constants.mobility[:] = 1.0
     for piece in pieces:
         _place_link(constants, piece.body, piece.shapes, second_order)
@@ -251,10 +253,6 @@ def place_joints_and_payload(
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
-
-
-def _has_laws(joint: Joint) -> bool:
-    return bool(joint.friction or joint.limits or joint.rotor_inertia)
 
 
 def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:

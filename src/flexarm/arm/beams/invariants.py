@@ -187,6 +187,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
     S = basis.T @ matrices.deflection_moment
     a = basis.T @ matrices.rotation_moment
     left = _left_of_rigid_motion(quadrature, all_values @ S, all_values @ a)
+    residual = left.T @ matrices.free_mass @ left
     return LinkConstants(
         *_rigid_body(table, quadrature),
         S=S,
@@ -202,7 +203,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
             product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
         ),
         G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
-        residual_inertia=_residual_inertia(matrices.free_mass, left),
+        residual_inertia=residual[[0, 0, 1], [0, 1, 1]],
         residual_tip=left[2 * elements : 2 * elements + 2].copy(),
         basis=basis,
         projector=shapes.projector,
@@ -310,12 +311,6 @@ def _left_of_rigid_motion(
     left[2:, 0] -= translation
     left[2:, 1] -= rotation
     return left
-
-
-def _residual_inertia(free_mass: FloatArray, left: FloatArray) -> FloatArray:
-    """Return inertia (3,) of motions ``left`` (n + 2 + k, 2): translation, coupling, rotation."""
-    inertia = left.T @ free_mass @ left
-    return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
 
 
 # Rounding errors are 1e-13 on meshes of 256 elements; if the matrix is not positive definite, the

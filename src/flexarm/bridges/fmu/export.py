@@ -219,7 +219,11 @@ def _model_description(
     XML.SubElement(root, "DefaultExperiment", startTime="0", tolerance="1e-07", stepSize=repr(step))
     listed = XML.SubElement(root, "ModelVariables")
     for place, variable in enumerate(variables):
-        (_add_variable_2 if two else _add_variable_3)(listed, place, variable)
+        about, numbers = _attributes(place, variable), _numbers(variable, 1 if two else 0)
+        if two:
+            XML.SubElement(XML.SubElement(listed, "ScalarVariable", about), "Real", numbers)
+        else:
+            XML.SubElement(listed, "Float64", about | numbers)
     _add_structure(root, two, variables)
     return _bytes(root)
 
@@ -292,15 +296,6 @@ def _numbers(variable: _Variable, first: int) -> dict[str, str]:
     if variable.state is not None:
         found["derivative"] = str(variable.state + first)
     return found
-
-
-def _add_variable_2(parent: XML.Element, place: int, variable: _Variable) -> None:
-    scalar = XML.SubElement(parent, "ScalarVariable", _attributes(place, variable))
-    XML.SubElement(scalar, "Real", _numbers(variable, 1))
-
-
-def _add_variable_3(parent: XML.Element, place: int, variable: _Variable) -> None:
-    XML.SubElement(parent, "Float64", _attributes(place, variable) | _numbers(variable, 0))
 
 
 def _add_structure(root: XML.Element, two: bool, variables: list[_Variable]) -> None:

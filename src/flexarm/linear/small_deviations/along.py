@@ -175,7 +175,10 @@ class Separation:
         """Return the samples as an ``xarray.Dataset`` labelled with states and inputs."""
         import xarray as xr
 
-        q, tau = [f"q[{i}]" for i in self.kept], self._torque_names()
+        q, tau = (
+            [f"q[{i}]" for i in self.kept],
+            [f"torque_{number}" for number in self.arm.joint_numbers],
+        )
         states = [f"d{name}" for name in q] + [f"d{name}/dt" for name in q]
         ref, dev = self.reference, self.deviation
         pairs, whole = ("time", "coordinate", "coordinate_too"), ("time", "arm_coordinate")
@@ -220,9 +223,6 @@ class Separation:
         content = BytesIO()
         np.savez_compressed(content, **arrays)
         write_whole(place, [content.getvalue()])
-
-    def _torque_names(self) -> list[str]:
-        return [f"torque_{number}" for number in self.arm.joint_numbers]
 
 
 @public_call

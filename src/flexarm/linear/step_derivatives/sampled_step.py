@@ -179,7 +179,7 @@ class FreeParameters:
             raise InputError(*problems)
         self._arm, self._paths = arm, tuple(paths)
         self.values = np.array([number_at(name, arm.spec, path) for path in paths])
-        self._exact = _complex(arm.assembly.constants)
+        self._exact = ArmConstants(*(a.astype(complex) for a in arm.assembly.constants))
         self._by = [self._slope(k) for k in range(len(paths))]
         # All numbers change at once, each by another fraction, so that products are noticed.
         moved = np.where(self.values, 0.1 * self.values, _PROBE) * (1.0 + np.arange(len(paths)))
@@ -259,10 +259,6 @@ def _largest(array: FloatArray) -> FloatArray:
     """Return the largest magnitude of each column, which is one kind of number."""
     found: FloatArray = np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0)
     return found
-
-
-def _complex(constants: ArmConstants) -> ArmConstants:
-    return ArmConstants(*(array.astype(complex) for array in constants))
 
 
 #: Largest product of step and fastest rate. The classical Runge-Kutta method changes the frequency

@@ -70,7 +70,9 @@ def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike 
     """Return joint angles (n,) of a rigid chain for a point (2,); see `inverse_kinematics`."""
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
-        return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
+        angles = built_posture(lengths, target, elbow) - chain.offset
+        inside = np.abs(angles) <= np.pi
+        return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
     seed = check_posture("posture", posture, len(lengths))
     if len(lengths) < 3:
         rule = "is not supported for an arm of one or two links"
@@ -78,7 +80,8 @@ def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike 
         raise InputError(Problem("posture", rule, hint=hint))
     bars = seed + chain.offset
     built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
-    starts = [angles + _full_turns(bars - angles) for angles in built]
+    full = 2.0 * np.pi
+    starts = [angles + full * np.round((bars - angles) / full) for angles in built]
     if _on_boundary(lengths, target):
         # The only posture is straight or folded, and a search would converge slowly to it.
         return starts[0] - chain.offset
@@ -167,17 +170,6 @@ def _on_boundary(lengths: Floats, point: Floats) -> bool:
     distance = float(np.hypot(*point))
     slack = REACH_TOLERANCE * outer
     return distance > outer - slack or (inner > 0.0 and distance < inner + slack)
-
-
-def _wrapped(angles: Floats) -> Floats:
-    """Return the angles in [-pi, pi]; those already in this interval are returned unchanged."""
-    inside = np.abs(angles) <= np.pi
-    return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
-
-
-def _full_turns(angles: Floats) -> Floats:
-    """Return the angles rounded to full turns."""
-    return 2.0 * np.pi * np.round(angles / (2.0 * np.pi))
 
 
 _POINT_TOLERANCE = 1e-13

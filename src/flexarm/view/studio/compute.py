@@ -98,7 +98,8 @@ def _part(request: Request) -> Part:
     prepared, plant = _prepared(project)
     if request.purpose == "margins":
         return _margins(prepared, plant)
-    result = _run(project, prepared, plant)
+    own = project.plant or PlantSpec()
+    result = prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
     if request.purpose == "report":
         return Report(report(result, title=project.name, rigid=True))
     return _picture(prepared, plant, result, began)
@@ -110,11 +111,6 @@ def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
     prepared = prepare(project.scenario)
     arm = project.simulated_arm
     return prepared, None if arm == project.scenario.arm else Arm(arm)
-
-
-def _run(project: Project, prepared: Prepared, plant: Arm | None) -> xr.Dataset:
-    own = project.plant or PlantSpec()
-    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
 
 
 def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
@@ -168,12 +164,8 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
         factor * table[f"worst_{name}"].values for name, factor in zip(names, factors, strict=True)
     ]
     rows = tuple(
-        (f"joint {joint}", *(_number(value) for value in row))
+        (f"joint {joint}", *(f"{value:.3g}" if np.isfinite(value) else "∞" for value in row))
         for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
     )
     unstable = float(table["growth"].max()) > 0.0
     return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}" if np.isfinite(value) else "∞"

@@ -113,16 +113,15 @@ def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Hist
     return Histories(
         duration=case.duration,
         time=case.flexible["time"].values,
-        runs={model: _taken(getattr(case, model)) for model in models},
+        runs={
+            model: {name: getattr(case, model)[name].values for name in _CHANNELS}
+            for model in models
+        },
         postures={
             "flexible": _postures(case.arm, case.flexible, case.duration),
             "rigid": _postures(case.rigid_counterpart, case.rigid, case.duration),
         },
     )
-
-
-def _taken(result: xr.Dataset) -> dict[str, FloatArray]:
-    return {name: result[name].values for name in _CHANNELS}
 
 
 def _postures(arm: Arm, result: xr.Dataset, duration: float) -> FloatArray:

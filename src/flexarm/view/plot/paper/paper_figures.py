@@ -54,20 +54,6 @@ def _draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False
     _label_history(axes, title, panel.label, case)
 
 
-def _draw_from_rigid(axes: Axes, panel: Panel, case: Histories) -> None:
-    """Draw the difference of a link's angle from that of the rigid arm."""
-    difference = _values(panel, case, "flexible") - _values(panel, case, "rigid")
-    axes.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
-    _label_history(axes, "", "difference [mrad]", case)
-
-
-def _draw_tip_distance(axes: Axes, case: Histories) -> None:
-    """Draw the distance of the flexible arm's tip from the rigid arm's tip."""
-    away = case.runs["flexible"]["tip"] - case.runs["rigid"]["tip"]
-    axes.plot(case.time, 1e3 * np.linalg.norm(away, axis=1), color=INK, linewidth=1.0)
-    _label_history(axes, "Between the tips [mm]", "", case)
-
-
 def _values(panel: Panel, case: Histories, model: str) -> FloatArray:
     return panel.scale * case.runs[model][panel.channel][:, panel.link]
 
@@ -122,13 +108,6 @@ def _draw_theories(axes: Axes, case: Histories) -> None:
     _label_history(axes, "Tip deflection of link 1", "deflection [mm]", case)
 
 
-def _draw_difference(axes: Axes, case: Histories) -> None:
-    """Draw the difference of link 1's tip deflection: linear minus second-order theory."""
-    difference = _first_deflection(case, "flexible") - _first_deflection(case, "second_order")
-    axes.plot(case.time, difference, color=INK, linewidth=1.0)
-    _label_history(axes, "", "difference [mm]", case)
-
-
 def _first_deflection(case: Histories, model: str) -> FloatArray:
     """Return the tip deflection of link 1, (T,) mm."""
     return 1e3 * case.runs[model]["link_tip_deflection"][:, 0]
@@ -169,7 +148,9 @@ def _path(case: Histories) -> Sheet:
     sheet = _single(_draw_path, case, figure=3, height=4.15)
     with styled():
         inset = sheet.axes[0].inset_axes((0.56, 0.16, 0.4, 0.22))
-        _draw_tip_distance(inset, case)
+        away = case.runs["flexible"]["tip"] - case.runs["rigid"]["tip"]
+        inset.plot(case.time, 1e3 * np.linalg.norm(away, axis=1), color=INK, linewidth=1.0)
+        _label_history(inset, "Between the tips [mm]", "", case)
     return sheet
 
 
@@ -182,7 +163,9 @@ def _history(panel: Panel, case: Histories) -> Sheet:
     with styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
         _draw_history(above, panel, case)
-        _draw_from_rigid(below, panel, case)
+        difference = _values(panel, case, "flexible") - _values(panel, case, "rigid")
+        below.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
+        _label_history(below, "", "difference [mrad]", case)
         above.set(xlabel="")
         _finish(sheet, above, panel.figure)
         place_labels(above)
@@ -236,7 +219,9 @@ def theories(case: Histories) -> Sheet:
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
         margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28, hspace=0.14)
         _draw_theories(above, case)
-        _draw_difference(below, case)
+        theories = [_first_deflection(case, name) for name in ("flexible", "second_order")]
+        below.plot(case.time, theories[0] - theories[1], color=INK, linewidth=1.0)
+        _label_history(below, "", "difference [mm]", case)
         above.set(xlabel="", xlim=(0.0, 2.0 * case.duration))
         above.legend(loc="lower right", borderaxespad=1.0)
         place_labels(above)

@@ -179,7 +179,7 @@ def table_text(record: Record) -> str:
         width = max((len(each) for each in values if isinstance(each, tuple)), default=0)
         head += [f"{name}[{k}]" for k in range(width)] or [name]
         rows = [each if isinstance(each, tuple) else (each,) for each in values]
-        cells += [[_text(row[k]) for row in rows] for k in range(max(width, 1))]
+        cells += [[repr(row[k]).removesuffix(".0") for row in rows] for k in range(max(width, 1))]
     rows_text = [", ".join(row) for row in zip_longest(*cells, fillvalue="")]
     return "\n".join([", ".join(head), *rows_text])
 
@@ -204,10 +204,6 @@ def table_content(text: str, record: Record) -> dict[str, Any]:
             entries = found.get(match[1]) or [[] for _ in rows]
             found[match[1]] = [[*old, value] for old, value in zip(entries, values, strict=True)]
     return {name: values for name, values in found.items() if values is not None}
-
-
-def _text(value: float) -> str:
-    return repr(value).removesuffix(".0")
 
 
 def _value(cell: str) -> float | str:
