@@ -211,7 +211,7 @@ def _stored(found: Identification) -> xr.Dataset:
         name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
         for name, table in tables.items()
     }
-    parts = [
+    parts: list[xr.Dataset] = [
         table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
         for name, table in kept.items()
         if table.data_vars

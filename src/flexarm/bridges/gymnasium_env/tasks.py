@@ -117,7 +117,7 @@ class _LineEnv(ArmEnv):
     @property
     def times(self) -> FloatArray:
         """Sample times of an episode (ticks + 1,), s."""
-        return np.arange(self.ticks + 1) * self.plant.sample_time
+        return np.arange(self.ticks + 1, dtype=np.float64) * self.plant.sample_time
 
 
 class TrackPathEnv(_LineEnv):

@@ -63,7 +63,7 @@ def show_linear(
         save_linear(model, out)
         screen.print(f"model in {out}", soft_wrap=True)
     if plot is not None:
-        from flexarm.view.plot.response import response_figure
+        from flexarm.view.plot.vibration import response_figure
 
         write_figure(response_figure(model), plot)
         screen.print(f"responses in {plot}", soft_wrap=True)

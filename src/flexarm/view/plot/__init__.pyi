@@ -11,10 +11,10 @@ from .histories import compare as compare
 from .histories import history as history
 from .histories import phase_portrait as phase_portrait
 from .histories import signals_figure as signals_figure
-from .response import bode as bode
-from .response import response_figure as response_figure
 from .style import styled as styled
+from .vibration import bode as bode
 from .vibration import campbell as campbell
 from .vibration import modes as modes
 from .vibration import modes_figure as modes_figure
+from .vibration import response_figure as response_figure
 from .vibration import tracks_figure as tracks_figure

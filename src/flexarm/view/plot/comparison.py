@@ -14,7 +14,16 @@ from flexarm.base.arguments import check_choice, check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.simulation.calls.metrics import METRICS
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import GREY, WIDTH, AxesArray, Sheet, array_of, margins, panels, styled
+from flexarm.view.plot.style import (
+    GREY,
+    WIDTH,
+    AxesArray,
+    Sheet,
+    array_of,
+    margins,
+    page,
+    panels,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,10 +81,7 @@ def comparison_figure(table: xr.Dataset) -> Sheet:
         InputError: if the table is not one of `compare`, or has no finite number.
     """
     drawing = _Numbers(table)
-    sheet = Sheet(*drawing.size)
-    with styled():
-        drawing.draw(drawing.arrange(sheet))
-    return sheet
+    return page(drawing.size, drawing.arrange, drawing.draw, labels=False)
 
 
 class _Numbers:
@@ -120,12 +126,14 @@ class _Numbers:
             along = f" along {reference}" if len(self.references) > 1 and first else ""
             axes.set_title(title + along)
         if self.table.sizes["plant"] > 1 and isinstance(made[0].figure, Figure):
-            handles, labels = made[columns - 1].get_legend_handles_labels()
-            columns_of_legend = min(len(labels), 6)
-            corner = made[columns - 1].get_position().x1, 1.0
-            made[0].figure.legend(
-                handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=columns_of_legend
-            )
+            _add_legend(made[0].figure, made[columns - 1], 6)
+
+
+def _add_legend(figure: Figure, axes: Axes, most: int) -> None:
+    """Add a legend of some axes above them, at the right edge, in at most ``most`` columns."""
+    handles, labels = axes.get_legend_handles_labels()
+    corner, columns = (axes.get_position().x1, 1.0), min(len(labels), most)
+    figure.legend(handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=columns)
 
 
 def _scale(axes: Axes, values: FloatArray) -> None:
@@ -217,10 +225,7 @@ def samples_figure(table: xr.Dataset, metric: str = "tip_error_rms") -> Sheet:
         InputError: if the table is not one of a study with varied numbers, or has no such metric.
     """
     drawing = _Samples(table, metric)
-    sheet = Sheet(*drawing.size)
-    with styled():
-        drawing.draw(drawing.arrange(sheet))
-    return sheet
+    return page(drawing.size, drawing.arrange, drawing.draw, labels=False)
 
 
 class _Samples:
@@ -271,9 +276,4 @@ class _Samples:
                     axes.set_title(f"along {reference}")
             axes.margins(x=0.02)
         if len(pairs) > 1 and isinstance(made[0].figure, Figure):
-            handles, labels = made[columns - 1].get_legend_handles_labels()
-            corner = made[columns - 1].get_position().x1, 1.0
-            count = min(len(labels), 4)
-            made[0].figure.legend(
-                handles, labels, loc="upper right", bbox_to_anchor=corner, ncols=count
-            )
+            _add_legend(made[0].figure, made[columns - 1], 4)

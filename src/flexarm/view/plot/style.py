@@ -180,6 +180,22 @@ class Sheet(Figure):
             super().savefig(fname, format=format, **{"dpi": DPI, **options})
 
 
+def page(
+    size: tuple[float, float],
+    arrange: _Arrange,
+    draw: Callable[[Sequence[Axes]], None],
+    labels: bool = True,
+) -> Sheet:
+    """Return a sheet with arranged and drawn axes, not registered with pyplot."""
+    sheet = Sheet(*size)
+    with styled():
+        made = arrange(sheet)
+        draw(made)
+        for each in made if labels else ():
+            place_labels(each)
+    return sheet
+
+
 def margins(
     sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
 ) -> None:
