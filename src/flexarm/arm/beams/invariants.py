@@ -12,13 +12,15 @@ from flexarm.arm.beams.assembly import (
     BeamMatrices,
     beam_matrices,
     interior_shapes,
+    interior_values,
     nodal_rotations,
     nodal_shapes,
+    point_shapes,
     product_integral,
+    shear_parameters,
 )
 from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, beam_quadrature
 from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.shear import interior_values, point_shapes, shear_parameters
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.

@@ -27,8 +27,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear.vibration.modal import modes
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 from flexarm.motion.shaping import window_points
 

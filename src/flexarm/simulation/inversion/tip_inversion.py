@@ -35,8 +35,7 @@ from flexarm.base.errors import (
 from flexarm.linear import modes
 from flexarm.linear.small_deviations.collocation import stage_times, torque_response
 from flexarm.motion import Motion, rigid_torque
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.inversion.correction import (
