@@ -15,14 +15,8 @@ class Path:
     """Treatment of one channel of a record, the same for measured and simulated values.
 
     Delay and filters with ``recorded`` act on simulated values only, because the record contains
-    them. Then gaps of the record are filled by straight lines in both, so that the remaining
-    filters have the same effect on both.
-
-    Args:
-        times: (samples,) s, uniform.
-        valid: (samples,) whether the record has the sample.
-        delay: s.
-        filters: in their order.
+    them. Then gaps of the record (not ``valid``) are filled by straight lines in both, so that the
+    remaining filters have the same effect on both.
     """
 
     def __init__(

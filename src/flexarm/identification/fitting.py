@@ -35,14 +35,8 @@ Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
 class FitProblem:
     """Residuals of all records and of priors, as functions of scaled changes of the parameters.
 
-    Args:
-        known: standard deviation of the noise of channels by label, in addition to those that the
-            records give.
-
-    Attributes:
-        noise: standard deviation of each channel by its label, SI units.
-        fixed: channels whose noise is given.
-        failure: reason of the last failed run, or empty.
+    ``noise`` is the standard deviation of each channel by its label, SI units; it is given, by the
+    records or as ``known``, for those in ``fixed``. ``failure`` is that of the last failed run.
     """
 
     def __init__(

@@ -386,14 +386,7 @@ def _watch(progress: bool | None) -> Watch | None:
 
 
 class PreparedIdentification:
-    """Identification of a file, with its records read.
-
-    Args:
-        path: of the file; the paths of its records are relative to it.
-
-    Raises:
-        InputError: if the file or a record is invalid; the problems are listed with their lines.
-    """
+    """Identification of a file, with its records read; errors are listed with their lines."""
 
     def __init__(self, path: Path) -> None:
         self.study, self._where = locate_identification(path)

@@ -45,13 +45,8 @@ class PredictedRun(RecordRun):
     """Predictions of each sample of a record from the samples before.
 
     The states are [q, qd] and the offsets of channels whose mean is removed. A delayed channel is
-    compared at the time of its motion: its samples are moved by the delay.
-
-    Attributes:
-        gains: of the filter; set before ``simulate``.
-
-    Raises:
-        InputError: if the record does not fit the arm, or is not supported; lists all problems.
+    compared at the time of its motion: its samples are moved by the delay. ``gains`` of the filter
+    are set before ``simulate``.
     """
 
     #: The predicted strain contains measured strains.
@@ -224,12 +219,8 @@ _PASSES = 2
 class PredictionProblem(FitProblem):
     """Innovations of all records and of priors, as functions of scaled changes of the parameters.
 
-    Args:
-        torque_noise: (joints,) standard deviation of a random torque error in each sample, N m;
-            None to estimate it.
-
-    Attributes:
-        torque_noise: the present one.
+    ``torque_noise`` (joints,) N m is the standard deviation of a random torque error in each
+    sample; it is estimated if it is None at first.
     """
 
     runs: Sequence[PredictedRun]

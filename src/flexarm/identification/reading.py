@@ -310,13 +310,8 @@ def _read_table(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     """Return the columns of a file of measurements.
 
     An array of several columns becomes ``name[0]``, ``name[1]``, ...; the fields of structures are
-    joined by dots. A column of times of ISO 8601 becomes seconds from its first one.
-
-    Args:
-        encoding, skip: of a text file: its encoding, and the number of lines before its header.
-
-    Raises:
-        InputError: if the format is unknown, or the file cannot be read.
+    joined by dots. A column of times of ISO 8601 becomes seconds from its first one. ``skip`` is
+    the number of lines before the header of a text file.
     """
     read = _READERS.get(path.suffix.lower())
     if read is None:

@@ -67,16 +67,7 @@ class Slot:
 
 
 class Space:
-    """Vectors of parameters and their meaning.
-
-    Args:
-        arm, motors: with the values from which the estimation starts.
-        free: the parameters.
-        records: by name.
-
-    Raises:
-        InputError: if a path is not one of a number, repeats, or its start is outside its bounds.
-    """
+    """Vectors of the free parameters, from the values of the arm and motors, and their meaning."""
 
     def __init__(
         self,

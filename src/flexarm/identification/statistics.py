@@ -121,12 +121,8 @@ def cross_correlation(
 ) -> tuple[FloatArray, float]:
     """Return correlations (lags + 1,) of residuals with a signal, and their standard deviation.
 
-    Args:
-        residuals: (samples,), zero where missing.
-        valid: (samples,) whether the record has the sample.
-        signal: (samples,) of an input; at lag k that of k samples before.
-
-    The deviation is that without a relation, with the correlation over time of both.
+    The deviation is that without a relation, with the correlation over time of both. At lag k the
+    signal is that of k samples before.
     """
     residuals, signal = centred(residuals, valid), signal - signal.mean()
     size = float(np.linalg.norm(residuals) * np.linalg.norm(signal))
@@ -180,10 +176,7 @@ def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
 
 
 def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
-    """Return the covariance of the estimates.
-
-    Args:
-        priors: (parameters,) information of priors: one over their variances, or zero.
+    """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
 
     A parameter without information has an infinite variance, and a combination of others without
     information a very large one.
@@ -237,16 +230,9 @@ def undetermined(
     """Return the combinations of parameters that the data do not determine.
 
     The criterion is the relative standard deviation of ``covariance_of``, without the priors of
-    the physical parameters.
-
-    Args:
-        priors: as for ``covariance_of``; those of the physical parameters are not used.
-        scale: (parameters,) changes that count as 100 %.
-        physical: (parameters,) whether a number is a parameter, not part of an initial state.
-
-    Returns:
-        The places of the parameters of each combination, the most important one first, and the
-        relative standard deviation of the combination, at least 0.5.
+    the physical parameters; ``scale`` (parameters,) counts as 100 %, and initial states are not
+    ``physical``. A combination has the places of its parameters, the most important one first, and
+    its relative standard deviation, at least 0.5.
     """
     places = np.flatnonzero(physical)
     covariance = covariance_of(columns, np.where(physical, 0.0, priors))[np.ix_(places, places)]

@@ -32,10 +32,8 @@ _NEWTON_STEPS = 50
 class Clock:
     """Phase of a vibration whose frequency changes with time; (C.7).
 
-    Args:
-        times: (k,) s, ascending and evenly spaced, at least six; the frequency is constant before
-            and after them.
-        rates: (k,) damped angular frequencies there, rad/s.
+    ``rates`` (k,) rad/s are damped angular frequencies at evenly spaced ``times`` (k,) s, at least
+    six; the frequency is constant before and after them.
     """
 
     times: Floats

@@ -42,14 +42,8 @@ def paper_scenario(duration: float = SLOW) -> Scenario:
 class PaperCase:
     """One motion, and the response of three models of the arm to its torques.
 
-    Each model is simulated when its result is first used.
-
-    Args:
-        duration: duration of the motion and its torques, s; the runs continue after it.
-        progress: as in ``simulate``.
-
-    Attributes:
-        arm: the flexible arm in the theory of the paper. twin: its rigid model.
+    Each model is simulated when its result is first used. The runs continue after the ``duration``
+    (s) of the motion. ``arm`` is the flexible arm in the theory of the paper, ``twin`` is rigid.
     """
 
     def __init__(self, duration: float = SLOW, *, progress: bool | None = None) -> None:

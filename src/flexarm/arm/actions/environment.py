@@ -45,14 +45,9 @@ class Environment:
         base_acceleration: BaseAcceleration | None = None,
         contacts: Sequence[Contact] = (),
     ) -> Environment:
-        """Combine the arguments of a public function.
+        """Combine the arguments of a public function, after validation.
 
-        Args:
-            tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
-
-        Raises:
-            InputError: if the tip force has another shape, or ``loads`` or ``contacts`` is not a
-                list of such objects.
+        ``tip_force`` is (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
         """
         return cls(
             [*tip_load(arm, tip_force), *check_list_of("loads", loads, Load)],

@@ -77,14 +77,10 @@ def loads_inboard(
 ) -> Loads:
     """Return the placed loads that act on each body between its root and a section.
 
-    Args:
-        owners: loads of the entries of ``placed``, from ``parts_of``.
-        reach: (n,) m from the root of each body's piece to its section. A load at the same
-            position is beyond the section; at the root, where ``reach`` is zero, it is inboard.
-
-    Returns:
-        Loads in the same order, in new arrays. Those beyond the section have weight 0, also
-        contacts. The base acceleration is zero, because it is in the accelerations of the roots.
+    ``owners`` are the loads of the entries of ``placed``, ``reach`` (n,) m the distance from the
+    root of each body's piece to its section. A load at the same position is beyond the section; at
+    the root, where ``reach`` is zero, it is inboard. Loads beyond the section, and contacts, have
+    weight 0. The base acceleration is zero, because it is in the accelerations of the roots.
     """
     kept = empty_loads(arm.assembly.constants, placed.body.size)
     kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value

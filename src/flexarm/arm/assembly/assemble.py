@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.assembly.coordinates import move_root
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.parts import inverse_inertia
 from flexarm.arm.beams.properties import interpolation_error
@@ -349,3 +348,25 @@ def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
         return link.damping.mass_coefficient + link.damping.stiffness_coefficient * w2
     ratio = np.array(link.damping.ratios(w2.size))
     return np.asarray(2.0 * ratio * w2**0.5)
+
+
+def move_root(constants: ArmConstants, i: int, radius: Any) -> None:
+    """Move the root of body i outwards by a radius (m), without its length.
+
+    The changes are linear in the constants, so that they apply to derivatives of them, too.
+    """
+    move_masses(constants, i, radius)
+    inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]
+    inertia[2] += radius * (2.0 * inertia[1] + radius * inertia[0])
+    inertia[1] += radius * inertia[0]
+    tip[1] += radius * tip[0]
+    tip[3] += radius * tip[2]
+
+
+def move_masses(constants: ArmConstants, i: int, radius: Any) -> None:
+    """Move the masses of body i outwards by a radius (m), without the hub's own inertia."""
+    c = constants
+    c.inertia[i] += radius * (2.0 * c.first_moment_x[i] + radius * c.mass[i])
+    c.first_moment_x[i] += radius * c.mass[i]
+    c.a[i] += radius * c.S[i]
+    c.D1[i] += radius * c.D0[i]

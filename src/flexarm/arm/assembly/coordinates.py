@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.assembly.assemble import Assembly, FloatArray
 from flexarm.base.arguments import as_list, check_last_axes
 from flexarm.base.errors import InputError, Problem, check_array, is_count, public_call, shown
-from flexarm.kernels.layout import ArmConstants
 from flexarm.model import ArmSpec
 
 
@@ -187,25 +185,3 @@ class Coordinates:
         array = np.zeros((*torque.shape[:-1], a.bodies), dtype=torque.dtype)
         array[..., a.joint_body] = torque
         return array
-
-
-def move_masses(constants: ArmConstants, i: int, radius: Any) -> None:
-    """Move the masses of body i outwards by a radius (m), without the hub's own inertia."""
-    c = constants
-    c.inertia[i] += radius * (2.0 * c.first_moment_x[i] + radius * c.mass[i])
-    c.first_moment_x[i] += radius * c.mass[i]
-    c.a[i] += radius * c.S[i]
-    c.D1[i] += radius * c.D0[i]
-
-
-def move_root(constants: ArmConstants, i: int, radius: Any) -> None:
-    """Move the root of body i outwards by a radius (m), without its length.
-
-    The changes are linear in the constants, so that they apply to derivatives of them, too.
-    """
-    move_masses(constants, i, radius)
-    inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]
-    inertia[2] += radius * (2.0 * inertia[1] + radius * inertia[0])
-    inertia[1] += radius * inertia[0]
-    tip[1] += radius * tip[0]
-    tip[3] += radius * tip[2]

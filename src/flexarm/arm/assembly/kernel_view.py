@@ -43,14 +43,11 @@ class _Entries(dict[_Kernel, Entry]):
 
 
 class KernelView:
-    """Sizes, constants, workspace and cached entry points of one arm.
+    """Sizes, constants, workspace and cached entry points of one arm, n bodies with m modes.
 
     Allocating the workspace and determining the types of its arrays takes ten times as long as a
-    kernel, so keep a view for repeated calls. A view serves one thread.
-
-    Args:
-        constants: constants of the arm, n bodies with m modes.
-        dtype: number type of the workspace; complex for derivatives by complex perturbation.
+    kernel, so keep a view for repeated calls. A view serves one thread. The number type of the
+    workspace is complex for derivatives by complex perturbation.
 
     Attributes:
         sizes: loop lengths, as numbers at run time. constants: as given. loads: no loads, no

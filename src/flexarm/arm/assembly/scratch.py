@@ -39,14 +39,8 @@ class Pool(list[T]):
 class Scratch(KernelView):
     """View of the kernels with buffers for the three vectors of one evaluation.
 
-    Args:
-        assembly: assembly of the arm, n bodies with m modes.
-        shape: shape of the array of the third vector, (n,) or (n, 1 + m).
-        places: indices of the third vector's numbers in that array, flattened.
-
-    Attributes:
-        state: (2, n, 1 + m), coordinates and rates. third: torques (n,) or accelerations
-        (n, 1 + m).
+    ``state`` (2, n, 1 + m) are coordinates and rates, ``third`` torques (n,) or accelerations
+    (n, 1 + m); ``places`` are the indices of the third vector's numbers in its flattened array.
     """
 
     __slots__ = ("_given", "_places", "state", "third")

@@ -116,19 +116,12 @@ def nodal_shapes(
     derivative: int = 0,
     parameters: FloatArray | None = None,
 ) -> FloatArray:
-    """Evaluate the deflection shapes of all nodal coordinates at stations along the link.
+    """Evaluate the deflection shapes (k, n) of all nodal coordinates at stations (k,) m.
 
-    Args:
-        stations: (k,) distances from the root (m), 0 to `length`.
-        length: length of the link (m).
-        elements: number of elements.
-        derivative: 0 deflection v, 1 slope v', 2 curvature phi'. At element ends the curvature is
-            discontinuous, with shear also the slope: the value is that of the outboard element, at
-            the tip that of the last element.
-        parameters: (elements,) Phi_s of `shear_parameters`; None without shear.
-
-    Returns:
-        (k, n) rows that multiply nodal coordinates.
+    The derivative is 0 for the deflection v, 1 for the slope v', 2 for the curvature phi'. At
+    element ends the curvature is discontinuous, with shear also the slope: the value is that of the
+    outboard element, at the tip that of the last one. ``parameters`` (elements,) are Phi_s of
+    `shear_parameters`, None without shear.
     """
     element, xi = _places(stations, length, elements)
     angles = _angles(element, length / elements, elements, parameters)

@@ -24,15 +24,10 @@ _DERIVATIVES = tuple(polynomial.polyder(_SHAPES, order) for order in range(4))
 
 
 def shape_functions(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
-    """Evaluate the four shape functions, or one of their derivatives along the beam.
+    """Evaluate the four shape functions, or one of their derivatives by x, at xi (k,): (k, 4).
 
     The deflection inside the element is `shape_functions(xi, length) @ [v_1, phi_1, v_2, phi_2]`
-    with the deflections v (m) and slopes phi (rad) of its two ends.
-
-    Args:
-        xi: (k,) positions in the element, 0 at its inboard and 1 at its outboard end.
-        length: length of the element (m).
-        derivative: 0 deflection, 1 slope, 2 curvature, 3 derivative of curvature: d/dx, not d/dxi.
+    with the deflections v (m) and slopes phi (rad) of its two ends, at xi = 0 and 1.
     """
     powers = xi[:, None] ** np.arange(4 - derivative)
     unit = np.array([1.0, length, 1.0, length]) / length**derivative

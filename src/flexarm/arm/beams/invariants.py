@@ -325,11 +325,7 @@ _DIAGONALITY = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class BeamBasis:
-    """Mass-normalised shapes Phi of one link: nodal coordinates are `basis @ eta`.
-
-    Raises:
-        InputError: if `projector @ basis` is not the identity.
-    """
+    """Mass-normalised shapes Phi of one link: nodal coordinates are `basis @ eta`."""
 
     #: (n, m) with n = 2 * elements: column j contains shape j at the nodes (m and rad per unit of
     #: eta_j, which is in sqrt(kg) m)
@@ -452,20 +448,15 @@ def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
-    """Compute the matrix F that transforms strain coordinates z to nodal coordinates.
+    """Compute the matrix F (n, n) that transforms strain coordinates z to nodal coordinates.
 
     In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
     `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
     the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
     With shear the angle, quadratic in each element, adds its flexibility; (B.32). These are the
-    static shapes, including the interior shapes: the response to loads at nodes.
-
-    Returns:
-        (n, n) F, with n = 2 * elements; rows `[v_2, phi_2 h, v_3, phi_3 h, ...]`: rotations
-        times the element length (m), so that all rows have the unit of length.
-
-    Raises:
-        numpy.linalg.LinAlgError: if the bending stiffness of an element is not positive.
+    static shapes, including the interior shapes: the response to loads at nodes. Rows are
+    `[v_2, phi_2 h, v_3, phi_3 h, ...]`, so that all have the unit of length. LinAlgError if the
+    bending stiffness of an element is not positive.
     """
     h, elements = quadrature.element_length, quadrature.elements
     linear = np.sqrt(3.0) * (2.0 * quadrature.xi - 1.0)

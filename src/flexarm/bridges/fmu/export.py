@@ -466,10 +466,6 @@ class _Variable:
 class _Variables:
     """All variables of the FMU of an arm, and the places of the groups.
 
-    Args:
-        export: arm and controller.
-        q, qd: (dof,) initial state.
-
     Attributes:
         all: the variables, by value reference.
         places: first value reference by argument of the C functions, such as "q" or "torque".

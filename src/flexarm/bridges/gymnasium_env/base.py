@@ -72,12 +72,6 @@ class Observation:
 
     A joint angle appears as cosine and sine, because angles that differ by a full turn are the same
     posture. Strains are in units of 1e-3, so that the components have similar magnitudes.
-
-    Args:
-        arm: arm whose lengths limit positions.
-        instruments: instruments of the measurements.
-        example: a measurement of these instruments.
-        task: components of the task.
     """
 
     def __init__(

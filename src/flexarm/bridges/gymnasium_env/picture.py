@@ -31,11 +31,7 @@ def scene_of(table: FloatArray, tick: int) -> Scene:
 
 
 class Picture:
-    """Square picture around the base, reused for all frames.
-
-    Args:
-        reach: m, length of the straight arm.
-    """
+    """Square picture around the base, reused for all frames."""
 
     def __init__(self, reach: float) -> None:
         size = _PIXELS / _DPI

@@ -32,20 +32,9 @@ _MOST_LISTED = 12
 
 
 class ParametricArm:
-    """Arm whose constants are functions of parameters.
+    """Arm whose constants are functions of parameters, with prescribed joints by number.
 
-    Args:
-        arm: the arm.
-        paths: of the parameters.
-        prescribed: numbers of the joints with prescribed accelerations.
-
-    Attributes:
-        paths: as given.
-        nominal: (k,) values of the parameters in the arm.
-
-    Raises:
-        InputError: if a path is not that of a number, is repeated, or has no exact formula; or
-            if a joint does not exist or is fixed.
+    ``nominal`` (k,) are the values of the parameters in the arm. A path must have an exact formula.
     """
 
     def __init__(self, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]) -> None:

@@ -99,15 +99,12 @@ def torque_response(
 ) -> FloatArray:
     """Return the change of outputs per unit of each torque shape, (T, r, shapes, joints).
 
-    Args:
-        times: (T,) s, evenly spaced. q, qd: (T, dof), a run of the arm at these times.
-        shapes: (T - 1, 3, s) torque shapes at the stages of each step, N m, the same for each
-            joint.
-        rows: (T, r, dof) derivatives of the outputs by q.
-
-    Gauss collocation of the equations linearised along the run, (D.3), with the matrices at the
-    middle of each step. This is of high order for the vibrations and of order two for the change of
-    posture, which is sufficient for an iteration that evaluates its error with the full model.
+    ``shapes`` (T - 1, 3, s) N m are torques at the stages of each step, the same for each joint;
+    ``rows`` (T, r, dof) are derivatives of the outputs by q; q, qd (T, dof) are a run of the arm at
+    evenly spaced times (T,) s. Gauss collocation of the equations linearised along the run, (D.3),
+    with the matrices at the middle of each step. This is of high order for the vibrations and of
+    order two for the change of posture, which is sufficient for an iteration that evaluates its
+    error with the full model.
     """
     h = float(times[1] - times[0])
     count, dof = q.shape
@@ -127,15 +124,11 @@ def torque_response(
 def held_step_maps(
     arm: Arm, step: float, q: FloatArray, qd: FloatArray
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Yield the linear maps of the steps of a run under zero-order-hold torques, in chunks.
+    """Yield linear maps of the steps of a run q, qd (T, dof) under zero-order-hold torques.
 
-    Args:
-        step: s. q, qd: (T, dof), a run of the arm at evenly spaced times.
-
-    Yields:
-        Number of the first step of the chunk, and the derivatives of the state [q, qd] after each
-        step by that before it (N, 2 dof, 2 dof) and by its torque (N, 2 dof, joints), with the
-        accuracy of `torque_response`.
+    Each chunk has the number of its first step, and the derivatives of the state [q, qd] after each
+    step by that before it (N, 2 dof, 2 dof) and by its torque (N, 2 dof, joints), with the accuracy
+    of `torque_response`.
     """
     count = len(q)
     for first in range(0, count - 1, _CHUNK):

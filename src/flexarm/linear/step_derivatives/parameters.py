@@ -14,8 +14,12 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.assemble import Piece, constants_of_links, place_joints_and_payload
-from flexarm.arm.assembly.coordinates import move_root
+from flexarm.arm.assembly.assemble import (
+    Piece,
+    constants_of_links,
+    move_root,
+    place_joints_and_payload,
+)
 from flexarm.arm.stations import place_gauges
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels.layout import ArmConstants, Array

@@ -44,13 +44,8 @@ class SampledStep:
     """Steps of an arm over a sample time under a zero-order-hold torque, with free parameters.
 
     The steps are those of ``step_jacobian`` with the method "rk4". Their number follows from the
-    fastest mode of the arm. They are compiled as a whole, for filters that step at every sample.
-
-    Args:
-        arm: the arm.
-        sample_time: s.
-        parameters: paths that ``FreeParameters`` accepts, at least one.
-        reach: largest product of step and fastest rate.
+    fastest mode of the arm and ``reach``, the largest product of step and fastest rate. They are
+    compiled as a whole, for filters that step at every sample. ``parameters`` is not empty.
     """
 
     def __init__(
@@ -160,17 +155,9 @@ _SAME = 1e-7
 class FreeParameters:
     """Constants of an arm for changed values of some of its numbers, with exact derivatives.
 
-    Args:
-        arm: the arm.
-        paths: numbers of joints, payload, gravity, damping, and rigidities of whole links.
-        name: name of the argument, for messages.
-
-    Attributes:
-        values: of the arm (p,).
-
-    Raises:
-        InputError: if a path is not that of a number, or the number changes mode shapes, points or
-            coordinates of the arm.
+    The ``paths`` are those of numbers of joints, payload, gravity, damping, and rigidities of whole
+    links, whose ``values`` (p,) are those of the arm. A number that changes mode shapes, points or
+    coordinates is refused. ``name`` is that of the argument in messages.
     """
 
     def __init__(self, arm: Arm, paths: Sequence[str], name: str = "parameters") -> None:

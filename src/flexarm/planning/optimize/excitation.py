@@ -165,12 +165,7 @@ def _chosen(full: Multisine, lines: int) -> Multisine:
 
 
 class _Experiment:
-    """Experiments with multisines of the same lines: limits and information.
-
-    Attributes:
-        first: multisine with unit amplitudes.
-        evaluations: number of simulated experiments.
-    """
+    """Experiments with multisines of the same lines, the ``first`` with unit amplitudes."""
 
     def __init__(
         self,

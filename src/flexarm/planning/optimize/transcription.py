@@ -68,13 +68,9 @@ class _Sizes(NamedTuple):
 
 
 class Transcription:
-    """The nonlinear program of one problem.
+    """The nonlinear program of one problem, with intervals and sizes of the first guess.
 
-    Args:
-        task: the problem.
-        guess: first guess, which gives the number of intervals and the sizes.
-        iterations: largest number of iterations of IPOPT.
-        near: whether guesses are near a solution, so that the solver stays near them.
+    If guesses are ``near`` a solution, the solver stays near them.
     """
 
     def __init__(self, task: Task, guess: Plan, iterations: int, near: bool) -> None:

@@ -270,15 +270,9 @@ class Assessed(NamedTuple):
 
 
 class Loops:
-    """Loops of drives with the plants of a study, at the start and at the end of its motion.
+    """Loops of drives with the plants of a study, in ``postures`` (k, joints) rad of its motion.
 
-    Args:
-        content: the keys of the study.
-        plants: the simulated arms by name.
-        postures: (k, joints) rad.
-
-    Attributes:
-        error: text of the last error of a design; empty without one.
+    ``error`` is the text of the last error of a design, or empty.
     """
 
     def __init__(

@@ -147,14 +147,10 @@ def _styled(medium: str | None) -> Iterator[None]:
 
 
 class Sheet(Figure):
-    """Figure in the style of this package, on screen and in files.
+    """Figure of ``width`` and ``height`` in inches in the style of this package, also in files.
 
     The style is applied several times, because Matplotlib reads some settings when a figure is
     created and others when it is drawn or saved.
-
-    Args:
-        width, height: inches.
-        options: of ``Figure``.
     """
 
     def __init__(self, width: float, height: float, **options: Any) -> None:

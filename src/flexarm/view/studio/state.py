@@ -82,9 +82,6 @@ class Project:
 
         This is the override of ``flexarm run --set``, with its messages. Paths that end with a word
         of `flexarm.view.studio.values.edits` are other edits, such as a new entry of a list.
-
-        Raises:
-            InputError: if the value is not valid there.
         """
         place = self.placed(path)
         values: Sequence[Any] = (value,)

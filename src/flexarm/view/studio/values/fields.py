@@ -34,13 +34,10 @@ from flexarm.view.studio.values.edits import (
     TABLE,
     WAY,
     WAYS,
-    Form,
-    Forms,
-    field_forms,
-    kind_of,
     table_text,
     way_of,
 )
+from flexarm.view.studio.values.forms import Form, Forms, field_forms, kind_of
 
 #: Keys outside "More values"; of other records those that have a default.
 _USUAL: dict[type[Record], tuple[str, ...]] = {

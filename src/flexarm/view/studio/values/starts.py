@@ -34,7 +34,7 @@ from flexarm.model.scenarios.prescribed import FollowingJoint, HeldJoint, Tabula
 from flexarm.model.scenarios.shaping import SmoothingSpec
 from flexarm.model.wording import Path
 from flexarm.motion import Motion, rigid_torque
-from flexarm.view.studio.values.edits import Form, Forms, forms_of, kind_of
+from flexarm.view.studio.values.forms import Form, Forms, forms_of, kind_of
 
 _DURATION, _ANGLE = 2.0, 0.5
 
