@@ -1,4 +1,4 @@
-"""Assessment of a fit: deviations, combinations without effect, fit and tests of each channel."""
+"""Assessment of a fit, and of planned experiments: deviations, directions without effect."""
 
 from __future__ import annotations
 

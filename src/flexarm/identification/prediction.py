@@ -1,4 +1,8 @@
-"""One record along an extended Kalman filter: predictions with given gains, and linearisation."""
+"""Fit of parameters by prediction errors, through extended Kalman filters along records.
+
+Innovation form: Ljung, *System Identification*, 2nd ed., 1999, section 7.4. Likelihood of the
+intensities of noise: Kristensen, Madsen and Jorgensen, Automatica 40 (2004) 225.
+"""
 
 from __future__ import annotations
 
@@ -218,6 +222,11 @@ _PASSES = 2
 
 class PredictionProblem(FitProblem):
     """Innovations of all records and of priors, as functions of scaled changes of the parameters.
+
+    The parameters and the intensities of the noise are estimated alternately. With the gains of the
+    filter along the record, the innovations are a least-squares problem of the parameters, as for
+    an observer (innovation form). Along the filtered trajectory, the intensities have the largest
+    likelihood. Without process noise the gains are zero: this is output error.
 
     ``torque_noise`` (joints,) N m is the standard deviation of a random torque error in each
     sample; it is estimated if it is None at first.

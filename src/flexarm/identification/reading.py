@@ -1,4 +1,4 @@
-"""Reading of measured records: channel map, units, gaps and resampling."""
+"""Reading of measured records: tables in files, channel map, units, gaps and resampling."""
 
 from __future__ import annotations
 

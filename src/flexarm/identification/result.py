@@ -1,4 +1,4 @@
-"""Result of an identification: estimates, their uncertainty, fit, tests, and the arm."""
+"""Result of an identification: estimates, their uncertainty, fit, tests; its dataset."""
 
 from __future__ import annotations
 

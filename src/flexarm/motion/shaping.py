@@ -1,7 +1,7 @@
-"""Input shaping: a motion as a sum of delayed copies of another one that cancels a vibration.
+"""Motions made of another one: sums of delayed copies that cancel a vibration, averages.
 
 Delays are measured in the phase of the vibration, whose frequency may change: theory page
-"position control", (C.7) and (C.8).
+"position control", (C.7) and (C.8). Averages over a window of the past: (C.9) and (C.10).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The place of contacts in the kernels' arrays."""
+"""The place of contacts in the kernels' arrays, and the geometry of their surfaces."""
 
 from __future__ import annotations
 

@@ -353,7 +353,10 @@ def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
 def move_root(constants: ArmConstants, i: int, radius: Any) -> None:
     """Move the root of body i outwards by a radius (m), without its length.
 
-    The changes are linear in the constants, so that they apply to derivatives of them, too.
+    Beams have their constants about their root. A rigid, massless hub in line with the root tangent
+    adds its radius to every distance from the joint. The modes do not change, so no kernel knows
+    the hub; theory page "link", (L.50). The changes are linear in the constants, so that they apply
+    to derivatives of them, too.
     """
     move_masses(constants, i, radius)
     inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]

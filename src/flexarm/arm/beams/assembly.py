@@ -3,8 +3,17 @@
 Nodal coordinates are `[v_2, phi_2, ..., v_{N+1}, phi_{N+1}]`, deflection (m) and rotation of the
 section (rad) at the free nodes of N elements; the zero pair of the clamped root is omitted. N(x)
 are the shapes of the deflection, N_phi(x) those of the rotation: N' for an Euler-Bernoulli beam.
-With shear, three interior values of each element follow; ``beams.interior`` expresses them by the
-nodal ones.
+
+With shear, the deflection v remains the cubic Hermite polynomial, with end slopes that are the
+rotations phi of the end sections plus the angle between the sections and the normals of the axis.
+Balance of moments inside the element makes this angle linear in the nodal coordinates; theory page
+"beams", section 9. These shapes are exact only under loads at nodes. Three interior shapes of each
+element, zero at its ends, represent loads inside it; `interior_values` expresses their values by
+the nodal ones.
+
+Reference:
+    Z. Friedman and J. B. Kosmatka, "An improved two-node Timoshenko beam finite element",
+    Computers & Structures 47(3), 1993, 473-481.
 """
 
 from __future__ import annotations
@@ -314,7 +323,18 @@ class _Interior:
 def interior_values(
     table: BeamTable, quadrature: BeamQuadrature, shapes: _PointShapes, stiffness: FloatArray
 ) -> _Interior:
-    """Compute the interior values of a link from K (n + k, n + k), also over interior values."""
+    """Compute the interior values of a link from K (n + k, n + k), also over interior values.
+
+    The two-node element is exact under loads at its nodes, but inertia also loads the link between
+    them. Without the shear strain of these loads, frequencies converge as h^2 if shear dominates.
+    Three interior values of each element, v cubic and phi quadratic with zero ends, represent it.
+    They are not coordinates, because they would add frequencies near the cut-off sqrt(kGA/rho I),
+    which limits the step of every integrator. They are functions of the nodal values d,
+    b = S d + T p(d) with S = -K_bb^-1 K_bn and T = K_bb^-1 F: the static response to the nodal
+    values, and to the inertia F p of the mean acceleration p of each element. p follows from the
+    forces K d at the inner nodes, which are inertia forces in a vibration. Loads at the tip cause
+    no forces there, so the static response to them stays exact. Theory page "beams", section 9.
+    """
     n = 2 * quadrature.elements
     if table.shear_rigidity is None:
         return _Interior(np.zeros((0, n)), np.zeros((0, n)))

@@ -1,4 +1,4 @@
-"""Cubic Hermite shape functions of one beam element."""
+"""Cubic Hermite shape functions of one beam element, and Gauss quadrature along a link."""
 
 from __future__ import annotations
 

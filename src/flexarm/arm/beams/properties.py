@@ -1,4 +1,4 @@
-"""Section properties along a link: tables of stiffness and inertia."""
+"""Section properties along a link: tables of stiffness and inertia, and their interpolation."""
 
 from __future__ import annotations
 

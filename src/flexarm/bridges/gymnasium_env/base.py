@@ -1,4 +1,4 @@
-"""Base class of the environments: one step is one sample time of the arm."""
+"""Base class of the environments: one step is one sample time; its observation vector."""
 
 from __future__ import annotations
 

@@ -181,7 +181,12 @@ EXPRESSIONS = {
 
 
 def statements(function: casadi.Function) -> Iterator[str]:
-    """Yield the statements that compute the outputs, columns that exist, from the inputs."""
+    """Yield the statements that compute the outputs, columns that exist, from the inputs.
+
+    CasADi has no generator for MATLAB code. Its functions of type SX are lists of elementary
+    operations on a work vector, which are written here one by one. The entries of the work vector
+    are variables, and the operators act on rows: a call evaluates many columns at once.
+    """
     import casadi
 
     expressions = {getattr(casadi, f"OP_{name}"): text for name, text in EXPRESSIONS.items()}

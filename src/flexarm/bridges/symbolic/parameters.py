@@ -1,7 +1,7 @@
 """Constants of an arm as functions of parameters, which are identified by paths in its file.
 
-The formulas are those of `formulas`. A number of a link that changes the mode shapes has none and
-is rejected.
+The formulas are those of `constants_at`. A number of a link that changes the mode shapes has none
+and is rejected.
 
 Each formula is verified numerically: the parameter is multiplied by four, and the constants from
 the formula are compared with those of an arm with the changed number.

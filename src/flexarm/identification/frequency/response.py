@@ -1,4 +1,9 @@
-"""Frequency responses of measured records: ``flexarm.frequency_response``."""
+"""Frequency responses of measured records: ``flexarm.frequency_response``.
+
+Spectra: Bendat and Piersol, *Random Data*, 4th ed., 2010, chapters 6, 7 and 9; Pintelon and
+Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2012, chapters 2 and 3;
+for segments that overlap Harris, Proceedings of the IEEE 66 (1978) 51.
+"""
 
 from __future__ import annotations
 

@@ -200,13 +200,14 @@ def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.compl
 def _transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) -> Any:
     """Return the transmission zeros of one input and one output (zeros,), complex, 1/s.
 
-    In ascending magnitude. A zero is an s for which a state x and an input u other than zero exist
-    with s x = A x + b u and c x + d u = 0. Without feedthrough the pencil of these equations has
-    eigenvalues at infinity whose rounding errors affect the finite ones, so they are removed
-    beforehand. For a velocity (c b not zero), x is in the null space of c; for a position, it is in
-    that of c and c A. Only the equations orthogonal to b, and for a position to c, are independent
-    of these constraints. The states are scaled first, because coordinates and their rates differ by
-    a factor of the highest frequency, 1e5 on a fine mesh.
+    In ascending magnitude, from the matrices, because the coefficients of the polynomials of a
+    transfer function lose all digits with twenty states. A zero is an s for which a state x and an
+    input u other than zero exist with s x = A x + b u and c x + d u = 0. Without feedthrough the
+    pencil of these equations has eigenvalues at infinity whose rounding errors affect the finite
+    ones, so they are removed beforehand. For a velocity (c b not zero), x is in the null space of
+    c; for a position, it is in that of c and c A. Only the equations orthogonal to b, and for a
+    position to c, are independent of these constraints. The states are scaled first, because
+    coordinates and their rates differ by a factor of the highest frequency, 1e5 on a fine mesh.
 
     Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems,
     Automatica 18 (1982) 415-430, for the pencil and for the deflation of infinite zeros.

@@ -301,7 +301,11 @@ _DIGITS = 1e-10
 
 
 class SmoothMatrices:
-    """M, D, K (T, k, k) and r (T, k) of a separation at any times, from Chebyshev series."""
+    """M, D, K (T, k, k) and r (T, k) of a separation at any times, from Chebyshev series.
+
+    They are analytic functions of time between two breaks of the motion, so a few dozen evaluations
+    of the kernels give them with an error close to rounding.
+    """
 
     def __init__(self, model: Separation) -> None:
         self._model = model

@@ -178,7 +178,11 @@ def solve_deviations(
     dqd: FloatArray,
     added: FloatArray | None = None,
 ) -> DeviationPath:
-    """Integrate deviations over steps between edges (N + 1,) s, with ``added`` forces (N, 3, k)."""
+    """Integrate deviations over steps between edges (N + 1,) s, with ``added`` forces (N, 3, k).
+
+    The equations are linear, so each step is a linear map from its start to its end, computed for
+    many steps at once. Unresolved modes conserve their energy: (D.6).
+    """
     k, parts = dq.size, []
     for first in range(0, len(edges) - 1, _CHUNK):
         chunk = edges[first : first + _CHUNK + 1]

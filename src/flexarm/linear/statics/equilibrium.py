@@ -320,7 +320,14 @@ _SOFTEST = 1e-12
 def _descent_step(
     K: FloatArray, M: FloatArray, force: FloatArray, size: float
 ) -> tuple[FloatArray, bool]:
-    """Return the descent step (k,), at most ``size`` without stiffness, and whether K > 0."""
+    """Return the descent step (k,), at most ``size`` without stiffness, and whether K > 0.
+
+    Newton's method solves K dx = -g whatever the signs of the eigenvalues of the stiffness K, so a
+    column that is bent the wrong way returns to the straight, unstable equilibrium. With the
+    absolute values of the eigenvalues every step decreases the potential, and near a stable
+    equilibrium it is the Newton step (Dauphin et al., Advances in Neural Information Processing
+    Systems 27 (2014) 2933-2941, "saddle-free Newton").
+    """
     from scipy.linalg import eigh
 
     values, vectors = eigh((K + K.T) / 2.0, M)

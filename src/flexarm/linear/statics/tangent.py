@@ -1,4 +1,4 @@
-"""Mass, damping and stiffness matrices of small deviations; theory "small motion", (S.2)."""
+"""Matrices of small deviations, theory "small motion", (S.2), and shapes of steady rotation."""
 
 from __future__ import annotations
 

@@ -140,7 +140,13 @@ def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:
 def constants_at(
     arm: Arm, values: Mapping[str, Any], dtype: Any = object
 ) -> tuple[ArmConstants, Array]:
-    """Return the constants and the rows of gauges (gauges, m) for numbers or symbols by path."""
+    """Return the constants and the rows of gauges (gauges, m) for numbers or symbols by path.
+
+    Numbers of joints, payload, gravity, gauges and damping enter the constants through the formulas
+    of ``assemble``. Numbers of a link enter through its modes: if a number scales the link's
+    rigidity, mass or length as a whole, the mode shapes do not change. There is no formula for any
+    other number of a link.
+    """
     spec, assembly = arm.spec, arm.assembly
     for path, value in values.items():
         spec = with_number(spec, path, value, checked=False)

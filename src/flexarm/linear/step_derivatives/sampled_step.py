@@ -1,4 +1,4 @@
-"""Nonlinear step of an arm over one sample time, and its exact derivatives."""
+"""Nonlinear steps of an arm over sample times, and their exact derivatives."""
 
 from __future__ import annotations
 

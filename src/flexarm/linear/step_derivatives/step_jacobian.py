@@ -1,4 +1,4 @@
-"""Exact Jacobians of one integrator step, for optimisers."""
+"""Exact Jacobians of one integrator step, by the kernels of ``simulate``, for optimisers."""
 
 from __future__ import annotations
 

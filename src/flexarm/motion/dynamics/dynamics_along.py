@@ -1,4 +1,4 @@
-"""Inverse dynamics and tip motion along a motion of all coordinates, with exact derivatives."""
+"""Dynamics and tip along a motion, rigid torques, and constraints that keep the tip on a path."""
 
 from __future__ import annotations
 
@@ -128,11 +128,11 @@ _SMALLEST = 1e-3
 
 
 class TipConstraint:
-    """Constraints on the tip and the joints of an arm that follows a rigid motion.
+    """Constraints on the tip and the joints of an arm that follows a rigid motion; (D.9).
 
     Two joints: the tip coincides with that of the rigid arm. More joints: it does, and all joints
     except the two that move the tip best follow the rigid motion. One joint: the direction of the
-    tip from the joint is that of the rigid arm.
+    tip from the joint is that of the rigid arm. There are as many constraints as joints.
     """
 
     def __init__(self, arm: Arm, motion: Motion) -> None:

@@ -3,6 +3,16 @@
 Links with fixed joints between them form one bar, from the root of the first to the next joint that
 turns or to the tip. Its length is the sum of theirs if they are in line. Otherwise it is the
 straight line between both ends, at an angle to the root tangent.
+
+The functions of the tip accept leading axes, so that one call evaluates a whole motion:
+
+| symbol | meaning | shape | unit | frame |
+| --- | --- | --- | --- | --- |
+| lengths | L_i, link lengths | (n,) | m | |
+| angles | theta_i, relative joint angles | (..., n) | rad | joint 1 from world x |
+| psi_i | theta_1 + ... + theta_i | (..., n) | rad | world |
+| tip | sum of L_i (cos psi_i, sin psi_i) | (..., 2) | m | world |
+| J | d tip / d theta | (..., 2, n) | m | world |
 """
 
 from __future__ import annotations

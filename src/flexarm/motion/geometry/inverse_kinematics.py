@@ -198,6 +198,12 @@ def nearest_posture(
 
     The nearest of the minima found by descents from the posture and from ``starts``, postures
     (n,) with the tip at the point (2,) m from the base.
+
+    It minimises |q - q0|^2 / 2 subject to tip(q) = p. At a solution q - q0 = J^T mu. With a basis Z
+    of the null space of J, Newton's step in the postures with the tip at the point is Z y with
+    (Z^T H Z) y = -Z^T (q - q0) and H = 1 - mu . d2tip/dq2, after which damped least squares return
+    the tip to the point. J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., Springer
+    2006, sections 15.3 and 18.1.
     """
     pulled, miss = damped_least_squares(lengths, point, posture)
     arrived = miss <= _ARRIVED * float(np.sum(lengths))

@@ -1,4 +1,23 @@
-"""Motions of the tip along a path, validated over the whole path in advance."""
+"""Motions of the tip along a path p(s), validated over the whole path in advance.
+
+Two links have a closed-form solution. For longer, redundant arms the path solves
+
+    dq/ds = J^+(q) p',    p' = dp/ds,
+
+the least-norm rates (with the pseudo-inverse of the tip Jacobian J). It is integrated once, and
+Newton steps correct its tip position at each evaluation. Both compute derivatives from the posture,
+so tip and joints agree to rounding:
+
+    dq/ds   = J^+ p'
+    d2q/ds2 = J^+ (p'' - J' dq/ds) + (I - J^+ J) J'^T J^+^T dq/ds,    J' = dJ/ds
+
+The last term is the part of dJ^+/ds in the null space of J. Without it, J^+ (p'' - J' q') would not
+be the derivative of the least-norm rate. It vanishes for two links.
+
+References:
+    G. H. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432, for the derivative of J^+.
+    D. E. Whitney, IEEE Trans. Man-Mach. Syst. 10 (1969) 47-53, for resolved rates.
+"""
 
 from __future__ import annotations
 

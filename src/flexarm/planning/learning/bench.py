@@ -1,4 +1,4 @@
-"""Trials of a motion that is learned, by simulation or on a bench."""
+"""Trials of a motion that is learned, by simulation or on a bench, and their lifted model."""
 
 from __future__ import annotations
 
@@ -261,11 +261,11 @@ def check_linear(controller: Controller, arm: Arm, reference: Reference) -> tupl
 def _lifted_model(
     arm: Arm, controller: Controller, reference: Reference, trial: xr.Dataset, window: Window
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of tip and joint angles at the ends of the intervals.
+    """Return the derivatives of tip and joint angles at the ends of intervals; (C.100), (C.101).
 
-    ``trial`` is a result at the sample times of the controller. The derivatives of the tip
-    (N, 2, N, joints) m and of the angles (N, joints, N, joints) rad are by the torque added in
-    each interval, N m.
+    The closed loop is linearised along ``trial``, a result at the sample times of the controller.
+    The derivatives of the tip (N, 2, N, joints) m and of the angles (N, joints, N, joints) rad are
+    by the torque added in each interval, N m.
     """
     names = check_linear(controller, arm, reference)
     count, steps = window.intervals, window.intervals * window.stride

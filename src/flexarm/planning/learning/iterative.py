@@ -1,4 +1,7 @@
-"""Iterative learning control: ``flexarm.iterative_learning``."""
+"""Iterative learning control: ``flexarm.iterative_learning``.
+
+Laws of learning: theory page "control-learning", (C.102) to (C.106).
+"""
 
 from __future__ import annotations
 

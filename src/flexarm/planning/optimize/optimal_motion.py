@@ -272,7 +272,13 @@ class _End(NamedTuple):
 
 
 def _corrected(task: Task, plan: Plan) -> Plan:
-    """Return a plan that ends at rest in the simulation; the same one if there is none."""
+    """Return a plan that ends at rest in the simulation; the same one if there is none.
+
+    Modes that vibrate faster than the intervals resolve have other phases in the simulation than in
+    the collocation, and joints without inertia of their own follow these modes. Newton's method on
+    the simulation finds the least change of the torques after which the arm is at rest: its
+    Jacobian is that of the steps of the integrator, `goal_gradient`.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the last run matters

@@ -1,4 +1,4 @@
-"""An optimal motion with its torque, and the error of a search without one."""
+"""An optimal motion with its torque, and the errors that remain in the full model."""
 
 from __future__ import annotations
 

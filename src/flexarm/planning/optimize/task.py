@@ -1,4 +1,4 @@
-"""The problem of an optimal motion: arm, rest at both ends, objective, limits."""
+"""The problem of an optimal motion: arm, rest at both ends, objective, limits; its plans."""
 
 from __future__ import annotations
 
@@ -181,7 +181,11 @@ STAGES = len(GAUSS.c)
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion over N intervals."""
+    """A motion over N intervals of equal length.
+
+    Time is a fraction s = t / T of the duration T, so that the duration is one variable of the
+    search among others: rates are dq/ds, accelerations d2q/ds2.
+    """
 
     duration: float  # T, s
     q: FloatArray  # (N + 1, dof) coordinates at the nodes

@@ -1,4 +1,4 @@
-"""Candidates for a task: kinds of controllers, the settings to try, and the reasons in words."""
+"""Candidates for a task: kinds of controllers, the settings to try, reasons, and margins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plots of a comparison: a panel for each metric, a line for each controller, a mark per plant."""
+"""Plots of tables: metrics of controllers and plants, and samples of a study."""
 
 from __future__ import annotations
 

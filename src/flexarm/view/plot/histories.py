@@ -1,4 +1,4 @@
-"""Plots of channels over time, of channels against their rates, and of several results."""
+"""Plots of channels over time and against their rates, of several results, and on a page."""
 
 from __future__ import annotations
 

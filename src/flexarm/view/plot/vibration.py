@@ -1,4 +1,4 @@
-"""Plots of modes: their shapes in the plane, and their frequencies over a parameter."""
+"""Plots of modes, of their frequencies over a parameter, and of frequency responses."""
 
 from __future__ import annotations
 

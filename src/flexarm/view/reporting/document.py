@@ -1,4 +1,4 @@
-"""HTML of a report, from a Jinja template."""
+"""HTML of a report, from a Jinja template: its tables of numbers and its histories."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The server of the studio: its address, its guard, and one page for each window."""
+"""The server of the studio: its address, its guard, and one window for each page."""
 
 from __future__ import annotations
 

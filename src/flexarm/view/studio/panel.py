@@ -1,4 +1,4 @@
-"""The values of a window: groups of fields, and the names of what a study simulates."""
+"""The values of a window: groups of fields with their controls, and names of a study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Data of an animation of one result, frame by frame, as plain arrays; without Matplotlib."""
+"""Data of an animation as plain arrays, and the page that plays them; without Matplotlib."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Starting values of a run for an arm alone, and of another motion."""
+"""Starting values: a run for an arm alone, another motion or drive, new records."""
 
 from __future__ import annotations
 
