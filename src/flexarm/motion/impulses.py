@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError, Problem
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 #: Number of frequencies at which a design limits the residual, and of possible impulses in half a
 #: shaper. Between two frequencies the residual exceeds the tolerance by 5e-4 of it at most, for

@@ -7,16 +7,12 @@ from the root to the station instead of the tip.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.beams.hermite import FloatArray, beam_quadrature
 from flexarm.arm.beams.invariants import LinkConstants
-
-if TYPE_CHECKING:
-    from flexarm.arm.beams.invariants import LinkConstants
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree as XML
 
 import numpy as np
@@ -39,10 +38,6 @@ from flexarm.linear.models.signals import find_inputs, find_outputs, state_names
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.new_run import RTOL, initial_state
 from flexarm.simulation.run.tolerance import absolute_tolerance, tip_units
-
-if TYPE_CHECKING:
-    from flexarm.bridges.c_code.exported import Exported
-
 
 #: Functions of the exported code in an FMU.
 _FUNCTIONS = ("forward_dynamics", "tip", "tip_velocity", "strain", "energy")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.simulation.calls.metrics import METRICS
@@ -24,12 +26,6 @@ from flexarm.view.plot.style import (
     page,
     panels,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from flexarm.arm.assembly.assemble import FloatArray
-
 
 #: Metrics to draw if available: name, title, factor to the displayed unit.
 _PANELS = (

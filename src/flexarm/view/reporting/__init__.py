@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call
@@ -21,9 +22,6 @@ from flexarm.view.plot.animation.scene import (
 )
 from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
 from flexarm.view.reporting.document import fitted, panels, render, template_engine
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Histories beside the arm; the others are below it.
 _BESIDE = 3

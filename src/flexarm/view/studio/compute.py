@@ -7,10 +7,11 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import orjson
+import xarray as xr
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
@@ -27,9 +28,6 @@ from flexarm.view.plot.selection import Signals, several
 from flexarm.view.reporting import clock, report
 from flexarm.view.reporting.document import error_panel, few_lines
 from flexarm.view.studio.state import Project
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 40_000, 200
