@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions.environment import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
 from flexarm.arm.assembly.coordinates import Coordinates
-from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.arm.assembly.scratch import Pool, Scratch, is_finite, is_plain
+from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
 from flexarm.base.errors import check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads

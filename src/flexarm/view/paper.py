@@ -43,7 +43,7 @@ class PaperCase:
     """One motion, and the response of three models of the arm to its torques.
 
     Each model is simulated when its result is first used. The runs continue after the ``duration``
-    (s) of the motion. ``arm`` is the flexible arm in the theory of the paper, ``twin`` is rigid.
+    (s) of the motion. ``arm`` is the flexible arm in the theory of the paper.
     """
 
     def __init__(self, duration: float = SLOW, *, progress: bool | None = None) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm.assembly.scratch import as_slice
+from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.control.hardware.instruments import Readings
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, System
