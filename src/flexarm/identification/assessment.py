@@ -232,7 +232,11 @@ class Identifiability:
 
     @public_call
     def __getitem__(self, path: str) -> float:
-        """Return the predicted standard deviation of a parameter by its path."""
+        """Return the predicted standard deviation of a parameter by its path.
+
+        Raises:
+            InputError: if no parameter has this path.
+        """
         return number_of(self.parameters, path, "standard_deviation")
 
     def rows(self) -> list[tuple[str, str, str, str]]:

@@ -80,7 +80,11 @@ class Identification:
 
     @public_call
     def __getitem__(self, path: str) -> float:
-        """Return the estimate of a parameter by its path; InputError if no parameter has it."""
+        """Return the estimate of a parameter by its path.
+
+        Raises:
+            InputError: if no parameter has this path.
+        """
         return number_of(self.parameters, path, "estimate")
 
     @public_call

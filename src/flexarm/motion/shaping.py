@@ -155,7 +155,7 @@ _POINTS = 24
 _CHUNK = 1024
 
 #: Weights over the fraction of the window, from 0 to 1, with mean 1.
-_WINDOWS: dict[str, Callable[[Floats], Floats]] = {
+WINDOWS: dict[str, Callable[[Floats], Floats]] = {
     "moving_average": np.ones_like,
     "raised_cosine": lambda u: 1.0 - np.cos(2.0 * np.pi * u),
 }
@@ -166,7 +166,7 @@ class SmoothedMotion(DerivedMotion):
     """A motion averaged over a window: it starts with the original and ends a window later.
 
     Attributes:
-        window: name of the weights in `_WINDOWS`.
+        window: name of the weights in `WINDOWS`.
         span: length of the window, s.
     """
 
@@ -205,7 +205,7 @@ class SmoothedMotion(DerivedMotion):
     def _points(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the ages (T, k), s, and the weights (T, k) of the points of quadrature."""
         ages, shares = window_points(times, self.motion.breaks, (0.0, self.span), _POINTS)
-        return ages, shares * _WINDOWS[self.window](ages / self.span)
+        return ages, shares * WINDOWS[self.window](ages / self.span)
 
 
 def window_points(
@@ -246,5 +246,5 @@ def smoothed(motion: Motion, duration: float, window: str = "raised_cosine") -> 
     average) or 2, 3, ... (raised cosine); (C.10).
     """
     motion = check_motion(motion)
-    window = check_choice("window", window, _WINDOWS)
+    window = check_choice("window", window, WINDOWS)
     return SmoothedMotion(motion, window, check_positive("duration", duration, "s"))

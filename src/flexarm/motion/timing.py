@@ -61,9 +61,14 @@ class TimingLaw:
 
     @public_call
     def __call__(self, u: ArrayLike) -> Progress:
-        """Evaluate s, s' and s'' at time fractions u; outside [0, 1] the law is 0 or 1.
+        """Evaluate the law.
 
-        At a break s'' is that of the piece that starts there, and at u = 1 that of the rest.
+        Args:
+            u: time fractions, any shape; outside [0, 1] the law is constant, 0 or 1.
+
+        Returns:
+            s, s' and s'', each of the shape of `u`. At a break s'' is that of the piece that starts
+            there, and at u = 1 that of the rest that follows.
         """
         u = check_times("u", u)
         piece = np.searchsorted(self.breaks, u, side="right") - 1

@@ -78,7 +78,7 @@ class Modes:
     def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
         """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
 
-        World axes. ``_damped`` selects ``complex_shapes``: multiply by exp(i phase).
+        World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
         """
         shapes = self.complex_shapes if check_flag("damped", damped) else self.shapes
         count = check_count("stations", stations, 2, MOST_STATIONS)
