@@ -209,8 +209,7 @@ class Dynamics(Coordinates):
     def _unpadded_square(self, matrix: FloatArray) -> FloatArray:
         """Return the matrix (dof, dof) of a kernels' array (n, 1 + m, n, 1 + m)."""
         kept, size = self.assembly.coordinates, self.assembly.bodies * (1 + self.assembly.modes)
-        found: FloatArray = matrix.reshape(size, size)[np.ix_(kept, kept)]
-        return found
+        return np.asarray(matrix.reshape(size, size)[np.ix_(kept, kept)])
 
     @public_call
     def stiffness_matrix(

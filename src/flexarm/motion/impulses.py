@@ -83,8 +83,7 @@ def residual(shaper: Impulses, damping_ratio: float, frequency_ratio: Floats) ->
     s = _slope(damping_ratio)
     exponents = np.outer(frequency_ratio, (s - 1j) * shaper.phases)
     exponents -= s * shaper.phases[-1] * np.asarray(frequency_ratio)[:, None]
-    left: Floats = np.abs(np.exp(exponents) @ shaper.amplitudes)
-    return left
+    return np.asarray(np.abs(np.exp(exponents) @ shaper.amplitudes))
 
 
 def _slope(damping_ratio: float) -> float:

@@ -215,8 +215,7 @@ def _element_integrals(quadrature: BeamQuadrature, density: FloatArray) -> Float
 def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
     """Return rows (k, 4) that give the shear angle v' - phi from v_1, phi_1, v_2, phi_2; (B.30)."""
     share = parameters / (1.0 + parameters)
-    rows: FloatArray = share[:, None] * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5])
-    return rows
+    return np.asarray(share[:, None] * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5]))
 
 
 def deflection_shapes(
@@ -227,14 +226,12 @@ def deflection_shapes(
     ``xi`` (k,) are positions in their elements, ``angles`` (k, 4) the rows of `shear_angles`.
     """
     local = shape_functions(xi, length, derivative)
-    turned: FloatArray = local + (local[:, 1] + local[:, 3])[:, None] * angles
-    return turned
+    return np.asarray(local + (local[:, 1] + local[:, 3])[:, None] * angles)
 
 
 def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatArray:
     """Evaluate the shapes (k, 4) of the section rotation phi; as in `deflection_shapes`."""
-    rotation: FloatArray = deflection_shapes(xi, length, angles, 1) - angles
-    return rotation
+    return np.asarray(deflection_shapes(xi, length, angles, 1) - angles)
 
 
 def _interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:

@@ -31,8 +31,7 @@ def shape_functions(xi: FloatArray, length: float, derivative: int = 0) -> Float
     """
     powers = xi[:, None] ** np.arange(4 - derivative)
     unit = np.array([1.0, length, 1.0, length]) / length**derivative
-    values: FloatArray = np.asarray(powers @ _DERIVATIVES[derivative] * unit, np.float64)
-    return values
+    return np.asarray(powers @ _DERIVATIVES[derivative] * unit, np.float64)
 
 
 # The integrands have at most degree 7: cubic times cubic shape functions times a linear mass per

@@ -44,16 +44,14 @@ class BeamTable:
         between = self._moment(self.x[:-1], self.x[1:], power)
         beyond = np.append(np.cumsum(between[::-1])[::-1], 0.0)[1:]
         interval = np.clip(np.searchsorted(self.x, s, side="right") - 1, 0, self.x.size - 2)
-        outboard: FloatArray = self._moment(s, self.x[interval + 1], power) + beyond[interval]
-        return outboard
+        return np.asarray(self._moment(s, self.x[interval + 1], power) + beyond[interval])
 
     def _moment(self, start: FloatArray, end: FloatArray, power: int) -> FloatArray:
         """Integrate mu x^power over intervals without stations; exact up to mu x^2."""
         half = (end - start) / 2
         points = (start + end) / 2 + _NODES[:, None] * half
         mass = np.interp(points, self.x, self.mass_per_length)
-        moment: FloatArray = half * np.sum(mass * points**power, axis=0)
-        return moment
+        return np.asarray(half * np.sum(mass * points**power, axis=0))
 
 
 #: Fewest points of a table that counts as a sampled taper; fewer are drawn as straight pieces.

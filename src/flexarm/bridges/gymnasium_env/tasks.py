@@ -327,8 +327,7 @@ class TrackForceEnv(_LineEnv):
         return -normal if normal @ (self._base() - start) < 0.0 else normal
 
     def _base(self) -> FloatArray:
-        base: FloatArray = self.arm.shape(self.arm.rest(np.zeros(self.arm.joints)), 2)[0, 0]
-        return base
+        return np.asarray(self.arm.shape(self.arm.rest(np.zeros(self.arm.joints)), 2)[0, 0])
 
     def _draw(self) -> None:
         """Draw a random line on a wall along which the arm can press."""

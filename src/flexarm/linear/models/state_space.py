@@ -182,8 +182,7 @@ def frequency_response(
     growth = np.linalg.norm(dynamic / size, axis=(1, 2))
     growth *= np.linalg.norm(states * size, axis=(1, 2))
     states[~(growth < _SINGULAR * np.linalg.norm(B))] = np.nan
-    response: NDArray[np.complex128] = C @ states + D
-    return response
+    return np.asarray(C @ states + D)
 
 
 def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.complex128]:

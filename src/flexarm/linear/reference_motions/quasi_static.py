@@ -89,8 +89,7 @@ class QuasiStaticReference(DerivedMotion):
     @cached_property
     def initial(self) -> FloatArray:
         """Coordinates q (dof,) before the start."""
-        q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
-        return q
+        return np.asarray(self.coordinates(np.array([-np.inf]))[0][0])
 
     @property
     def torque(self) -> QuasiStaticTorque:

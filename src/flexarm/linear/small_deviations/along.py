@@ -128,8 +128,7 @@ class Separation:
     def _inputs(self) -> FloatArray:
         """Generalised forces (k, inputs) per unit torque."""
         chosen = self.kept[:, None] == self.arm.joint_index
-        inputs: FloatArray = chosen[:, chosen.any(axis=0)].astype(np.float64)
-        return inputs
+        return np.asarray(chosen[:, chosen.any(axis=0)].astype(np.float64))
 
     @public_call
     def at(self, t: ArrayLike) -> Separation:

@@ -31,8 +31,7 @@ _LAGRANGE = np.linalg.inv(np.vander(_METHOD.c, increasing=True)).T
 
 def stage_times(edges: Floats) -> Floats:
     """Return the times (N, 3) of the stages of N steps between edges (N + 1,)."""
-    times: Floats = edges[:-1, None] + np.diff(edges)[:, None] * _METHOD.c
-    return times
+    return np.asarray(edges[:-1, None] + np.diff(edges)[:, None] * _METHOD.c)
 
 
 def stage_accelerations(h: Floats, M: Floats, D: Floats, K: Floats, force: Floats) -> Floats:

@@ -71,8 +71,7 @@ class Modes:
     @property
     def damped_frequency_hz(self) -> FloatArray:
         """Frequencies (k,) of damped free vibration, imaginary parts of the eigenvalues, Hz."""
-        hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
-        return hertz
+        return np.asarray(np.abs(self.eigenvalues.imag) / (2.0 * np.pi))
 
     @public_call
     def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
@@ -101,8 +100,7 @@ class Modes:
         moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
         largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
         factor = size / np.where(largest > 0.0, largest, 1.0)
-        drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
-        return drawn
+        return np.asarray(self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved)
 
 
 @public_call
@@ -271,8 +269,7 @@ def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArr
             placed.shortening,
             seen,
         )
-    found: FloatArray = points.imag / STEP
-    return found
+    return np.asarray(points.imag / STEP)
 
 
 #: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.

@@ -244,8 +244,7 @@ def _hessian(lengths: Floats, angles: Floats, factors: Floats) -> Floats:
     """Return 1 - factors . d2tip/dq2 (n, n); d2tip / dq_i dq_j is joint max(i, j) minus the tip."""
     down, right = tip_jacobian(lengths, angles)  # of the tip seen from each joint: -y and x
     latest = np.maximum.outer(np.arange(len(angles)), np.arange(len(angles)))
-    hessian: Floats = np.eye(len(angles)) + (factors[0] * right - factors[1] * down)[latest]
-    return hessian
+    return np.asarray(np.eye(len(angles)) + (factors[0] * right - factors[1] * down)[latest])
 
 
 def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tuple[Floats, float]:

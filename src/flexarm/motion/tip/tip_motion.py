@@ -87,14 +87,12 @@ class TipMotion(PathMotion):
     @property
     def start(self) -> Floats:
         """World point at which the path starts (2,), m."""
-        point: Floats = self.tip_path.at(np.zeros(1)).point[0]
-        return point
+        return np.asarray(self.tip_path.at(np.zeros(1)).point[0])
 
     @property
     def end(self) -> Floats:
         """World point at which the path ends (2,), m."""
-        point: Floats = self.tip_path.at(np.ones(1)).point[0]
-        return point
+        return np.asarray(self.tip_path.at(np.ones(1)).point[0])
 
     @property
     def path_breaks(self) -> tuple[float, ...]:
@@ -235,8 +233,7 @@ def _two_link_path(chain: RigidChain, path: TipPath, elbow: str) -> Posture:
 def _turned(old: Floats, new: Floats) -> Floats:
     """Return the angles (T,) from vectors to others, (T, 2) each, in [-pi, pi]."""
     across = old[:, 0] * new[:, 1] - old[:, 1] * new[:, 0]
-    turned: Floats = np.arctan2(across, np.sum(old * new, axis=-1))
-    return turned
+    return np.asarray(np.arctan2(across, np.sum(old * new, axis=-1)))
 
 
 def _two_link_posture(
@@ -269,8 +266,7 @@ def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
 
     def slope(s: float, angles: Floats) -> Floats:
         (way,) = path.at(np.array([s])).slope
-        rates: Floats = _pseudo_inverse(tip_jacobian(lengths, angles)) @ way
-        return rates
+        return np.asarray(_pseudo_inverse(tip_jacobian(lengths, angles)) @ way)
 
     def clearance(_s: float, angles: Floats) -> float:
         smallest = np.linalg.svd(tip_jacobian(lengths, angles), compute_uv=False)[-1]
@@ -318,8 +314,7 @@ def _pseudo_inverse(matrices: Floats) -> Floats:
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
     """Multiply matrices (T, a, b) with vectors (T, b)."""
-    product: Floats = np.matmul(matrices, vectors[:, :, None])[:, :, 0]
-    return product
+    return np.asarray(np.matmul(matrices, vectors[:, :, None])[:, :, 0])
 
 
 def _transposed(matrices: Floats) -> Floats:

@@ -95,8 +95,7 @@ class Bench:
         reading = f"measured_{self.output}"
         values = result[reading if reading in result else self.output].values
         ends = self.window.stride * np.arange(1, self.window.intervals + 1)
-        found: FloatArray = self._wanted - values[ends, : self._wanted.shape[1]]
-        return found
+        return np.asarray(self._wanted - values[ends, : self._wanted.shape[1]])
 
     def _start(self) -> dict[str, Any]:
         """Return the initial state of the trials in coordinates of the model."""
@@ -242,8 +241,7 @@ class Window(NamedTuple):
     @property
     def ends(self) -> FloatArray:
         """Ends of the intervals (N,), s, at which the outputs are measured."""
-        found: FloatArray = self.interval * np.arange(1.0, self.intervals + 1.0)
-        return found
+        return np.asarray(self.interval * np.arange(1.0, self.intervals + 1.0))
 
 
 def check_linear(controller: Controller, arm: Arm, reference: Reference) -> tuple[str, ...]:

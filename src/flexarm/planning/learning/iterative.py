@@ -326,8 +326,7 @@ class LearnedMotion:
 
 
 def _rms(errors: FloatArray) -> FloatArray:
-    found: FloatArray = np.sqrt(np.mean(np.sum(errors**2, axis=2), axis=1))
-    return found
+    return np.asarray(np.sqrt(np.mean(np.sum(errors**2, axis=2), axis=1)))
 
 
 #: Order of the Butterworth filter of which the Q-filter has the squared magnitude.
@@ -346,8 +345,7 @@ class _Law(NamedTuple):
 
     def contraction(self, P: FloatArray) -> FloatArray:
         """Return the matrix that multiplies the change of torques in each trial; (C.103)."""
-        found: FloatArray = self.Q - self.G @ P
-        return found
+        return np.asarray(self.Q - self.G @ P)
 
 
 def norm_optimal(P: FloatArray, effort: float, change: float) -> _Law:
@@ -403,5 +401,4 @@ def _smooth(matrix: FloatArray, count: int, cutoff: float, interval: float) -> F
     gain = 1.0 / (1.0 + (hertz / cutoff) ** (2 * _ORDER))
     columns = matrix.reshape(count, -1)
     spectrum = gain[:, None] * dct(columns, axis=0, norm="ortho")
-    found: FloatArray = idct(spectrum, axis=0, norm="ortho").reshape(matrix.shape)
-    return found
+    return np.asarray(idct(spectrum, axis=0, norm="ortho").reshape(matrix.shape))

@@ -219,8 +219,7 @@ def _name_peak(
 def _along(arm: Arm, fraction: FloatArray) -> FloatArray:
     """Return distances from the base along the arm, (links, stations) m."""
     roots = np.cumsum(arm.lengths) - arm.lengths
-    distances: FloatArray = roots[:, None] + arm.lengths[:, None] * fraction
-    return distances
+    return np.asarray(roots[:, None] + arm.lengths[:, None] * fraction)
 
 
 def _finish_along(panel: Axes, arm: Arm, title: str, label: str) -> None:

@@ -91,12 +91,10 @@ def _best_place(
         cost += 10.0 * np.maximum(0.0, 1.0 - away.min(axis=1, initial=np.inf) / (_CLEAR * point))
     # Prefer the end of the line if all else is equal, because readers look there first.
     cost += np.repeat(np.linspace(1.0, 0.0, len(places)), len(_SIDES))
-    best: FloatArray = centers[np.argmin(cost)]
-    return best
+    return np.asarray(centers[np.argmin(cost)])
 
 
 def _distances(low: FloatArray, high: FloatArray, points: FloatArray) -> FloatArray:
     """Return the distances of boxes (k, 2) from points (n, 2): (k, n)."""
     beside = np.maximum(low[:, None] - points, points - high[:, None])
-    found: FloatArray = np.linalg.norm(np.maximum(beside, 0.0), axis=-1)
-    return found
+    return np.asarray(np.linalg.norm(np.maximum(beside, 0.0), axis=-1))

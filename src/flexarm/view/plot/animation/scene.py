@@ -165,8 +165,7 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
     def barb(side: float) -> FloatArray:
         back = end - sign * head
         reach = 1.0 + 0.56 * side * head
-        place: FloatArray = reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1)
-        return place
+        return np.asarray(reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1))
 
     tip = arc[..., -1, :]
     points = [arc, barb(1.0)[..., None, :], tip[..., None, :], barb(-1.0)[..., None, :]]
