@@ -29,13 +29,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
-    """Errors of an optimal motion in the simulation of the full model, without feedback."""
+    """Errors of an optimal motion in the simulation of the full model, without feedback.
 
-    residual_vibration: float  # largest distance of the tip from its mean after the end, m
-    tip_error: float  # distance of that mean from the tip at rest, m
-    joint_error: float  # largest distance of a joint from its last angle at the end, rad
-    #: For each limit the largest excess of a value during the motion, in the unit of the limit;
-    #: negative if all values are within it
+    Attributes:
+        residual_vibration: largest distance of the tip from its mean after the end, m.
+        tip_error: distance of that mean from the tip at rest, m.
+        joint_error: largest distance of a joint from its last angle at the end, rad.
+        excess: for each limit the largest excess of a value during the motion, in the unit of the
+            limit; negative if all values are within it.
+    """
+
+    residual_vibration: float
+    tip_error: float
+    joint_error: float
     excess: dict[str, float]
 
     def __str__(self) -> str:
