@@ -85,7 +85,7 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "hardware = self._loops[ -1].hardware",
         ): "only the seeds of their hardware differ",
     },
-    "batches.py": {
+    "execution.py": {
         (
             "threads=1,",
             "threads= 2,",

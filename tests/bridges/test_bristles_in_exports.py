@@ -34,6 +34,7 @@ REFUSING = {
 }
 
 
+@pytest.mark.thorough_cases("c", "fmu")
 @pytest.mark.parametrize("name", WARNING)
 def test_exports_warn(name, tmp_path):
     with pytest.warns(AccuracyWarning, match="Bristles"):

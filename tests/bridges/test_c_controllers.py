@@ -210,6 +210,7 @@ DAMPING = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_recorded_run(name, tmp_path):
     arm = heavy()
@@ -247,6 +248,7 @@ class InC(fa.Controller):
         return torque
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "readings", "references"),
     [
@@ -312,6 +314,7 @@ def test_the_controller_is_not_modified(tmp_path):
     assert np.array_equal(controller.proportional, before)
 
 
+@pytest.mark.thorough
 def test_the_code_does_not_grow_with_the_period(tmp_path):
     sizes, memories = [], []
     for period in (0.4, 4.0):
@@ -328,6 +331,7 @@ def test_the_code_does_not_grow_with_the_period(tmp_path):
             fa.export_c(heavy(), tmp_path, controller=controller)
 
 
+@pytest.mark.thorough
 def test_controllers_around_each_other(tmp_path):
     damped = fa.PositivePositionFeedback(heavy(), LAWS["joint_pid"](), damping_ratio=0.2)
     scheduled = LAWS["loop_shaping_scheduled"]()

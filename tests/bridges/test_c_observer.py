@@ -40,6 +40,7 @@ FILTERS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(FILTERS))
 def test_recorded_run(name, tmp_path):
     observer = FILTERS[name]()
@@ -51,6 +52,7 @@ def test_recorded_run(name, tmp_path):
         assert "observer " in done.stdout
 
 
+@pytest.mark.thorough
 def test_estimates_and_covariance(tmp_path):
     """Estimates of a longer run, and the covariance in the memory, to 1e-12 of the largest.
 
@@ -171,6 +173,7 @@ def test_widest_payload_is_the_limit(tmp_path):
         assert (len(found._parts) == 1) == (count == 1)
 
 
+@pytest.mark.thorough
 def test_scenario_with_an_estimator(tmp_path):
     folder = tmp_path / "my-arm"
     assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0

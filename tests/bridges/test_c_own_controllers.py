@@ -49,6 +49,7 @@ class Complementary(OwnController):
         return gain * angle + added
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [Functions, Complementary])
 def test_recorded_run(kind, tmp_path):
     fa.export_c(heavy(), tmp_path, controller=kind())
@@ -280,6 +281,7 @@ REASONS = {
 }
 
 
+@pytest.mark.sampled("Waves", "Counts", "Last", "Draws", "Unbound", "Number")
 @pytest.mark.parametrize("kind", REASONS)
 def test_refused_with_the_reason(kind, tmp_path):
     with pytest.raises(fa.InputError, match=f"closed form, got {kind.__name__}.*{REASONS[kind]}"):

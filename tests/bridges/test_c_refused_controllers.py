@@ -15,6 +15,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.thorough
 def test_every_controller_is_exported_or_refused():
     names = {type(make_one()).name for key, make_one in LAWS.items() if key[:3] != "own"}
     assert names | REFUSED == set(CONTROLLERS)

@@ -202,6 +202,7 @@ def test_run_in_octave_is_that_of_simulate(tmp_path):
     np.testing.assert_allclose(found["last"], result.q.values[-1], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_command(tmp_path):
     """An arm, a scenario and a result file; the options of the linear model."""
     arm = light()

@@ -30,6 +30,7 @@ def invoke(*arguments):
     return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_estimates_are_printed_and_saved(tmp_path):
     out, result = tmp_path / "found.yaml", tmp_path / "found.nc"

@@ -114,6 +114,7 @@ def every_field() -> dict[str, set[tuple[str, str]]]:
     return {"Scenario": found_from(scenario) | found_from(free), "StudySpec": found_from(study)}
 
 
+@pytest.mark.thorough_cases("Scenario")
 @pytest.mark.parametrize("root", [Scenario, StudySpec], ids=lambda root: root.__name__)
 def test_every_key_has_a_field(root, every_field):
     missing = keys_of(root) - every_field[root.__name__]

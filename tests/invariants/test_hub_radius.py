@@ -55,6 +55,7 @@ def test_some_arms_have_hubs_and_some_links_do_not():
     assert not all(radii)
 
 
+@pytest.mark.thorough
 def test_results_of_a_run():
     """Tip, strain, forces in the links and reactions, with a joint that carries the hub."""
     beam = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 3}

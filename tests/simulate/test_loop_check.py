@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import flexarm as fa
+from arms import laboratory_arm, table_one_arm
 from flexarm.cli.main import app
 from flexarm.simulation.loop.stability import differenced, instability
-from paper_arms import laboratory_arm, table_one_arm
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
@@ -156,6 +156,7 @@ ENCODERS = fa.Hardware(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("rigidity", "payload"), [(1.0, 0.1), (1.0, 0.2), (0.7, 0.1)])
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
 def test_force_controllers_are_stable_with_encoders_of_17_bits(kind, rigidity, payload):
@@ -258,24 +259,6 @@ def test_failed_analysis_does_not_end_the_run(fault):
     run = fa.simulate(arm, 0.01, controller=Stubborn(fault))
     assert run.attrs["failure"] == ""
     assert run.attrs["unstable_loop"] == ""
-
-
-@pytest.mark.parametrize(
-    ("memory", "message"),
-    [
-        (("integrall",), "memory must name attributes of the controller, got 'integrall'"),
-        (("name",), "memory must name numbers and arrays; 'name' is neither"),
-        ("integral", "memory must be a tuple of names"),
-    ],
-)
-def test_memory_with_unknown_names_is_rejected(memory, message):
-    arm = paper_arm(hub_inertia=0.1)
-    controller = Integrating([4.0, 1.0], [0.5, 0.05])
-    controller.memory = memory
-    with pytest.raises(fa.InputError, match=message):
-        fa.simulate(arm, 0.01, controller=controller)
-    with pytest.raises(fa.InputError, match=message):
-        fa.loop_margins(controller, arm)
 
 
 def test_incommensurable_sample_times_are_not_analysed():

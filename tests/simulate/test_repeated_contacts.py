@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import soft_rod
 
 AMPLIFIED = "impacts on surfaces amplify errors"
 
@@ -18,11 +19,6 @@ def wall(angle, stiffness=1e4, damping=0.1):
     """Return a contact with a wall that a straight arm meets at an angle."""
     along = np.array([np.cos(angle), np.sin(angle)])
     return fa.Contact(fa.Wall(tuple(along), (along[1], -along[0])), stiffness, damping=damping)
-
-
-def soft_rod(**joint):
-    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1, **joint)])
 
 
 #: A torque pushes the rod to a wall: ten impacts.
@@ -91,6 +87,7 @@ def thrown():
     return {"arm": arm, "duration": 3.0, "initial": arm.rest([1.0, -0.5]), "contacts": contacts}
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_motion_that_no_tolerance_determines_gives_a_warning():
     """Runs at different tolerances once differed by 2 cm without a warning."""

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.model.paths import number_at, with_number
 from random_arms import random_spec
 
@@ -24,10 +25,8 @@ def rod(gravity=(0.0, 0.0), joint=None, **friction):
 
 def rods(**friction):
     """Two flexible rods on heavy hubs whose joints have friction."""
-    shape = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
     joint = fa.Joint(hub_inertia=0.05, friction=fa.Friction(**{"coulomb": 0.5} | friction))
-    links = [fa.Link(length=1.4142, elements=2, **shape), fa.Link(length=1.0, elements=1, **shape)]
-    return fa.Arm(links=links, joints=[joint] * 2)
+    return table_one_arm(joints=[joint] * 2)
 
 
 def strokes(t):

@@ -118,6 +118,7 @@ def test_an_hour_of_a_slow_arm_and_of_a_stiff_one():
     assert result.tip.values[-1, 1] == pytest.approx(-1.0, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_hopeless_runs_are_refused_with_the_remedy():
     arm = rod(1e10)
     for name in ("dormand_prince_8", "rk4"):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.integrate.base import FloatArray
-from flexarm.model.identification.filters import Filter
+from flexarm.model.identification.records import Filter
 
 
 class Path:

@@ -63,8 +63,8 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
-from flexarm.model.file_format.identification_file import locate_identification
 from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification.study import locate_identification
 from flexarm.model.wording import path_of
 
 #: Losses of residuals, from SciPy.

@@ -6,10 +6,10 @@ import pytest
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.control.laws.linear.nonlinear_mpc import with_modes
 from flexarm.linear.step_derivatives import sampled_step
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps
-from paper_arms import table_one_arm
 
 
 @pytest.fixture(scope="module")
@@ -263,18 +263,3 @@ def test_model_has_few_modes(arm):
     other = with_modes(fa.Arm(links=links), 2)
     assert other.spec.links[0].damping.ratio == (0.01, 0.02)
     assert other.spec.links[1] is links[1]
-
-
-@pytest.mark.parametrize(
-    ("options", "word"),
-    [
-        ({"modes": 0}, "modes"),
-        ({"iterations": 1.5}, "iterations"),
-        ({"horizon": 0}, "horizon"),
-        ({"torque_limit": None}, "torque_limit"),
-    ],
-    ids=lambda value: str(value),
-)
-def test_wrong_arguments_are_rejected(arm, options, word):
-    with pytest.raises(fa.InputError, match=word):
-        fa.NonlinearMPC(arm, POSTURE, **{"torque_limit": 1.0, **options})

@@ -60,15 +60,6 @@ def test_response_of_a_rigid_pendulum():
     np.testing.assert_allclose(gain, 1.0 / (3.0 * 9.81 * 0.5 - np.array([1.0, 16.0])), rtol=1e-12)
 
 
-def test_names_are_checked():
-    with pytest.raises(fa.InputError, match=r"LinearModel\.zeros: output .*joint_angle\[1\]"):
-        MODEL.zeros("torque[1]", "elbow")
-    with pytest.raises(fa.InputError, match=r"LinearModel\.zeros: input"):
-        MODEL.zeros(output="tip[x]")
-    with pytest.raises(fa.InputError, match="omega"):
-        MODEL.frequency_response([np.nan])
-
-
 @pytest.mark.parametrize("first", [0, 1])
 def test_order_of_poles_does_not_depend_on_rounding(first):
     """Rounding may make either of a conjugate pair larger."""

@@ -45,10 +45,11 @@ from flexarm.model.scenarios.motions import (
     CircleMotionSpec,
     ForceTable,
     PressedMotionSpec,
+    ShapingSpec,
+    SmoothingSpec,
     SplineMotionSpec,
     ViaPointMotionSpec,
 )
-from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)

@@ -24,6 +24,7 @@ def plot(figure, title):
     return axes
 
 
+@pytest.mark.thorough_cases("Joint rate-joint_rate-1.0-rate [rad/s]")
 @pytest.mark.parametrize(
     ("title", "channel", "scale", "unit"),
     [

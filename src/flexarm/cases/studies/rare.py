@@ -1,15 +1,22 @@
-"""Probabilities of rare failures of a study."""
+"""Probabilities of rare failures of a study, by subset simulation in standard normal variables.
+
+Each level has a threshold that a tenth of its samples exceeds; Markov chains from these give the
+samples of the next one (Au and Beck, Probabilistic Engineering Mechanics 16, 2001). The chains take
+conditional samples with adaptive correlation (Papaioannou, Betz, Zwirglmaier and Straub,
+Probabilistic Engineering Mechanics 41, 2015).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.base.errors import AccuracyWarning, warn_caller
 from flexarm.cases.studies.execution import Executor
-from flexarm.cases.studies.subset import LEAST, Probability, subset_probability
 from flexarm.cases.studies.table import DIMS
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.sampling import RareFailures
@@ -80,3 +87,101 @@ def _of(executor: Executor, chosen: tuple[str, str, str], rare: RareFailures) ->
     if np.isnan(found.value):
         warn_caller(_NO_PATH.format(" on ".join(chosen[:2])), AccuracyWarning)
     return found
+
+
+#: Fraction of the samples of a level that exceeds its threshold, and most levels.
+_FRACTION, _MOST_LEVELS = 0.1, 8
+#: Probability below which the search ends.
+LEAST = _FRACTION**_MOST_LEVELS
+#: Acceptance at which chains forget fastest, and the first deviation of their steps.
+_ACCEPTANCE, _DEVIATION = 0.44, 0.6
+#: Correlation of the errors of subsequent levels, from repetitions of problems with known answers.
+_CORRELATION = 0.5
+
+
+class Probability(NamedTuple):
+    """Probability of a rare event.
+
+    Attributes:
+        value: 0 if it is below 1e-8, NaN if the performance has no values between those of ordinary
+            samples and failure, so that nothing leads to the failures.
+        variation: coefficient of variation. evaluations: number of evaluations.
+    """
+
+    value: float
+    variation: float
+    evaluations: int
+
+
+def subset_probability(
+    performance: Callable[[FloatArray], FloatArray], size: int, samples: int, seed: int
+) -> Probability:
+    """Return the probability that a performance exceeds 1.
+
+    Args:
+        performance: function from variables (n, size) to the performances (n,); -inf for variables
+            that are not possible, which are left out of the probability.
+        samples: for each level.
+    """
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(samples, size))
+    y = performance(x)
+    feasible = y > -np.inf  # chains do not leave them
+    if not feasible.any():
+        return Probability(np.nan, np.nan, samples)
+    x, y = x[feasible], y[feasible]
+    value, evaluations, chains, length, scale = 1.0, samples, y.size, 1, _DEVIATION
+    deviations: list[float] = []
+    for _ in range(_MOST_LEVELS):
+        threshold = min(1.0, float(np.sort(y)[-max(1, round(_FRACTION * y.size))]))
+        inside = y > 1.0 if threshold == 1.0 else y >= threshold
+        fraction = float(inside.mean())
+        if threshold < 1.0 and fraction == 1.0:
+            return Probability(np.nan, np.nan, evaluations)
+        value *= fraction
+        deviations.append(np.sqrt(_variance(inside.reshape(length, chains), fraction)))
+        if threshold == 1.0:
+            # A level starts from states of the one before, so that their errors are correlated.
+            errors = np.array(deviations)
+            variance = errors @ errors + 2.0 * _CORRELATION * (errors[1:] @ errors[:-1])
+            return Probability(value, float(np.sqrt(variance)), evaluations)
+        starts = rng.permutation(np.flatnonzero(inside))[: round(_FRACTION * samples)]
+        chains, length = starts.size, samples // starts.size
+        x, y, scale = _chains(performance, x[starts], y[starts], threshold, length, scale, rng)
+        evaluations += chains * (length - 1)
+    return Probability(0.0, np.nan, evaluations)
+
+
+def _variance(inside: NDArray[np.bool_], fraction: float) -> float:
+    """Return the squared coefficient of variation of a fraction of chains (length, chains)."""
+    if fraction == 0.0:
+        return 0.0
+    length = len(inside)
+    deviations = inside - fraction
+    covariances = [np.mean(deviations[: length - k] * deviations[k:]) for k in range(length)]
+    later = sum(float((1.0 - k / length) * covariances[k]) for k in range(1, length))
+    factor = 1.0 + 2.0 * later / max(float(covariances[0]), 1e-300)
+    return (1.0 - fraction) / (fraction * inside.size) * max(factor, 1.0)
+
+
+def _chains(
+    performance: Callable[[FloatArray], FloatArray],
+    x: FloatArray,
+    y: FloatArray,
+    threshold: float,
+    length: int,
+    scale: float,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the states of all chains, one step of all after the other, and the scale of steps."""
+    states, values = [x], [y]
+    for k in range(1, length):
+        deviation = min(scale, 1.0)
+        proposed = np.sqrt(1.0 - deviation**2) * x + deviation * rng.normal(size=x.shape)
+        results = performance(proposed)
+        accepted = results >= threshold
+        x, y = np.where(accepted[:, None], proposed, x), np.where(accepted, results, y)
+        states.append(x)
+        values.append(y)
+        scale *= float(np.exp((accepted.mean() - _ACCEPTANCE) / np.sqrt(k)))
+    return np.concatenate(states), np.concatenate(values), scale

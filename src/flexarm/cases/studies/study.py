@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_choice, check_count, check_flag, check_path
+from flexarm.base.arguments import check_choice, check_path
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -43,6 +43,7 @@ from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.checks import checked_arguments
 from flexarm.model.plausible import warn_of
+from flexarm.model.quantities import Count, CountOrZero, Flag, Workers
 from flexarm.model.scenarios.sampling import RareFailures
 from flexarm.simulation.batch.lanes import arm_fits_lanes
 from flexarm.simulation.run.progress import Meter
@@ -104,9 +105,9 @@ class Study:
         store: str | os.PathLike[str] | None = None,
         client: Any = None,
         *,
-        resume: bool = False,
+        resume: Flag = False,
         workers: int | None = None,
-        chunk: int | None = None,
+        chunk: Count | None = None,
         progress: bool | None = None,
     ) -> xr.Dataset:
         """Execute all runs and return their metrics.
@@ -141,9 +142,7 @@ class Study:
         study that was killed and resumed leaves the same files as one that was not. In a script,
         processes require the guard ``if __name__ == "__main__":``.
         """
-        check_flag("resume", resume)
         count = check_workers("workers", workers)
-        chunk = None if chunk is None else check_count("chunk", chunk)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))
         check_client(client)
@@ -166,7 +165,7 @@ class Study:
         return kept.table()
 
     @public_call
-    def nominal(self, *, workers: int = 1, progress: bool | None = None) -> xr.Dataset:
+    def nominal(self, *, workers: Workers = 1, progress: bool | None = None) -> xr.Dataset:
         """Run the study once with the numbers of its file, without variation.
 
         Args:
@@ -179,7 +178,7 @@ class Study:
         Raises:
             InputError: if the first run cannot start.
         """
-        return self._prepared.run(progress, check_workers("workers", workers))
+        return self._prepared.run(progress, workers or 1)
 
     @public_call
     def rare_failures(
@@ -226,7 +225,9 @@ class Study:
         return rare_failures(self._executor, self._prepared.names, rare, progress)
 
     @public_call
-    def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:
+    def verify(
+        self, store: str | os.PathLike[str], count: Count = 10, seed: CountOrZero = 0
+    ) -> list[int]:
         """Repeat random samples of a store and return the numbers of those that differ.
 
         Args:
@@ -240,11 +241,11 @@ class Study:
         """
         kept = self._existing(check_path("store", store), True)
         samples, missing = kept.lacking()
-        count = min(check_count("count", count), samples)
+        count = min(count, samples)
         if missing:
             rule = f"has {len(missing)} of {kept.chunks} chunks missing or damaged"
             raise InputError(Problem("store", rule, hint="Resume the study."))
-        random = np.random.default_rng(check_count("seed", seed, least=0))
+        random = np.random.default_rng(seed)
         chosen = np.sort(random.choice(samples, count, replace=False)).tolist()
         return [k for k in chosen if not self._repeats(kept, k)]
 

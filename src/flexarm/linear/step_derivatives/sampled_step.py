@@ -17,8 +17,7 @@ from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutt
 from flexarm.integrate.step_sensitivity import held_torque_jacobian
 from flexarm.integrate.transfers import held_torque_transfers
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.compilation.dual_arrays import Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.step_derivatives.parameters import constants_at

@@ -18,6 +18,7 @@ from flexarm.base.arguments import (
     check_flag,
     check_kind,
     check_positive,
+    check_tolerance,
     warn_of_degrees,
 )
 from flexarm.base.errors import (
@@ -123,7 +124,7 @@ class Plant:
             spacing=self.sample_time,
             integrator=integrator,
             step=step,
-            rtol=check_positive("rtol", rtol),
+            rtol=check_tolerance("rtol", rtol),
             atol=None if atol is None else check_positive("atol", atol),
             meter=Meter("stepping", False),
             specialized=check_flag("specialized", specialized),

@@ -11,7 +11,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import about_degrees
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
-from flexarm.model.arm.plausible_masses import weights
+from flexarm.model.arm.plausibility import weights
 from flexarm.model.plausible import Number, Range, judge
 
 #: Samples in a run; samples of a controller; durations of a run and of its motion over each other.

@@ -17,6 +17,7 @@ from flexarm.base.arguments import (
     check_flag,
     check_function,
     check_positive,
+    check_tolerance,
 )
 from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.base.user_functions import call
@@ -128,12 +129,13 @@ def run_options(
     rate = check_positive("rate", rate)
     known = check_array("breaks", breaks, (-1,))
     check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
-    rtol = check_positive("rtol", rtol)
+    rtol = check_tolerance("rtol", rtol)
     atol = None if atol is None else check_positive("atol", atol)
     if (fault := sample_fault(duration, rate)) is not None:
         raise InputError(fault.problem())
-    if type(stations) is not int or stations != 0:
-        stations = check_count("stations", stations, 2, MOST_STATIONS)
+    stations = check_count("stations", stations, 0, MOST_STATIONS)
+    if stations == 1:
+        raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
     return RunOptions(
         duration, rate, step, rtol, atol, known, torque_interpolation, integrator, stations,
         specialized,

@@ -23,8 +23,7 @@ from flexarm.base.processes import usable_cores
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
 from flexarm.integrate.implicit.additive_tableau import Additive
-from flexarm.kernels.compilation.dual_arrays import Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.simulation.derivatives.channels import channel_derivatives
 from flexarm.simulation.derivatives.dual_run import DualRun
 from flexarm.simulation.derivatives.parameters import Parameters, Samples

@@ -11,7 +11,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.observe import Observed, named_channels, with_energies
 from flexarm.arm.stations import place_gauges
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.compilation.duals import DualArray, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import run_time_sizes
 from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, poses_many

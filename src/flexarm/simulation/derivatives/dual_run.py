@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm.integrate.base import FloatArray, Progress, Status, System
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
+from flexarm.kernels.compilation.duals import DualArray, Duals
 from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
 from flexarm.simulation.derivatives.inputs import ArmInputs, Inputs
 from flexarm.simulation.run.stepping import Run

@@ -18,7 +18,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
-from flexarm.kernels.compilation.dual_arrays import DualArray
+from flexarm.kernels.compilation.duals import DualArray
 from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.parameters import Parameters, is_of_arm

@@ -12,8 +12,7 @@ from flexarm.base.errors import InputError, Problem
 from flexarm.control.analysis.linear_controller import LinearController
 from flexarm.control.hardware.instruments import Readings
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.kernels.compilation.dual_arrays import Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.simulation.derivatives.channels import channel_derivatives
 from flexarm.simulation.derivatives.dual_run import DualRun, DualStepper

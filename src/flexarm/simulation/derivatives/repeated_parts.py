@@ -13,8 +13,7 @@ from flexarm.integrate.implicit.additive_tableau import Additive
 from flexarm.integrate.memory import SOFTENED, TIME, new_memory
 from flexarm.integrate.transfers import additive_transfers, explicit_transfers
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray, Duals
 from flexarm.simulation.derivatives.dual_run import dual_inputs, dual_system
 from flexarm.simulation.derivatives.inputs import no_change
 from flexarm.simulation.derivatives.parameters import Parameters

@@ -9,9 +9,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from flexarm.base.errors import InputError
-from flexarm.model.file_format.changes import change_of
 from flexarm.model.file_format.content import content_of
-from flexarm.model.file_format.yaml_text import flow_text
+from flexarm.model.file_format.yaml_text import change_of, flow_text
 from flexarm.model.wording import Path
 from flexarm.view.studio.state import ORIGIN, STUDIED, Choice, Project
 from flexarm.view.studio.values.edits import FORM

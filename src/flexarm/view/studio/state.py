@@ -13,10 +13,9 @@ from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.places import AnyPath
 from flexarm.model import ArmSpec, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.checks import Record
-from flexarm.model.file_format.changes import Change, changed
 from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.files import load_any, record_of_bytes
-from flexarm.model.file_format.yaml_text import parse
+from flexarm.model.file_format.yaml_text import Change, changed, parse
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
 from flexarm.view.studio.values.edits import WORDS, explicit, plain_edit

@@ -20,6 +20,7 @@ from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware
+from flexarm.model.help_text import descriptions_of
 from flexarm.model.scenarios.scenario import RunSettings
 from flexarm.model.units import unit_of
 from flexarm.model.wording import Path, path_text
@@ -147,7 +148,7 @@ class _Value:
 
 
 def _value_of(record: Record, name: str, path: Path) -> _Value:
-    description = type(record).model_fields[name].description or ""
+    description = descriptions_of(type(record)).get(name, "")
     return _Value(
         getattr(record, name), field_forms(record, name), (*path, name), name, description
     )
@@ -299,8 +300,8 @@ def _remove(path: Path, label: str) -> Field:
 def _table(record: Record, path: Path) -> Field:
     """Return the table of a record."""
     names = [name for name in record._columns if getattr(record, name) is not None]
-    fields = type(record).model_fields
-    about = " ".join(f"{name}: {fields[name].description}" for name in record._columns)
+    texts = descriptions_of(type(record))
+    about = " ".join(f"{name}: {texts[name]}" for name in record._columns)
     label = ", ".join(names).replace("_", " ")
     return Field((*path, TABLE), label, table_text(record), "table", "", about)
 
