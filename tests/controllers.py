@@ -26,10 +26,14 @@ class Plain:
         return self.torque(t, measurement, reference)
 
 
-class Law(Plain, fa.Controller):
-    """A controller that declares to have no memory."""
+class Law(fa.Controller):
+    """A step without memory; the torque is a function of the readings and the inputs."""
 
-    memory = ()
+    def __init__(self, torque: Callable[[Any, Any], Any], sample_time: float = 0.01) -> None:
+        self.torque, self.sample_time = torque, sample_time
+
+    def step(self, memory: Any, readings: Any, inputs: Any) -> Any:
+        return memory, self.torque(readings, inputs)
 
 
 class Script(Plain):

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from bridges.c_code_tools import Library, make
 from flexarm.bridges.c_code.observer import exported_observer
-from flexarm.bridges.c_code.observer_recording import estimates, record_observer
+from flexarm.bridges.c_code.recording import estimates, record_observer
 from flexarm.cli.main import app
 from unit.control.test_extended_kalman import ACCELEROMETER, ENCODER, STRAIN, two_links
 

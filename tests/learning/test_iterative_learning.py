@@ -307,11 +307,14 @@ def test_controllers_without_a_linear_model_are_rejected():
         def update(self, t, measurement, reference):
             return np.zeros(2)
 
-    with pytest.raises(fa.InputError, match="controller must declare its memory"):
+    with pytest.raises(fa.InputError, match="controller must have a step"):
         fa.iterative_learning(arm, motion, Own())
 
-    class Looking(Own):
-        memory = ()
+    class Looking(fa.Controller):
+        sample_time = SAMPLE_TIME
+
+        def step(self, memory, readings, inputs):
+            return memory, np.zeros(2)
 
         def requirements(self, arm, reference):
             return fa.ControllerRequirements(measured=("tip",))

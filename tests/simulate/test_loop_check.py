@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from arms import laboratory_arm, table_one_arm
 from flexarm.cli.main import app
+from flexarm.control.contract.base import has_poles
 from flexarm.simulation.loop.stability import differenced, instability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
@@ -210,6 +211,7 @@ class Integrating(fa.JointPD):
     """A user's controller with more memory than its base class."""
 
     def reset(self):
+        super().reset()
         self.integral = np.zeros(2)
 
     def update(self, t, measurement, reference):
@@ -217,29 +219,41 @@ class Integrating(fa.JointPD):
         return np.asarray(super().update(t, measurement, reference)) - 50.0 * self.integral
 
 
-def test_declared_memory_is_valid_for_its_class_only():
+class IntegratingStep(fa.JointPD):
+    """The same as a step."""
+
+    def initial_memory(self, readings, inputs):
+        return {"total": 0.0 * readings.joint_angle}
+
+    def step(self, memory, readings, inputs):
+        total = memory["total"] + 1e-3 * readings.joint_angle
+        return {"total": total}, super().step({}, readings, inputs)[1] - 50.0 * total
+
+
+def test_a_step_is_valid_unless_a_class_overrides_the_update():
     arm = paper_arm(hub_inertia=0.1)
     start = arm.rest([0.3, 0.8])
     too_hard = Integrating([4.0, 1.0], [0.5, 0.05])
     assert instability(arm, arm, too_hard, None, None, (), start, 1.0) == ""
-    with pytest.raises(fa.InputError, match="declare its memory"):
+    with pytest.raises(fa.InputError, match="has no step"):
         fa.loop_margins(too_hard, arm)
 
-    class Declared(Integrating):
-        memory = ("integral",)
-
-    declared = Declared([4.0, 1.0], [0.5, 0.05])
+    declared = IntegratingStep([4.0, 1.0], [0.5, 0.05])
     assert "unstable" in instability(arm, arm, declared, None, None, (), start, 1.0)
     observed = fa.DisturbanceObserver(arm, declared)
-    assert observed.memory[-1] == "inner.integral"
-    assert fa.DisturbanceObserver(arm, too_hard).memory is None
+    assert has_poles(observed)
+    assert not has_poles(fa.DisturbanceObserver(arm, too_hard))
+    runs = [
+        fa.simulate(arm, 0.02, controller=one, initial=start).torque.values
+        for one in (too_hard, declared)
+    ]
+    np.testing.assert_allclose(*runs, rtol=1e-12)  # the same sums in another order
 
 
 class Stubborn(fa.Controller):
     """Works in a run, and raises in an analysis."""
 
     sample_time = 1e-3
-    memory = ()
 
     def __init__(self, fault):
         from threading import Lock
@@ -247,10 +261,10 @@ class Stubborn(fa.Controller):
         self.calls, self.fault = 0, fault
         self.lock = Lock() if fault == "copy" else None
 
-    def update(self, t, measurement, reference):
-        if self.fault == "update" and abs(float(measurement.joint_angle[0])) > 1e-6:
+    def step(self, memory, readings, inputs):
+        if self.fault == "update" and abs(float(readings.joint_angle[0])) > 1e-6:
             raise ValueError("not mine")
-        return [0.0, 0.0]
+        return memory, [0.0, 0.0]
 
 
 @pytest.mark.parametrize("fault", ["copy", "update"])

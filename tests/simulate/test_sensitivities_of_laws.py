@@ -13,22 +13,20 @@ FIXED = {"integrator": "rk4", "step": 1e-3, "rate": 100.0}
 
 
 def of_reading(torque):
-    """Return a controller whose torque is a function of the measurement."""
-    return Law(lambda t, measurement, reference: [torque(measurement)])
+    """Return a controller whose torque is a function of the readings."""
+    return Law(lambda readings, inputs: [torque(readings)])
 
 
 class ConditionalIntegral(fa.Controller):
     sample_time = 0.01
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum = 0.0
+    def initial_memory(self, readings, inputs):
+        return {"sum": 0.0}
 
-    def update(self, t, measurement, reference):
-        error = measurement.joint_angle[0] - 0.3
-        if abs(error) < 0.01:
-            self.sum = self.sum + error
-        return [-5.0 * error - measurement.joint_rate[0] - 50.0 * self.sum]
+    def step(self, memory, readings, inputs):
+        error = readings.joint_angle[0] - 0.3
+        total = memory["sum"] + (error if abs(error) < 0.01 else 0.0)
+        return {"sum": total}, [-5.0 * error - readings.joint_rate[0] - 50.0 * total]
 
 
 def damped(measurement):

@@ -115,11 +115,8 @@ def agrees(arm, duration, path, given, step=2e-3, **more):
 
 
 FIXED = {"integrator": "rk4", "step": SAMPLE_TIME / 8, "rate": 1.0 / SAMPLE_TIME}
-#: Controllers whose update is not a smooth function of declared memory and readings, with a text of
-#: the message.
-REFUSED = dict.fromkeys(
-    ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "declare its memory"
-)
+#: Controllers without a step that can be linearised, with a text of the message.
+REFUSED = dict.fromkeys(("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "have a step")
 
 
 @pytest.mark.sampled("joint_pd", "computed_torque", "lqg")
@@ -173,14 +170,20 @@ def test_instruments_and_motors():
 
 
 def test_other_channels_as_readings():
-    def spring(t, measurement, reference):
-        x, y = measurement.tip
-        return [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * measurement.joint_rate[1]]
+    class TipSpring(fa.Controller):
+        sample_time = SAMPLE_TIME
+
+        def planned(self, t, reference):
+            return {}
+
+        def step(self, memory, readings, inputs):
+            x, y = readings.tip
+            return memory, [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * readings.joint_rate[1]]
 
     arm = two_links()
     read = [fa.Instrument("tip"), fa.Instrument("joint_rate")]
     given = {"hardware": fa.Hardware(instruments=read), **FIXED}
-    given["controller"] = Law(spring, SAMPLE_TIME)
+    given["controller"] = TipSpring()
     given["initial"] = arm.rest([0.2, 0.4])
     agrees(arm, 0.1, "links[0].mass_per_length", given)
     agrees(arm, 0.1, "initial[1]", given)
@@ -220,26 +223,26 @@ class Own(fa.Controller):
     """A law of a user; subclasses say how it goes on."""
 
     sample_time = SAMPLE_TIME
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum, self.hidden = np.zeros(2), np.zeros(2)
+    def initial_memory(self, readings, inputs):
+        return {"sum": np.zeros(2)}
 
-    def update(self, t, measurement, reference):
-        self.sum = self.sum + 0.1 * np.tanh(measurement.joint_angle)
-        damping = [0.8, 0.3] * np.tanh(measurement.joint_rate)
-        return -np.sin(measurement.joint_angle) - damping - 0.1 * self.sum * np.cos(self.sum)
+    def step(self, memory, readings, inputs):
+        total = memory["sum"] + 0.1 * np.tanh(readings.joint_angle)
+        damping = [0.8, 0.3] * np.tanh(readings.joint_rate)
+        torque = -np.sin(readings.joint_angle) - damping - 0.1 * total * np.cos(total)
+        return {"sum": total}, torque
 
 
 class Undeclared(Own):
-    memory = ()
+    hidden = np.zeros(2)
 
-    def update(self, t, measurement, reference):
-        self.hidden = self.hidden + measurement.joint_angle
-        return -0.1 * self.hidden
+    def step(self, memory, readings, inputs):
+        self.hidden = self.hidden + readings.joint_angle
+        return memory, -0.1 * self.hidden
 
 
-SWITCHING = Law(lambda t, measurement, _: -0.1 * np.sign(measurement.joint_rate), SAMPLE_TIME)
+SWITCHING = Law(lambda readings, inputs: -0.1 * np.sign(readings.joint_rate), SAMPLE_TIME)
 
 
 def test_a_controller_of_the_user():
@@ -252,7 +255,7 @@ def test_a_controller_of_the_user():
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"controller": Undeclared()}, "more than its memory and readings"),
+        ({"controller": Undeclared()}, "more than its memory, readings"),
         ({"controller": SWITCHING, "initial": None}, "be differentiable"),
         (
             {"hardware": fa.Hardware(instruments=[fa.Instrument("joint_angle", resolution=1e-3)])},
@@ -277,9 +280,9 @@ def test_what_has_no_derivative_is_named(changes, text):
         fa.sensitivities(arm, 0.02, **given | changes)
 
 
-def test_a_law_that_does_not_declare_its_memory():
+def test_a_controller_without_a_step():
     plain = Plain(lambda t, measurement, reference: -measurement.joint_angle, SAMPLE_TIME)
-    with pytest.raises(fa.InputError, match="declare its memory"):
+    with pytest.raises(fa.InputError, match="have a step"):
         fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=plain)
 
 

@@ -1,4 +1,4 @@
-"""Arms, and laws of strain damping as they are read from ``update``, for their tests."""
+"""Arms, and laws of strain damping as their steps have them, for their tests."""
 
 import control
 import numpy as np
@@ -12,7 +12,7 @@ TICK = 1e-4
 
 def echo():
     """Return an inner controller whose torques are the angles of its reference."""
-    return Law(lambda t, measurement, reference: reference.joint_angle(t), TICK)
+    return Law(lambda readings, inputs: inputs["reference_angle"], TICK)
 
 
 def one_link(modes=1, **changes):

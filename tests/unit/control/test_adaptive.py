@@ -84,11 +84,10 @@ class Kept(fa.Adaptive):
         super().reset()
         self.s, self.a = [], []
 
-    def update(self, t, measurement, reference):
-        self.a.append(list(self.estimate.values()))  # that of this sample's torque
-        torque = super().update(t, measurement, reference)
-        self.s.append(self._sliding.s.copy())
-        return torque
+    def step(self, memory, readings, inputs):
+        self.a.append(memory["estimate"].tolist())
+        self.s.append(self._sliding.at(memory, readings, inputs)[1].s)
+        return super().step(memory, readings, inputs)
 
 
 PARAMETERS = ("payload.mass", "joint_1.viscous", "joint_2.viscous")

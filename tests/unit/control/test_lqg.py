@@ -109,9 +109,13 @@ class Shaken(fa.Controller):
 
     def update(self, t, measurement, reference):
         states = self.controller.designs[0].A.shape[0]
-        foreseen = self.controller.designs[0].C @ self.controller._known[:states]
+        foreseen = self.controller.designs[0].C @ self.controller.memory.get(
+            "prediction", np.zeros(states)
+        )
         torque = self.controller.update(t, measurement, reference)
-        self.innovations.append(self.controller._known[states:] - foreseen)
+        nominal = self.controller.planned(t, reference)["nominal_reading"]
+        measured = np.concatenate([measurement.joint_angle, measurement.strain])
+        self.innovations.append(measured - nominal - foreseen)
         return torque + self.generator.normal(0.0, self.size, 2)
 
 
@@ -306,8 +310,10 @@ def test_recovery_multiplies_the_acceptable_torque():
 
 def test_saturated_integral_does_not_wind_up():
     class Naive(fa.LQG):
-        def _integrate(self, measurement, nominal, excess):
-            super()._integrate(measurement, nominal, 0.0 * excess)
+        def step(self, memory, readings, inputs):
+            after, torque = super().step(memory, readings, inputs)
+            rise = self._rise(readings, inputs)
+            return {**after, "integral": memory["integral"] + rise}, torque
 
     arm = arm_with_gauges()
     far = fa.joint_motion(arm, [0.6, 0.9], [0.6, 0.9], 1.0)

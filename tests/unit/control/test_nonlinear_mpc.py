@@ -147,7 +147,7 @@ def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
         )
         law.reset()
         torque = law.update(0.0, reading, goal)
-        plans.append(law._plan.reshape(12, 2))
+        plans.append(law.memory["plan"].reshape(12, 2))
         np.testing.assert_allclose(torque, plans[-1][0], rtol=1e-14)  # cut at the limits
     wanted, torques = law._motion.states(13), law._motion.torques(12)
     best = horizon_by_ipopt(few, law, wanted[0] + law.estimate, wanted, torques)
@@ -212,7 +212,7 @@ def test_plan_continues_if_the_prediction_overflows(arm, iterations, monkeypatch
     hold, overflows = fa.joint_motion(arm, POSTURE, POSTURE, 1.0), 0
     law.reset()
     for k in range(8):
-        overflowed, last = law._ready is None and k > 0, law._plan
+        overflowed, last = law._ready is None and k > 0, law._plans["plan"]
         angle = np.add(POSTURE, [2.0 * np.pi * (k >= 3), 0.0])
         reading = fa.Measurement(joint_angle=angle, joint_rate=np.zeros(2), strain=np.zeros(2))
         assert np.all(np.abs(law.update(law.sample_time * k, reading, hold)) <= 1.0)
@@ -221,7 +221,7 @@ def test_plan_continues_if_the_prediction_overflows(arm, iterations, monkeypatch
             # The estimate starts again at the readings; its rates were thousands of rad/s.
             assert np.abs(law.estimate).max() < 7.0
         if overflowed and iterations == 1:
-            np.testing.assert_array_equal(law._plan, np.append(last[2:], last[-2:]))
+            np.testing.assert_array_equal(law._plans["plan"], np.append(last[2:], last[-2:]))
     assert overflows == 1
     # The second iteration predicts one sample earlier, and plans from the new estimate.
     assert law.fallback == 1

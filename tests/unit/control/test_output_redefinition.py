@@ -16,7 +16,7 @@ ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 
 def echo():
     """Return an inner controller whose torques are the angles of its reference."""
-    return Law(lambda t, measurement, reference: reference.joint_angle(t), 1e-3)
+    return Law(lambda readings, inputs: inputs["reference_angle"], 1e-3)
 
 
 def one_link(count=1, hub=0.0, **changes):

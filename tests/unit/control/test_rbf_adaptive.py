@@ -61,11 +61,10 @@ def test_representable_torques_are_cancelled_exactly():
             super().reset()
             self.s, self.w = [], []
 
-        def update(self, t, measurement, reference):
-            self.w.append(self.weights[0, 0])
-            torque = super().update(t, measurement, reference)
-            self.s.append(float(self._sliding.s[0]))
-            return torque
+        def step(self, memory, readings, inputs):
+            self.w.append(memory["weights"][0, 0])
+            self.s.append(float(self._sliding.at(memory, readings, inputs)[1].s[0]))
+            return super().step(memory, readings, inputs)
 
     class Wave:
         def joint_angle(self, t):

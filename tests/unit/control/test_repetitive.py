@@ -88,7 +88,7 @@ def test_torque_is_that_of_its_law():
 
 
 class Unknown(fa.Controller):
-    """Controller that does not declare its memory."""
+    """Controller without a step."""
 
     sample_time = STEP
 
@@ -234,7 +234,7 @@ READ = [fa.Instrument("joint_angle", sample_time=2 * STEP), fa.Instrument("joint
             r"3 joint\(s\), but the plant '1' has 2",
         ),
         (rates({}, plant=one_link(), posture=[0.0, 1.0]), "posture must be numbers of shape"),
-        (rates({"inner": Unknown()}, plant=one_link()), "does not declare its memory"),
+        (rates({"inner": Unknown()}, plant=one_link()), "has no step"),
     ],
 )
 def test_wrong_arguments_of_the_prediction_are_rejected(call, text):

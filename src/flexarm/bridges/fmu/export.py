@@ -549,7 +549,8 @@ class _Variables:
             if start is None and name == "reference_angle":
                 start = q[arm.joint_index]
             values = [0.0] * size if start is None else [float(one) for one in start]
-            unit, meaning = (_JOINT_INPUTS | _OTHER_INPUTS)[name]
+            planned = ("", "planned input of the controller")
+            unit, meaning = (_JOINT_INPUTS | _OTHER_INPUTS).get(name, planned)
             numbers = arm.joint_numbers if name in _JOINT_INPUTS else range(1, size + 1)
             rows = [
                 _Variable(f"{name}[{number}]", unit, meaning, "input", start=value)

@@ -12,13 +12,15 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, shown
-from flexarm.control.analysis.linear_controller import linear_controller, memory_of
+from flexarm.control.analysis.linear_controller import linear_controller
+from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     Measurement,
     Reference,
-    report_of,
+    has_poles,
     requirements_of,
 )
 from flexarm.control.contract.requirements import JOINTS
@@ -172,30 +174,11 @@ def joint_errors(arm: Arm, reference: Reference, window: Window, output: str) ->
     return np.asarray(np.linalg.pinv(tip_jacobian(chain.lengths, angles + chain.offset)))
 
 
-class AddedTorque(Controller):
+class AddedTorque(Around):
     """Controller that adds torques (N, joints) N m, constant in intervals (s), to an inner one."""
 
     def __init__(self, inner: Controller, torque: FloatArray, interval: float) -> None:
         self.inner, self.torque, self.interval = inner, torque, interval
-
-    @property
-    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
-        """Attributes kept between samples; None if ``inner`` does not declare its own."""
-        inside = memory_of(self.inner)
-        return None if inside is None else tuple(f"inner.{name}" for name in inside)
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the inner controller, s."""
-        return self.inner.sample_time
-
-    @sample_time.setter
-    def sample_time(self, value: float) -> None:
-        self.inner.sample_time = value
-
-    def reset(self) -> None:
-        """Clear the state of the inner controller."""
-        self.inner.reset()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
@@ -203,17 +186,18 @@ class AddedTorque(Controller):
         joints = self.torque.shape[1]
         return inner._replace(joints=joints if joints != arm.joints else inner.joints)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the inputs of the inner controller, and the torque of the interval."""
         # The sample times are multiples of the interval except for rounding.
         k = min(int(t / self.interval + 1e-6), len(self.torque) - 1)
-        given = np.asarray(self.inner.update(t, measurement, reference), dtype=np.float64)
-        found: FloatArray = given + self.torque[k]
-        return found
+        return {**super().planned(t, reference), "added_torque": self.torque[k]}
 
-    def report(self) -> dict[str, float]:
-        """Return the report of the inner controller."""
-        return report_of(self.inner)
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        inside, torque = self._inner_step(memory, readings, inputs)
+        return inside, torque + inputs["added_torque"]
 
 
 #: Number of instants along the trial at which a controller is linearised. Most controllers are
@@ -246,9 +230,9 @@ class Window(NamedTuple):
 
 def check_linear(controller: Controller, arm: Arm, reference: Reference) -> tuple[str, ...]:
     """Return the readings of a controller that can be linearised along a trial."""
-    if memory_of(controller) is None:
+    if not has_poles(controller):
         hint = "It is needed to predict the next trial; see flexarm.Controller."
-        raise InputError(Problem("controller", "declare its memory", shown(controller), hint))
+        raise InputError(Problem("controller", "have a step", shown(controller), hint))
     names = requirements_of(controller, arm, reference).measured or JOINTS
     if others := [name for name in names if name not in LINEAR_SIGNALS]:
         rule = "require no readings except " + ", ".join(LINEAR_SIGNALS)

@@ -89,7 +89,7 @@ def iterative_learning(
     Args:
         arm: model of the arm. Learning without a model uses it for the prediction only.
         reference: motion of the joints; the tip is to follow the tip of the rigid arm.
-        controller: feedback during the trials, which declares its ``memory``.
+        controller: feedback during the trials, with a ``step``.
         output: "tip", or "joint_angle", whose errors are learned.
         trials: number of trials.
         duration: s, of a trial, at least and by default to the end of the reference. The arm
@@ -122,7 +122,7 @@ def iterative_learning(
 
     Raises:
         InputError: if an argument has the wrong type or value, arguments contradict each other, or
-            the controller does not declare its memory or needs readings other than joint angles,
+            the controller has no ``step`` or needs readings other than joint angles,
             joint rates and strain.
         SimulationError: if a trial stops early.
 

@@ -114,7 +114,7 @@ class _LoopInDuals:
         for name in self._loop.stored:
             if np.any(first.get(name, 0.0)):
                 rule = f"stores its first {name}, which a parameter changes"
-                hint = "Give it a reference, or declare the attribute in start_memory."
+                hint = "Give it a reference."
                 raise InputError(Problem("controller", rule, hint=hint))
 
     def _hold(self, until: float) -> None:

@@ -98,7 +98,7 @@ def sensitivities(
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
     an arm, that arm does not change. The updates of a controller are differentiated with respect to
-    its readings and its ``memory``, which it must declare. Changes of the arm and section forces
+    its readings and its memory, so it must have a ``step``. Changes of the arm and section forces
     are not supported.
 
     Returns:
@@ -109,7 +109,7 @@ def sensitivities(
     Raises:
         InputError: if an argument has the wrong type or value or is not supported, or a parameter
             does not exist or is not one on which the equations depend smoothly, or a controller is
-            not differentiable, reads rounded signals or keeps undeclared numbers.
+            not differentiable, reads rounded signals or has no ``step``.
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:

@@ -12,7 +12,7 @@ from flexarm.arm.actions.contacts import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_forces
-from flexarm.control.analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
+from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
 from flexarm.control.analysis.plant_model import (
     PlantModel,
@@ -22,7 +22,7 @@ from flexarm.control.analysis.plant_model import (
     signals_of,
     sliding,
 )
-from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, Sensor
@@ -86,7 +86,7 @@ def loop_poles(
     With ``changed`` also at the beginning of each changed arm. Equal arms are analysed once at
     each posture.
 
-    Not analysed, and left out, are controllers that do not declare their memory, cannot be copied
+    Not analysed, and left out, are controllers that have no ``step``, cannot be copied
     or fail in the analysis, and instruments that read a `Sensor` or a torque.
 
     Args:
@@ -95,11 +95,8 @@ def loop_poles(
         duration: of the run, s.
         known: results of earlier calls that differ in the initial state alone, for reuse.
         changed: arms after changes, in the order of their begin.
-
-    Raises:
-        MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
     """
-    if memory_of(controller) is None:
+    if not has_poles(controller):
         return []
     instruments = instruments_of(plant, hardware, len(contacts))
     signals = signals_of(instruments)
@@ -124,8 +121,6 @@ def loop_poles(
                         known[key] = _worst(
                             arms, controller, reference, hardware, bare, initial, t, instruments
                         )
-            except MemoryNameError:
-                raise
             except (
                 Exception
             ):  # the run itself reports a missing equilibrium or a failing controller

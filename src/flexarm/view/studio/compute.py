@@ -141,7 +141,7 @@ def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
-    """Return the margins at the start; controllers without a declared memory have none."""
+    """Return the margins at the start; controllers without poles have none."""
     controller, options = prepared.options.get("controller"), prepared.options
     if controller is None:
         return Margins((), "The drive has no feedback loop.")
