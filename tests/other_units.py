@@ -15,7 +15,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.model.checks import Record
 from flexarm.model.help_text import descriptions_of
-from flexarm.view.studio.values.ranges import unit_of
+from flexarm.view.studio.values.fields import unit_of
 
 #: Exponents of length, mass and time in each unit.
 _BASE = {

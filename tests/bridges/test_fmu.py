@@ -332,7 +332,7 @@ def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
 @pytest.mark.parametrize("version", VERSIONS)
 def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatch):
     """The warning gives the reason, and FMPy's own build makes the binary."""
-    monkeypatch.setattr("flexarm.bridges.fmu.binary.shutil.which", lambda name: None)
+    monkeypatch.setattr("flexarm.bridges.fmu.export.shutil.which", lambda name: None)
     path = tmp_path / "source.fmu"
     with pytest.warns(fa.FlexarmWarning, match="no C compiler was found.*fmpy compile"):
         fa.export_fmu(damped(), path, fmi=version)

@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.planning.proposals.assessment import Loops
+from flexarm.planning.proposals.candidates import Loops
 
 ARM = """\
 flexarm: 1

@@ -69,7 +69,7 @@ def test_prediction_errors_in_a_file(tmp_path):
 
 
 def test_the_example_is_valid():
-    from flexarm.identification.study import PreparedIdentification
+    from flexarm.identification.identify import PreparedIdentification
 
     prepared = PreparedIdentification(BENCH / "identify.yaml")
     assert len(prepared.study.free) == 5

@@ -14,8 +14,7 @@ from flexarm.model.checks import Record
 from flexarm.model.wording import look
 from flexarm.view.studio.state import Project, open_bytes
 from flexarm.view.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
-from flexarm.view.studio.values.field import Field
-from flexarm.view.studio.values.fields import SAMPLED, groups_of
+from flexarm.view.studio.values.fields import SAMPLED, Field, groups_of
 from flexarm.view.studio.values.forms import Forms, forms_of
 
 #: A scenario in which a contact, instruments and a controller are possible.

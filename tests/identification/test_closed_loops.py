@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import chain
-from flexarm.identification import derivatives, fitting
+from flexarm.identification import fitting
 
 pytestmark = [
     pytest.mark.compiled,
@@ -63,8 +63,8 @@ def fit(monkeypatch, loop, fewest):
     Args:
         fewest: numbers by which ``sensitivities`` is used.
     """
-    monkeypatch.setattr(derivatives, "_FEWEST_IN_LOOP", fewest)
-    found, original = [], derivatives.output_derivatives
+    monkeypatch.setattr(fitting, "_FEWEST_IN_LOOP", fewest)
+    found, original = [], fitting.output_derivatives
 
     def kept(*given):
         found.append(original(*given))
@@ -102,7 +102,7 @@ def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch
 
 
 def test_few_numbers_are_differentiated_by_differences(monkeypatch):
-    monkeypatch.setattr(derivatives, "sensitivities", None)
+    monkeypatch.setattr(fitting, "sensitivities", None)
     found = fa.identify(BELIEVED, record(PD, None), PATHS[:1], progress=False)
     assert np.isfinite(found[PATHS[0]])
     with pytest.raises(TypeError):
@@ -112,7 +112,7 @@ def test_few_numbers_are_differentiated_by_differences(monkeypatch):
 @pytest.mark.thorough
 def test_distance_of_a_gauge_that_the_controller_reads(monkeypatch):
     """The joint angles depend on it, too, and the strain is not proportional to it."""
-    found, original = [], derivatives.output_derivatives
+    found, original = [], fitting.output_derivatives
 
     def kept(*given):
         found.append((given, original(*given)))

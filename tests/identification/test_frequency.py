@@ -7,7 +7,7 @@ from scipy.signal import chirp
 
 import flexarm as fa
 from arms import chain
-from flexarm.identification.frequency.measured_modes import assurance
+from flexarm.identification.frequency.fit import assurance
 
 pytestmark = pytest.mark.compiled
 

@@ -10,10 +10,13 @@ from scipy.stats import multivariate_normal
 import flexarm as fa
 from arms import chain
 from flexarm.control.filters.predicted_readings import reading_rows
-from flexarm.identification import fitting
-from flexarm.identification.prediction import predicted_run
-from flexarm.identification.prediction.linear_filter import LinearModel, gains_of, likelihoods
-from flexarm.identification.prediction.predicted_run import PredictedRun
+from flexarm.identification import fitting, prediction
+from flexarm.identification.prediction import (
+    LinearModel,
+    PredictedRun,
+    gains_of,
+    likelihoods,
+)
 from flexarm.identification.space import Case
 from flexarm.linear.step_derivatives.sampled_step import REACH
 
@@ -212,7 +215,7 @@ def test_likelihoods_are_those_of_the_joint_distribution():
 
 
 def test_predictions_are_those_of_the_extended_kalman_filter(monkeypatch):
-    monkeypatch.setattr(predicted_run, "_REACH", REACH)  # the same steps
+    monkeypatch.setattr(prediction, "_REACH", REACH)  # the same steps
     given = record(4, disturbance=0.1)
     arm = arm_of(*TRUE)
     run = PredictedRun("record", given, arm, {})

@@ -5,9 +5,8 @@ import pytest
 from learning_arms import SAMPLE_TIME, feedback, one_rigid_link, swing, two_links
 
 import flexarm as fa
-from flexarm.planning.learning.added_torque import AddedTorque
-from flexarm.planning.learning.bench import Bench, window_of
-from flexarm.planning.learning.laws import filtered, norm_optimal, proportional_derivative
+from flexarm.planning.learning.bench import AddedTorque, Bench, window_of
+from flexarm.planning.learning.iterative import filtered, norm_optimal, proportional_derivative
 
 
 def bench(arm, motion, controller, interval, output="tip", plant=None, **options):

@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 import flexarm.planning.optimize.optimal_motion as optimal
-from flexarm.planning.optimize.plan import GAUSS
+from flexarm.planning.optimize.task import GAUSS
 from flexarm.planning.optimize.transcription import Answer, Transcription
 
 LINK = {"length": 1.0, "flexural_rigidity": 30.0, "mass_per_length": 0.5}

@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint
 from flexarm.simulation.inversion.zero_dynamics import rest_end
 
 DATA = Path(__file__).parents[1] / "data"

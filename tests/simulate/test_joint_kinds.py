@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.cases.results.formats import columns
-from flexarm.view.plot.signals import signals_figure
+from flexarm.view.plot.histories import signals_figure
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 LENGTH, INERTIA = 0.8, 0.5 * 0.8**3 / 3  # of a rigid bar of 0.5 kg/m about its end

@@ -41,20 +41,13 @@ _LONG, _RUNS = 3e7, 10.0
 class RecordRun:
     """Simulations of an arm that reproduce one record.
 
-    Args:
-        name: of the record.
-        arm: the arm before estimation; a controller uses it as its model.
-        options: arguments of ``simulate`` for every run, such as ``integrator``.
+    The arm is that before estimation; a controller uses it as its model.
 
     Attributes:
-        labels: the compared channels.
+        labels: the compared channels. channels: their names.
         measured: (samples, channels) values of the record, filtered; where samples are missing
             they have no meaning.
         valid: (samples, channels) whether the record has the sample.
-        channels: names of the compared channels.
-
-    Raises:
-        InputError: if the record does not fit the arm; all problems are listed.
     """
 
     def __init__(
@@ -116,10 +109,7 @@ class RecordRun:
 
     @property
     def proportional(self) -> bool:
-        """Whether a strain is proportional to the distance of its gauge.
-
-        A controller that reads the strain moves the arm differently if the distance changes.
-        """
+        """Whether a strain is proportional to its gauge's distance: no controller reads it."""
         return self.record.controller is None
 
     def arguments(self, case: Case) -> dict[str, Any]:

@@ -9,8 +9,7 @@ import flexarm as fa
 from arms import chain, observed_link
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters, SampledStep
 
 
 def two_links(payload=0.2, offset=(0.0, 0.0)):

@@ -8,8 +8,8 @@ from linear_arm import POSTURE, arm_with_gauges
 import flexarm as fa
 from arms import table_one_arm
 from flexarm.control.laws.linear.nonlinear_mpc import with_modes
-from flexarm.linear.step_derivatives import sampled_steps
-from flexarm.linear.step_derivatives.sampled_steps import SampledSteps
+from flexarm.linear.step_derivatives import sampled_step
+from flexarm.linear.step_derivatives.sampled_step import SampledSteps
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_small_deviations_are_controlled_as_by_the_regulator(few, monkeypatch):
     wanted = torques_of(few, regulator, start, hold)
     moved = np.abs(wanted - wanted[-1]).max()
     for reach, error in ((1.0, 0.1), (0.25, 2e-3)):
-        monkeypatch.setattr(sampled_steps, "_REACH", reach)
+        monkeypatch.setattr(sampled_step, "_REACH", reach)
         law = fa.NonlinearMPC(few, POSTURE, torque_limit=100.0, **how)
         found = torques_of(few, law, start, hold)
         assert np.abs(found - wanted).max() < error * moved
@@ -207,7 +207,7 @@ def test_feedback_and_preparation_are_an_update(arm):
 def test_plan_continues_if_the_prediction_overflows(arm, iterations, monkeypatch):
     """An encoder jumps by a turn, which the estimator takes for rates that coarse steps do not
     survive."""
-    monkeypatch.setattr(sampled_steps, "_REACH", 2.0)
+    monkeypatch.setattr(sampled_step, "_REACH", 2.0)
     law = fa.NonlinearMPC(arm, POSTURE, torque_limit=1.0, horizon=8, iterations=iterations)
     hold, overflows = fa.joint_motion(arm, POSTURE, POSTURE, 1.0), 0
     law.reset()

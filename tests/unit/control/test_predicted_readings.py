@@ -8,7 +8,7 @@ import pytest
 import flexarm as fa
 from arms import chain
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters
 
 ANGLE = fa.Instrument("joint_angle", noise=1e-4)
 POINTS = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.linear.models.transfer import slowest_first
+from flexarm.linear.models.state_space import slowest_first
 
 LINK = fa.Link(
     length=0.5,

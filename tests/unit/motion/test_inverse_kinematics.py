@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from motion_checks import Links
 
 from flexarm.motion import inverse_kinematics as of_an_arm
-from flexarm.motion.geometry.inverse_kinematics import reach_limits
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_position
-from flexarm.motion.geometry.nearest_posture import damped_least_squares
+from flexarm.motion.geometry.chain import tip_jacobian, tip_position
+from flexarm.motion.geometry.inverse_kinematics import damped_least_squares, reach_limits
 from strategies import between
 
 # Rounding of a tip position, of its angles and of their sum, per metre of reach.
@@ -94,7 +93,7 @@ def test_damped_least_squares_converges_from_a_posture(lengths, ratio, angle, se
 def test_damped_least_squares_converges_quadratically(monkeypatch):
     lengths = np.array([1.0, 0.8, 0.6, 0.4])
     posture = np.array([0.4, 0.5, -0.7, 0.9])
-    monkeypatch.setattr("flexarm.motion.geometry.nearest_posture.MAX_ITERATIONS", 10)
+    monkeypatch.setattr("flexarm.motion.geometry.inverse_kinematics.MAX_ITERATIONS", 10)
     angles, missed = damped_least_squares(lengths, np.array([-1.0, 0.9]), posture)
     # Constant damping would gain about one digit per step.
     assert missed < 1e-12

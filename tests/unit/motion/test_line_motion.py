@@ -8,9 +8,8 @@ from motion_checks import Links
 
 from flexarm.base.errors import InputError
 from flexarm.motion import line_motion
-from flexarm.motion.geometry.chain import RigidChain
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate, tip_position
-from flexarm.motion.tip.joint_path import SingularPathError, least_norm_path
+from flexarm.motion.geometry.chain import RigidChain, tip_jacobian, tip_jacobian_rate, tip_position
+from flexarm.motion.tip.tip_motion import SingularPathError, least_norm_path
 from flexarm.motion.tip.tip_paths import line_path
 
 ARMS = [(1.4142, 1.0), (1.0, 1.0), (1.0, 0.8, 0.6), (0.5,) * 4, (0.4, 0.9, 0.2, 0.7, 0.6, 0.3)]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
 from flexarm.simulation.inversion.torques import CorrectedTorque, spline_knots, spline_values
 
 

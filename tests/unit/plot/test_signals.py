@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.plot.signals import readable_unit, series_colors, signals_figure
+from flexarm.view.plot.histories import readable_unit, series_colors, signals_figure
 
 
 def run(links, gauges=(), **fields):

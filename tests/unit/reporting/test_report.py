@@ -15,14 +15,16 @@ import pytest
 import flexarm as fa
 from flexarm.view.plot.selection import Signals
 from flexarm.view.reporting import clock
-from flexarm.view.reporting.measures import (
+from flexarm.view.reporting.document import (
     energies,
     errors_table,
     extremes_table,
+    few_lines,
+    fitted,
     key_figures,
+    panels,
     run_facts,
 )
-from flexarm.view.reporting.panels import few_lines, fitted, panels
 
 LINK = {"length": 0.5, "flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 1}
 #: The documented limit of a report's size.

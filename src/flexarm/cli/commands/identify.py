@@ -20,8 +20,8 @@ def identify(
 ) -> None:
     """Estimate parameters of an arm from measured records."""
     from flexarm.cases.results import write_result
+    from flexarm.identification.identify import PreparedIdentification
     from flexarm.identification.result import FIT_HEADS, HEADS, fit_rows
-    from flexarm.identification.study import PreparedIdentification
 
     prepared = PreparedIdentification(study)
     check_places(("--out", out, (".yaml", ".yml")), ("--result", result, (".nc",)))

@@ -72,7 +72,7 @@ def linearize(
         save_linear(model, out)
         print_line(f"model in {out}")
     if plot is not None:
-        from flexarm.view.plot.response import response_figure
+        from flexarm.view.plot.vibration import response_figure
 
         save_figure(response_figure(model), plot, "responses")
 

@@ -29,7 +29,7 @@ def report(
     """Write a report of a run or an identification: one HTML page with all numbers."""
     from flexarm.base.writing.places import check_place
     from flexarm.cases.results import read_result
-    from flexarm.identification.storage import is_identification
+    from flexarm.identification.result import is_identification
     from flexarm.view import reporting
     from flexarm.view.plot.drawn_arm import check_drawable
     from flexarm.view.reporting.document import template_engine

@@ -99,7 +99,7 @@ def _written(result: xr.Dataset, files: Mapping[str, Path]) -> Iterator[str]:
         if name == "result":
             write_result(result, path)
         elif name == "plot":
-            from flexarm.view.plot.signals import signals_figure
+            from flexarm.view.plot.histories import signals_figure
 
             write_figure(signals_figure(result), path)
         else:

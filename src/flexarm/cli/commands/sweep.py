@@ -142,7 +142,7 @@ def print_rare_failures(study: Study, workers: int | None) -> None:
 def draw_samples(table: xr.Dataset, plot: Path | None) -> None:
     """Write the figure of the samples, if requested."""
     if plot is not None:
-        from flexarm.view.plot.samples import samples_figure
+        from flexarm.view.plot.comparison import samples_figure
 
         save_figure(samples_figure(table), plot)
 

@@ -11,8 +11,7 @@ from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Reference
 from flexarm.control.contract.feedforward import SampledFeedforward
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.motion.geometry.chain import rigid_chain
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.chain import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 
 class TaskReference(NamedTuple):

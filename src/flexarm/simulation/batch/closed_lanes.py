@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.scratch import as_slice
+from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.arm.observe import channels_of
 from flexarm.base.errors import FlexarmError, InputError, check_array
 from flexarm.control.contract.base import Controller, Reference, declares, report_of

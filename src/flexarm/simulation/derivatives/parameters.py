@@ -19,8 +19,7 @@ from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Array
 from flexarm.linear.statics.gaps import refuse_bristles
-from flexarm.linear.step_derivatives.formulas import constants_at, scaled, scales_of
-from flexarm.linear.step_derivatives.parameters import POWERS
+from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
 from flexarm.model import Link
 from flexarm.model.paths import number_at, parts_of, with_number
 from flexarm.simulation.calls.preparation import Situation

@@ -33,11 +33,9 @@ from flexarm.base.errors import (
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.collocation import stage_times
-from flexarm.linear.small_deviations.response import torque_response
+from flexarm.linear.small_deviations.collocation import stage_times, torque_response
 from flexarm.motion import JointState, Motion, rigid_torque
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
 from flexarm.motion.geometry.chain import RigidChain
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate

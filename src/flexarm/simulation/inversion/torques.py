@@ -12,7 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.linear import modes
 from flexarm.motion import Motion
-from flexarm.motion.dynamics.rigid_torques import RigidTorque
+from flexarm.motion.dynamics.dynamics_along import RigidTorque
 from flexarm.simulation.inversion.zero_dynamics import RestEnd
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.scratch import as_slice
+from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
 from flexarm.control.contract.base import Controller, Reference, report_of, requirements_of
 from flexarm.control.hardware.instruments import Readings, stride_and_delay

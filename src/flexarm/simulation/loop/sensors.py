@@ -9,8 +9,7 @@ import numpy as np
 
 from flexarm.arm.actions.loads import marker, place_loads
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.arm.assembly.scratch import as_slice
+from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.hardware.instruments import Readings

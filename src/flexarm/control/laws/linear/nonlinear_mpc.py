@@ -14,7 +14,7 @@ from flexarm.control.design.linear_design import Design, preview_cost
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.linear.lqg import LQG
 from flexarm.control.laws.linear.mpc import MPC
-from flexarm.linear.step_derivatives.sampled_steps import SampledSteps, Steps
+from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
 from flexarm.model import Link, ModalDamping
 from flexarm.model.drives.linear import NonlinearMPCParameters
 

@@ -1,4 +1,4 @@
-"""Environment with the task to slide along a wall with a prescribed, changing contact force."""
+"""Tasks: reach a point, follow a line, and slide along a wall with a changing contact force."""
 
 from __future__ import annotations
 
@@ -11,12 +11,170 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_number
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.bridges.gymnasium_env.base import ArmEnv, PlantSource
-from flexarm.bridges.gymnasium_env.observation import MOST_FORCE, FloatArray, Part
-from flexarm.bridges.gymnasium_env.reach import joint_range
+from flexarm.bridges.gymnasium_env.base import MOST_FORCE, ArmEnv, FloatArray, Part, PlantSource
 from flexarm.model import Contact, Wall
 from flexarm.motion import line_motion
 from flexarm.motion.tip.tip_motion import TipMotion
+
+#: Largest initial joint angle (rad), unless a stop is closer.
+_RANGE = 2.5
+#: Largest joint angle (rad) between the start and the posture whose tip is the goal.
+_TURN = 0.6
+#: Success: largest distance (fraction of the reach) and speed (reaches per second) of the tip.
+_NEAR, _SLOW = 0.01, 0.05
+
+
+class ReachEnv(ArmEnv):
+    """Move the tip to a random goal, and keep it there without vibration.
+
+    The goal is the tip of the arm with straight links after turning each joint by up to 0.6 rad
+    from a random posture, which is the start. The task adds to the observation: ``goal`` (2,) m.
+    The reward is half of its maximum at a distance of a twentieth of the reach. ``is_success``: the
+    tip is within a hundredth of the reach of the goal, and slower than a twentieth of the reach
+    per second.
+
+    ``reset(options={"start": ..., "goal": ...})`` accepts joint angles (joints,) rad instead of
+    random ones. ``info`` also contains ``goal_joint_angle`` (joints,) rad, the solution of the
+    inverse kinematics. See ``ArmEnv`` for everything else.
+    """
+
+    scale: ClassVar[float] = 0.05
+    option_names: ClassVar[tuple[str, ...]] = ("start", "goal")
+
+    def task_parts(self) -> Sequence[Part]:
+        """See ``ArmEnv``."""
+        return [Part("goal", "m", 2, self.reach, axes=True)]
+
+    def begin(self, options: dict[str, Any]) -> FloatArray:
+        """See ``ArmEnv``."""
+        shape = (self.arm.joints,)
+        lower, upper = _joint_range(self)
+        start = self.np_random.uniform(lower, upper)
+        if "start" in options:
+            start = check_array("start", options["start"], shape)
+        turn = self.np_random.uniform(-_TURN, _TURN, shape)
+        self.goal_angle = np.clip(start + turn, np.minimum(lower, start), np.maximum(upper, start))
+        if "goal" in options:
+            self.goal_angle = check_array("goal", options["goal"], shape)
+        self.task_table = self.arm.tip(self.arm.rest(self.goal_angle))[None, :2]
+        return start
+
+    def task_info(self) -> dict[str, FloatArray]:
+        """See ``ArmEnv``."""
+        return {"goal_joint_angle": self.goal_angle.copy()}
+
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
+        """See ``ArmEnv``."""
+        near = info["distance"] < _NEAR * self.reach
+        return near & (info["speed"] < _SLOW * self.reach)
+
+
+def _joint_range(env: ArmEnv) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds (joints,) of initial joint angles, rad."""
+    lower = np.full(env.arm.joints, -_RANGE)
+    upper = -lower
+    for k, number in enumerate(env.arm.joint_numbers):
+        limits = env.arm.spec.joints[number - 1].limits
+        if limits is not None:
+            lower[k], upper[k] = max(lower[k], limits.lower), min(upper[k], limits.upper)
+    return lower, upper
+
+
+#: Bounds of a line's length (fraction of the reach) and of the mean speed (reaches per second).
+_LENGTHS, _SPEED = (0.15, 0.4), (0.2, 0.4)
+#: Largest joint rates (rad/s); a line with larger ones is too close to a singular posture.
+_FASTEST_LINE = 3.0
+_LINE_TRIES = 200
+
+
+class _LineEnv(ArmEnv):
+    """Task along a line, the start of both tasks' tables."""
+
+    scale: ClassVar[float] = 0.02
+    motion: TipMotion
+
+    def line_parts(self, most_time: float) -> list[Part]:
+        """Return the components of the observation that describe the line."""
+        return [
+            Part("wanted_tip", "m", 2, self.reach, axes=True),
+            Part("wanted_velocity", "m/s", 2, 10.0 * self.reach, axes=True),
+            Part("line_end", "m", 2, self.reach, axes=True),
+            Part("time_left", "s", 1, most_time),
+        ]
+
+    def line_columns(self, times: FloatArray) -> list[FloatArray]:
+        """Return the values of these components at times (T,), s."""
+        motion = self.motion
+        along = motion.law(np.clip((times - motion.start_time) / motion.duration, 0.0, 1.0))
+        way = motion.end - motion.start
+        return [
+            motion.start + np.outer(along.s, way),
+            np.outer(along.ds / motion.duration, way),
+            np.tile(motion.end, (len(times), 1)),
+            np.maximum(motion.end_time - times, 0.0),
+        ]
+
+    @property
+    def times(self) -> FloatArray:
+        """Sample times of an episode (ticks + 1,), s."""
+        return np.arange(self.ticks + 1, dtype=np.float64) * self.plant.sample_time
+
+
+class TrackPathEnv(_LineEnv):
+    """Follow a point that moves along a random line, and come to rest at its end.
+
+    The line begins at a random posture and has a length of 0.15 to 0.4 of the reach, a random
+    direction, and a mean speed of 0.2 to 0.4 reaches per second, from rest to rest. The task adds
+    to the observation: ``wanted_tip`` (2,) m and ``wanted_velocity`` (2,) m/s of the point,
+    ``line_end`` (2,) m, and ``time_left`` (1,) s until the end. The reward is half of its maximum
+    at a distance of a fiftieth of the reach from the point. ``is_success``: the line has ended and
+    the tip is within a hundredth of the reach of its end.
+
+    ``reset(options={"start": ..., "end": ..., "duration": ...})`` accepts world points (2,) m, and
+    s, all three together. ``motion`` is the ``line_motion`` of the point. See ``ArmEnv`` for
+    everything else.
+    """
+
+    option_names: ClassVar[tuple[str, ...]] = ("start", "end", "duration")
+
+    def task_parts(self) -> Sequence[Part]:
+        """See ``ArmEnv``."""
+        return self.line_parts(self.ticks * self.plant.sample_time)
+
+    def begin(self, options: dict[str, Any]) -> FloatArray:
+        """See ``ArmEnv``."""
+        missing = [name for name in self.option_names if name not in options]
+        if not options:
+            self.motion = self._drawn()
+        elif missing:
+            rule = "have no " + " and no ".join(map(repr, missing))
+            raise InputError(Problem("the options", rule))
+        else:
+            self.motion = line_motion(self.arm, **options)
+        self.task_table = np.column_stack(self.line_columns(self.times))
+        return self.motion.joint_angle(0.0)
+
+    def _drawn(self) -> TipMotion:
+        """Draw a random line that the arm can follow at its speed."""
+        rng, reach = self.np_random, self.reach
+        for _ in range(_LINE_TRIES):
+            start = self.arm.tip(self.arm.rest(rng.uniform(*_joint_range(self))))[:2]
+            direction = rng.uniform(-np.pi, np.pi)
+            length, speed = reach * rng.uniform(*_LENGTHS), reach * rng.uniform(*_SPEED)
+            end = start + length * np.array([np.cos(direction), np.sin(direction)])
+            try:
+                motion = line_motion(self.arm, start, end, length / speed)
+            except InputError:
+                continue
+            rates = motion.joint_rate(np.linspace(0.0, motion.duration, 33))
+            if np.abs(rates).max() < _FASTEST_LINE:
+                return motion
+        raise InputError(Problem("the arm", f"cannot follow any of {_LINE_TRIES} random lines"))
+
+    def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
+        """See ``ArmEnv``."""
+        return (values[..., 6] == 0.0) & (info["distance"] < _NEAR * self.reach)
+
 
 #: Start time and duration of the sliding motion, s.
 _TOUCHDOWN, _SLIDE = 0.5, 2.0
@@ -25,7 +183,7 @@ _LENGTH = 0.125
 #: Initial distance (m) of the tip from the wall.
 _GAP = 0.005
 #: Largest angle (rad) of a wall's normal to the base direction: the base is then on its free side.
-_TURN = np.pi / 6.0
+_WALL_TURN = np.pi / 6.0
 #: Bounds of the distance of a line from the base, as fractions of the reach. Farther away the arm
 #: is almost straight, and too stiff.
 _NEAREST, _FARTHEST = 0.5, 0.85
@@ -35,11 +193,9 @@ _FASTEST, _SHARE = 1.0, 0.4
 _TRIES = 500
 #: Force error (fraction of the mean force) that halves the reward, and limit on the scaled error.
 _FORCE_SCALE, _MOST_MISS = 0.2, 100.0
-#: Success: largest distance from the end of the line, as a fraction of the reach.
-_NEAR = 0.01
 
 
-class TrackForceEnv(ArmEnv):
+class TrackForceEnv(_LineEnv):
     """Slide the tip along a random wall and press on it with a changing force.
 
     The arm starts at rest, with its tip at least 5 mm before the wall. The reference force is
@@ -79,12 +235,10 @@ class TrackForceEnv(ArmEnv):
         InputError: if an argument is not valid.
     """
 
-    scale: ClassVar[float] = 0.02
     option_names: ClassVar[tuple[str, ...]] = ("start", "end", "stiffness", "friction", "place")
     #: Larger than in the other tasks, because pressing requires more torque than moving.
     laboratory_torque: ClassVar[tuple[float, float]] = (20.0, 12.0)
     extra_signals: ClassVar[tuple[str, ...]] = ("contact_force",)
-    motion: TipMotion
     normal: FloatArray
 
     @public_call
@@ -129,13 +283,9 @@ class TrackForceEnv(ArmEnv):
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
-        reach = self.reach
         most_rate = 2.0 * np.pi * self.force[1] / self.period
         return [
-            Part("wanted_tip", "m", 2, reach, axes=True),
-            Part("wanted_velocity", "m/s", 2, 10.0 * reach, axes=True),
-            Part("line_end", "m", 2, reach, axes=True),
-            Part("time_left", "s", 1, _TOUCHDOWN + _SLIDE),
+            *self.line_parts(_TOUCHDOWN + _SLIDE),
             Part("wall_normal", "1", 2, 1.0, axes=True),
             Part("wanted_force", "N", 1, MOST_FORCE),
             Part("wanted_force_rate", "N/s", 1, max(most_rate, 1.0)),
@@ -177,15 +327,14 @@ class TrackForceEnv(ArmEnv):
         return -normal if normal @ (self._base() - start) < 0.0 else normal
 
     def _base(self) -> FloatArray:
-        base: FloatArray = self.arm.shape(self.arm.rest(np.zeros(self.arm.joints)), 2)[0, 0]
-        return base
+        return np.asarray(self.arm.shape(self.arm.rest(np.zeros(self.arm.joints)), 2)[0, 0])
 
     def _draw(self) -> None:
         """Draw a random line on a wall along which the arm can press."""
         rng, length, base = self.np_random, _LENGTH * self.reach, self._base()
         for _ in range(_TRIES):
-            start = self.arm.tip(self.arm.rest(rng.uniform(*joint_range(self))))[:2]
-            turn, side = rng.uniform(-_TURN, _TURN), rng.choice([-1.0, 1.0])
+            start = self.arm.tip(self.arm.rest(rng.uniform(*_joint_range(self))))[:2]
+            turn, side = rng.uniform(-_WALL_TURN, _WALL_TURN), rng.choice([-1.0, 1.0])
             inward = np.arctan2(*(base - start)[::-1]) + turn
             self.normal = np.array([np.cos(inward), np.sin(inward)])
             try:
@@ -219,16 +368,11 @@ class TrackForceEnv(ArmEnv):
 
     def _table(self) -> FloatArray:
         """Return the task's values of the observation at every sample time."""
-        motion, times = self.motion, np.arange(self.ticks + 1) * self.plant.sample_time
-        along = motion.law(np.clip((times - _TOUCHDOWN) / _SLIDE, 0.0, 1.0))
-        way, (mean, amplitude) = motion.end - motion.start, self.force
+        times, (mean, amplitude) = self.times, self.force
         phase = 2.0 * np.pi * times / self.period
         table: FloatArray = np.column_stack(
             [
-                motion.start + np.outer(along.s, way),
-                np.outer(along.ds / _SLIDE, way),
-                np.tile(motion.end, (len(times), 1)),
-                np.maximum(motion.end_time - times, 0.0),
+                *self.line_columns(times),
                 np.tile(self.normal, (len(times), 1)),
                 mean - amplitude * np.cos(phase),
                 amplitude * np.sin(phase) * 2.0 * np.pi / self.period,
