@@ -92,7 +92,7 @@ def start(arm: fa.Arm, state: np.ndarray) -> Progress:
 
 
 def tolerance(arm: fa.Arm, state: np.ndarray, allowed: float) -> Tolerance:
-    return tolerance_of(arm, state_array(arm, *state), allowed, allowed, 1.0)
+    return tolerance_of(arm, state_array(arm, *state), allowed, allowed, 1.0, 1.0)
 
 
 def advance(

@@ -120,7 +120,7 @@ def driven_system(stops=()):
 
 
 def tolerance(allowed):
-    return tolerance_of(arm(), state_array(arm(), *start_state()), allowed, allowed, 1.0)
+    return tolerance_of(arm(), state_array(arm(), *start_state()), allowed, allowed, 1.0, 1.0)
 
 
 def error(found, t):

@@ -37,7 +37,7 @@ def test_span_has_equal_steps_no_longer_than_allowed():
 def test_fixed_step_ends_at_a_plausible_state(length):
     """Deflections of up to a hundred times the reach, half a turn of a joint in a step."""
     arm = fa.Arm(links=[fa.Link(**{**ROD, "length": length})])
-    unit = tolerance_of(arm, np.zeros((2, 1, 3)), 1e-6, 1e-6, 1.0)
+    unit = tolerance_of(arm, np.zeros((2, 1, 3)), 1e-6, 1e-6, 1.0, 1.0)
     sizes, check = run_time_sizes(arm.assembly.constants), undecorated(followed)
 
     def status(angle=0.0, rate=0.0, deflection=0.0, h=0.1):
