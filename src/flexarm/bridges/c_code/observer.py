@@ -214,7 +214,8 @@ class _Writer:
         free = self._free()
         if free:
             stiffness = casadi.diag(self._static()[1](straight, self.nominal))
-            found[free] /= casadi.fmax(stiffness, LEAST_STIFFNESS)
+            least = LEAST_STIFFNESS * casadi.mmax(stiffness)
+            found[free] /= casadi.fmax(stiffness, least)
         return found
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:

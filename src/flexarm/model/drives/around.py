@@ -42,11 +42,12 @@ class DisturbanceObserverParameters(ControllerParameters):
     inner: Annotated[Any, Typed(one_of(ALONE))] = Field(
         description="The controller whose torque is corrected; both have the same sample time."
     )
-    cutoff: Annotated[Any, PerJoint(Positive)] = Field(
-        default=5.0,
-        description="Cutoff of the filter of the estimate, one for all joints or one for each; it "
-        "should be below the lowest frequency of the links, because bending acts as a "
-        "disturbance, too (Hz).",
+    cutoff: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
+        description="Cutoff of the filter of the estimate, one for all joints or one for each "
+        "(Hz). It should be below the lowest frequency of the links, because bending acts as a "
+        "disturbance, too; by default it is half of that frequency of the straight arm with locked "
+        "joints, but at most 0.005 of the sampling frequency.",
     )
     compensation: Fraction = Field(
         default=1.0,
@@ -94,10 +95,11 @@ class FilterParameters(Parameters):
         default=None,
         description="Instruments of the filter; by default those of the hardware.",
     )
-    torque_noise: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.1,
+    torque_noise: Annotated[Any, PerJoint(NonNegative)] | None = Field(
+        default=None,
         description="Standard deviation of a random torque error in each sample, one for all "
-        "joints or one for each: it represents all errors of the model (N m).",
+        "joints or one for each: it represents all errors of the model (N m); by default 1 % of "
+        "the acceptable torque of `LQG`.",
     )
     payload_deviation: NonNegative = Field(
         default=0.0,
@@ -107,11 +109,16 @@ class FilterParameters(Parameters):
     payload_drift: NonNegative = Field(
         default=0.0, description="Intensity of a random walk of the payload mass (kg/s^0.5)."
     )
-    rate_deviation: NonNegative = Field(
-        default=0.1, description="Standard deviation of the initial joint rates (rad/s)."
+    rate_deviation: NonNegative | None = Field(
+        default=None,
+        description="Standard deviation of the initial joint rates (rad/s); by default 1/80 of the "
+        "arm's typical rate. This rate is the lowest angular frequency of the straight arm with "
+        "locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid arms.",
     )
-    energy_deviation: NonNegative = Field(
-        default=0.01, description="Expected initial energy of vibration in each mode (J)."
+    energy_deviation: NonNegative | None = Field(
+        default=None,
+        description="Expected initial energy of vibration in each mode (J); by default that of the "
+        "rigid arm that turns by 1/80 of the typical rate about its first joint.",
     )
     _: KW_ONLY
     parameters: Mapped[Positive] | None = Field(

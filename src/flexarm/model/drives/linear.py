@@ -44,7 +44,6 @@ _Integral = Annotated[
 
 # Beyond the upper bound rounding errors dominate a design.
 _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
-_Preview = Annotated[Finite, Field(ge=0, le=60), BeforeValidator(plain)]
 # At 1 the matrix L of (C.144) is singular.
 _Suboptimality = Annotated[Finite, Field(ge=1.001, le=100), BeforeValidator(plain)]
 _Horizon = Annotated[
@@ -70,7 +69,9 @@ class LinearParameters(ControllerParameters):
     acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Acceptable torque, one for all joints or one for each (N m); by default the "
-        "torque that accelerates each joint of the rigid model by 10 rad/s^2.",
+        "torque that accelerates each joint of the rigid model by 0.16 times the square of the "
+        "arm's typical rate. This rate is the lowest angular frequency of the straight arm with "
+        "locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid arms.",
     )
     measured: Named[_PositiveNumbers] | None = Field(
         default=None,
@@ -112,8 +113,8 @@ class LQGParameters(LinearParameters):
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Acceptable deviations of outputs of linear models by name, which determine "
-        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 10 mm of tip and "
-        "0.2 rad/s of joint_rate.",
+        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 0.5 % of the length of "
+        "the arm of tip, and 0.025 times the typical rate of joint_rate.",
     )
     integral: _Integral | None = Field(
         default=None,
@@ -121,8 +122,10 @@ class LQGParameters(LinearParameters):
         "joint_angle or tip (which must be measured); or a mapping from this name to its "
         "acceptable integral (rad s, m s).",
     )
-    preview: _Preview = Field(
-        default=0.5, description="Span of the reference that the preview uses (s)."
+    preview: NonNegative | None = Field(
+        default=None,
+        description="Span of the reference that the preview uses, at most 60,000 samples (s); by "
+        "default 4 divided by the typical rate.",
     )
 
 
@@ -167,9 +170,10 @@ class CompositeParameters(LinearParameters):
 
     name = "composite"
     _: KW_ONLY
-    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
-        default=4.0,
-        description="Bandwidth of the joint errors, one for all joints or one for each (rad/s).",
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
+        description="Bandwidth of the joint errors, one for all joints or one for each (rad/s); by "
+        "default half of the typical rate.",
     )
     damping_ratio: Annotated[Any, PerJoint(Positive)] = Field(
         default=1.0,
@@ -178,7 +182,8 @@ class CompositeParameters(LinearParameters):
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Acceptable deviations of outputs that depend on bending only, by name; by "
-        "default 10 mm of link_tip_deflection and 0.1 m/s of link_tip_deflection_rate.",
+        "default 0.5 % of the length of the arm of link_tip_deflection, and of "
+        "link_tip_deflection_rate this times the typical rate.",
     )
 
 
@@ -189,10 +194,12 @@ class LoopShapingParameters(ControllerParameters):
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
         default=None, description="Joint angles of the design; zero by default (rad)."
     )
-    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
-        default=8.0,
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
         description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s).",
+        "joints or one for each (rad/s); by default the lowest angular frequency of the straight "
+        "arm with locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid "
+        "arms.",
     )
     _: KW_ONLY
     integral: Annotated[Any, PerJoint(NonNegative)] = Field(
@@ -232,10 +239,12 @@ class MuSynthesisParameters(ControllerParameters):
     posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
         default=None, description="Joint angles of the design; zero by default (rad)."
     )
-    bandwidth: Annotated[Any, PerJoint(Positive)] = Field(
-        default=8.0,
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
+        default=None,
         description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s).",
+        "joints or one for each (rad/s); by default the lowest angular frequency of the straight "
+        "arm with locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid "
+        "arms.",
     )
     _: KW_ONLY
     rigidity_uncertainty: Fraction = Field(

@@ -19,8 +19,12 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.default_requirements import lowest_frequency
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.model.drives.around import DisturbanceObserverParameters
+
+#: Largest default cutoff, relative to the sampling frequency.
+_MOST = 0.005
 
 
 class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
@@ -41,6 +45,9 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
     inner: Controller
 
     def __post_init__(self) -> None:
+        if self.cutoff is None:
+            hertz = min(lowest_frequency(self.arm) / (4.0 * math.pi), _MOST / self.sample_time)
+            self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
         self._estimate = np.zeros(self.arm.joints)
         self._last: FloatArray | None = None
@@ -74,7 +81,10 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
         self._estimate[:] = 0.0
         self._last = None
         self._taken = np.array(
-            [1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
+            [
+                1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time)
+                for hertz in np.asarray(self.cutoff)
+            ]
         )
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
