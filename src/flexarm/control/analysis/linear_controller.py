@@ -13,9 +13,11 @@ from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import Controller, Reference, declares
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
-#: Step of the central differences, relative for numbers above one. The error is about 1e-9 for
+#: Step of the central differences, relative to the size of a number. The error is about 1e-9 for
 #: smooth controllers, and rounding only for linear ones.
 _STEP = 1e-5
+#: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples.
+_RATE = 1e-3
 
 
 class LinearController(NamedTuple):
@@ -104,17 +106,22 @@ def linear_controller(
     measured: Mapping[str, FloatArray],
     reference: Reference | None = None,
     t: float = 0.0,
+    signals: Mapping[str, Any] | None = None,
 ) -> LinearController:
     """Linearise a controller about a constant measurement, by central differences.
 
     A copy of the controller is updated repeatedly at the same time. Each update starts from the
     same memory (``Controller.memory``) and measurement, except for one number that is changed.
+    Differences are relative to the size of a number, so that they do not depend on units.
 
     Args:
         controller: controller that declares its ``memory``; it is not modified.
         measured: the readings by name, in the order of the columns of B and D.
         reference: constant reference, see `FrozenReference`; None for none.
         t: time of all updates, s.
+        signals: what the readings measure, by name, if it is not the name. Angles and strains have
+            the size one, rates that in 1000 samples, and others that of the largest number of the
+            reading. Memory has the size of its change by the readings.
 
     Raises:
         MemoryNameError: if ``memory`` names something that is not a number or an array.
@@ -141,16 +148,36 @@ def linear_controller(
     start = kept.read()
     n = start.size
     whole = np.concatenate([start, readings])
-    steps = _STEP * np.maximum(1.0, np.abs(whole))
-    columns = []
-    for k, step in enumerate(steps):
-        more, less = whole.copy(), whole.copy()
-        more[k] += step
-        less[k] -= step
-        rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
-        columns.append(rise / (2.0 * step))
-    slope = np.array(columns).T
+    names = {name: name for name in measured} | dict(signals or {})
+    scale = np.concatenate(
+        [np.zeros(n), *(_sizes(names[k], v, mine.sample_time) for k, v in measured.items())]
+    )
+    slope = np.zeros((n + respond(start, readings)[n:].size, whole.size))
+    waiting = np.flatnonzero(scale)
+    while waiting.size:
+        for k in waiting:
+            step = np.zeros_like(whole)
+            step[k] = _STEP * max(scale[k], abs(whole[k]))
+            more, less = whole + step, whole - step
+            rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
+            slope[:, k] = rise / (2.0 * step[k])
+        left = np.flatnonzero(scale == 0.0)
+        changed = np.abs(slope[left]) @ scale
+        # No reading reaches the rest, so that its size does not matter for the loop.
+        scale[left] = changed if np.any(changed) else 1.0
+        waiting = left[scale[left] > 0.0]
     return LinearController(slope[:n, :n], slope[:n, n:], slope[n:, :n], slope[n:, n:])
+
+
+def _sizes(signal: Any, value: FloatArray, sample_time: float) -> FloatArray:
+    """Return the sizes (k,) of the numbers of a reading, see `linear_controller`."""
+    size = 1.0
+    if isinstance(signal, str) and signal.endswith("_rate"):
+        size = _RATE / sample_time
+    elif signal not in ("joint_angle", "strain"):
+        # Laws are linear about a force or torque of zero, so that any size is good.
+        size = float(np.abs(value).max(initial=0.0)) or 1.0
+    return np.full(np.size(value), size)
 
 
 class Memory:

@@ -255,14 +255,15 @@ def regulator(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gain and the cost of the linear-quadratic regulator; (C.23).
 
-    The equation is solved for states relative to their ``sizes`` (n,), and torques relative to
-    their weights: otherwise rounding errors depend on the units.
+    The equation is solved for states in the ratio of their ``sizes`` (n,) and for torques relative
+    to their weights, so that all weights are about one. Otherwise rounding depends on the units.
 
     Raises:
         InputError: if the cost does not detect an undamped mode, or the model is not stabilisable.
     """
     from scipy.linalg import solve
 
+    sizes = sizes / np.max(np.diag(weight) * sizes**2) ** 0.5
     torque, square = np.diag(torque_weight) ** -0.5, np.outer(sizes, sizes)
     A, B = A * sizes / sizes[:, None], B * torque / sizes[:, None]
     P = _riccati("acceptable", A, B, weight * square, np.eye(torque.size))
@@ -316,14 +317,17 @@ def kalman(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
 
-    States are relative to their ``sizes`` (n,) as in `regulator`, and readings to their noise.
+    States are in the ratio of their ``sizes`` (n,) as in `regulator`, and readings relative to
+    their noise.
 
     Raises:
         InputError: if an undamped mode is not detectable from the measurement.
     """
     from scipy.linalg import solve
 
-    reading, square = np.diag(noise) ** 0.5, np.outer(sizes, sizes)
+    reading = np.diag(noise) ** 0.5
+    sizes = sizes / np.max(np.abs(C) * sizes / reading[:, None])
+    square = np.outer(sizes, sizes)
     A, C = A * sizes / sizes[:, None], C * sizes / reading[:, None]
     P = _riccati("measured", A.T, C.T, disturbance / square, np.eye(reading.size))
     seen = C @ P @ C.T + np.eye(reading.size)
@@ -337,11 +341,15 @@ def _riccati(
 ) -> FloatArray:
     from scipy.linalg import solve_discrete_are
 
-    try:
-        P: FloatArray = solve_discrete_are(A, B, Q, R)
-    except (np.linalg.LinAlgError, ValueError):
-        raise InputError(_unsolvable(argument)) from None
-    return (P + P.T) / 2.0
+    # The callers balance the equation. The balancing of SciPy fails for some strong noise, and
+    # without it some strong weights.
+    for balanced in (True, False):
+        try:
+            P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        return (P + P.T) / 2.0
+    raise InputError(_unsolvable(argument))
 
 
 def _check_stable(argument: str, loop: FloatArray) -> None:

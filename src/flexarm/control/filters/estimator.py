@@ -240,7 +240,9 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
             ("covariance", float(largest), "the squares of the arm's angles and rates"),
         ):
             if ratio > _LARGEST:
-                raise InputError(Problem(name, f"be at most {_LARGEST:g} times {unit}", f"{ratio:g}"))
+                raise InputError(
+                    Problem(name, f"be at most {_LARGEST:g} times {unit}", f"{ratio:g}")
+                )
         self._start(self._mean(np.concatenate(parts), mass), given)
         self._begun = True
 

@@ -32,7 +32,8 @@ def first_variance(
         arm: the arm. given: the deviations of the filter. angle: the encoder.
         stiffness: (dof,) of the coordinates at rest; those of joints have no effect.
     """
-    assert given.energy_deviation is not None and given.rate_deviation is not None
+    assert given.energy_deviation is not None
+    assert given.rate_deviation is not None
     joints, energy = arm.joint_index, 2.0 * given.energy_deviation
     variance = np.full(2 * arm.dof, energy)
     bending = np.delete(stiffness, joints)

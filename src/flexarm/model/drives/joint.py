@@ -127,8 +127,10 @@ class StrainFeedbackParameters(ControllerParameters):
         description="Torque per strain rate, one for all joints or one for each (N m s).",
     )
     _: KW_ONLY
-    rate_cutoff: Positive = Field(
-        default=100.0, description="Cutoff of the filter that differentiates strains (Hz)."
+    rate_cutoff: Positive | None = Field(
+        default=None,
+        description="Cutoff of the filter that differentiates strains (Hz); by default a tenth of "
+        "the sampling frequency.",
     )
     sample_time: SampleTime = 0.001
 

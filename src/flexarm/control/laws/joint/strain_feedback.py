@@ -18,6 +18,9 @@ from flexarm.control.hardware.instruments import filter_of
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.joint import StrainFeedbackParameters
 
+#: Default cutoff of the strain rates, relative to the sampling frequency.
+_CUTOFF = 0.1
+
 
 class StrainFeedback(JointFollower, StrainFeedbackParameters):
     """Proportional and derivative feedback of each joint angle, and of strains at gauges.
@@ -91,7 +94,8 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         if self._last is None:
             self._rate = np.zeros_like(strain)
         else:
-            kept, per_change = filter_of(self.rate_cutoff, self.sample_time)
+            cutoff = self.rate_cutoff or _CUTOFF / self.sample_time
+            kept, per_change = filter_of(cutoff, self.sample_time)
             self._rate = kept * self._rate + per_change * (strain - self._last)
         self._last = strain.copy()
         return self._rate

@@ -132,7 +132,9 @@ class Composite(CompositeParameters, LQG):
         weighed[:k, :k] += bend_weight(
             self.design_requirements.rigidity_uncertainty, stiffness, energy
         )
-        sizes = np.append(coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm))
+        sizes = np.append(
+            coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm)
+        )
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)

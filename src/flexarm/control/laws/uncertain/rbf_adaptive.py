@@ -66,7 +66,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         signals = self._signals
         signals[1 : 1 + n] = now.reference_acceleration
         signals[1 + n : 1 + 2 * n] = now.reference_rate
-        signals[1 + 2 * n : 1 + 3 * n] = np.tanh(now.reference_rate / SIGN_RATE)
+        signals[1 + 2 * n : 1 + 3 * n] = np.tanh(now.reference_rate / (_SIGN * now.bandwidth))
         first, second = self._pairs
         signals[1 + 3 * n :] = now.rate[first] * now.reference_rate[second]
         self._law(
@@ -92,8 +92,8 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         return torque
 
 
-#: Rate over which the sign of a rate is smoothed, rad/s.
-SIGN_RATE = 0.05
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+_SIGN = 0.01
 
 
 def _grid(
@@ -106,6 +106,7 @@ def _grid(
     ]
     many = np.array(counts) > 1
     spacing = np.where(many, (upper - lower) / np.maximum(np.array(counts) - 1, 1), 1.0)
+    # Angles (rad) have no scale; spacings below 1e-9 are rounding.
     sharpness = np.where(many & (spacing > 0.0), 1.0 / np.maximum(spacing, 1e-9), 0.0)
     mesh = np.meshgrid(*axes, indexing="ij")
     return np.stack([axis.ravel() for axis in mesh], axis=1), sharpness
