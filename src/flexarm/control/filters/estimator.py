@@ -65,7 +65,8 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         self.instruments = tuple(listed)
         check_instruments(arm, self.instruments)
         warn_of_bristles(arm, "the filter")
-        self._scale_defaults()
+        numbers = ("torque_noise", "rate_deviation", "energy_deviation")
+        self._scaled = [name for name in numbers if getattr(self, name) is None]
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._prior, self._drift = dict(self.parameters or {}), dict(self.parameter_drift or {})
@@ -84,15 +85,19 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
     def _scale_defaults(self) -> None:
         """Set the deviations without a number, in proportion to inertia and time of the arm."""
         rate = typical_rate(self.arm, self.sample_time)
-        torque = typical_torque(self.arm, None, rate)
-        if self.torque_noise is None:
-            self.torque_noise = _NOISE * torque
-        if self.rate_deviation is None:
-            self.rate_deviation = _TURNING * rate
-        if self.energy_deviation is None:
-            inertia = RigidModel(self.arm).mass_matrix(np.zeros(self.arm.joints))[0, 0]
-            self.energy_deviation = 0.5 * float(inertia) * (_TURNING * rate) ** 2
-        self._noise = np.broadcast_to(self.torque_noise, (self.arm.joints,))
+        turning = _TURNING * rate
+        inertia = float(RigidModel(self.arm).mass_matrix(np.zeros(self.arm.joints))[0, 0])
+        values = {
+            "torque_noise": _NOISE * typical_torque(self.arm, None, rate),
+            "rate_deviation": turning,
+            "energy_deviation": 0.5 * inertia * turning**2,
+        }
+        vars(self).update({name: values[name] for name in self._scaled})
+
+    @property
+    def _noise(self) -> FloatArray:
+        """Standard deviation of the torque error (joints,) N m."""
+        return np.asarray(self.torque_noise, dtype=np.float64)
 
     def _check_names(self) -> None:
         problems = []
@@ -117,6 +122,7 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         if self._step is None or self._made_for != self.sample_time:
             self._step = SampledStep(self.arm, self.sample_time, (MASS, *self._layout.paths))
             self._made_for = self.sample_time
+            self._scale_defaults()
         self._nominal = self._step.free.values
         layout = self._layout
         self._torque = np.zeros(self.arm.joints)

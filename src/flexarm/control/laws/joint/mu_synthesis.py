@@ -143,7 +143,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             self._frequencies(plant),
             iterations=self.iterations,
             order=self.scaling_order,
-            band=(0.1 * float(np.min(self.bandwidth)), 0.5 / self.sample_time),
+            band=(0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time),
             suboptimality=_SUBOPTIMALITY,
             start=coprime_controller(*plant.nominal, 1.1)[:4],
         )
@@ -181,7 +181,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
 
     def _frequencies(self, plant: UncertainPlant) -> FloatArray:
         """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""
-        low, fast = _LOW * float(np.min(self.bandwidth)), 2.0 / self.sample_time
+        low, fast = _LOW * float(np.min(np.asarray(self.bandwidth))), 2.0 / self.sample_time
         poles = np.linalg.eigvals(plant.nominal[0])
         near = np.abs(poles.imag)[:, None] + poles.real[:, None] * np.linspace(-2.0, 2.0, 5)
         parts = (
