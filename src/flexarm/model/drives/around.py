@@ -113,7 +113,7 @@ class FilterParameters(Parameters):
         default=None,
         description="Standard deviation of the initial joint rates (rad/s); by default 1/80 of the "
         "arm's typical rate. This rate is the lowest angular frequency of the straight arm with "
-        "locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid arms.",
+        "locked joints, but at most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms.",
     )
     energy_deviation: NonNegative | None = Field(
         default=None,

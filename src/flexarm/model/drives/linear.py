@@ -69,9 +69,9 @@ class LinearParameters(ControllerParameters):
     acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Acceptable torque, one for all joints or one for each (N m); by default the "
-        "torque that accelerates each joint of the rigid model by 0.16 times the square of the "
-        "arm's typical rate. This rate is the lowest angular frequency of the straight arm with "
-        "locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid arms.",
+        "torque that accelerates each joint of the rigid model by a quarter of the square of "
+        "the arm's typical rate: the lowest angular frequency of the straight arm with locked "
+        "joints, but at most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms.",
     )
     measured: Named[_PositiveNumbers] | None = Field(
         default=None,
@@ -113,8 +113,8 @@ class LQGParameters(LinearParameters):
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Acceptable deviations of outputs of linear models by name, which determine "
-        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 0.5 % of the length of "
-        "the arm of tip, and 0.025 times the typical rate of joint_rate.",
+        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of "
+        "the arm of tip, and 0.032 times the typical rate of joint_rate.",
     )
     integral: _Integral | None = Field(
         default=None,
@@ -125,7 +125,7 @@ class LQGParameters(LinearParameters):
     preview: NonNegative | None = Field(
         default=None,
         description="Span of the reference that the preview uses, at most 60,000 samples (s); by "
-        "default 4 divided by the typical rate.",
+        "default 3.2 divided by the typical rate.",
     )
 
 
@@ -173,7 +173,7 @@ class CompositeParameters(LinearParameters):
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Bandwidth of the joint errors, one for all joints or one for each (rad/s); by "
-        "default half of the typical rate.",
+        "default 0.64 times the typical rate.",
     )
     damping_ratio: Annotated[Any, PerJoint(Positive)] = Field(
         default=1.0,
@@ -182,7 +182,7 @@ class CompositeParameters(LinearParameters):
     acceptable: Named[_PositiveNumbers] | None = Field(
         default=None,
         description="Acceptable deviations of outputs that depend on bending only, by name; by "
-        "default 0.5 % of the length of the arm of link_tip_deflection, and of "
+        "default 0.4 % of the length of the arm of link_tip_deflection, and of "
         "link_tip_deflection_rate this times the typical rate.",
     )
 
@@ -197,9 +197,7 @@ class LoopShapingParameters(ControllerParameters):
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s); by default the lowest angular frequency of the straight "
-        "arm with locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid "
-        "arms.",
+        "joints or one for each (rad/s); by default 1.25 times the typical rate of `lqg`.",
     )
     _: KW_ONLY
     integral: Annotated[Any, PerJoint(NonNegative)] = Field(
@@ -242,9 +240,7 @@ class MuSynthesisParameters(ControllerParameters):
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
         default=None,
         description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s); by default the lowest angular frequency of the straight "
-        "arm with locked joints, but at most 0.08 rad in a sample time; 0.008 rad in one for rigid "
-        "arms.",
+        "joints or one for each (rad/s); by default 1.25 times the typical rate of `lqg`.",
     )
     _: KW_ONLY
     rigidity_uncertainty: Fraction = Field(

@@ -26,7 +26,7 @@ from flexarm.control.analysis.dk_iteration import dk_iteration
 from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
-from flexarm.control.design.default_requirements import typical_rate
+from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
 from flexarm.control.design.loop_shaping import coprime_controller, sampled_growth
 from flexarm.control.design.uncertain_plant import UncertainPlant, uncertain_plant
 from flexarm.control.laws.joint.follower import JointFollower
@@ -87,7 +87,9 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(self.arm, vars(self)["sample_time"])
-        self.bandwidth = np.full(joints, rate) if self.bandwidth is None else self.bandwidth
+        self.bandwidth = (
+            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
+        )
         # The constructor leaves the number in the dictionary of the object, under the property.
         sample_time = vars(self).pop("sample_time")
         self._check_bandwidth(sample_time)

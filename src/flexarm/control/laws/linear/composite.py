@@ -27,7 +27,7 @@ from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.drives.linear import CompositeParameters
 
 #: Default bandwidth, relative to `typical_rate`.
-_BANDWIDTH = 0.5
+_BANDWIDTH = 0.64
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 BENDING = (
     "strain",

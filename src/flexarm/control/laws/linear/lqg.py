@@ -39,7 +39,7 @@ from flexarm.model.drives.linear import LQGParameters
 
 #: Number of intervals of the preview, its most samples, which take a minute to compute, and its
 #: default span times `typical_rate` (rad).
-_NODES, _MOST_SAMPLES, _PREVIEWED = 64, 60_000, 4.0
+_NODES, _MOST_SAMPLES, _PREVIEWED = 64, 60_000, 3.2
 
 
 class LQG(LQGParameters, OfArm, Controller):
