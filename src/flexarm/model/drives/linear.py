@@ -183,7 +183,7 @@ class CompositeParameters(LinearParameters):
         default=None,
         description="Acceptable deviations of outputs that depend on bending only, by name; by "
         "default 0.4 % of the length of the arm of link_tip_deflection, and of "
-        "link_tip_deflection_rate this times the typical rate.",
+        "link_tip_deflection_rate 1.6 times this times the typical rate.",
     )
 
 

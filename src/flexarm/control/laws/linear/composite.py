@@ -26,8 +26,9 @@ from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.drives.linear import CompositeParameters
 
-#: Default bandwidth, relative to `typical_rate`.
-_BANDWIDTH = 0.64
+#: Default bandwidth, and acceptable rate of a deflection relative to the deflection, relative to
+#: `typical_rate`.
+_BANDWIDTH, _SPEED = 0.64, 1.6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 BENDING = (
     "strain",
@@ -90,7 +91,7 @@ class Composite(CompositeParameters, LQG):
         if self.bandwidth is None:
             self.bandwidth = np.full(self.arm.joints, _BANDWIDTH * rate)
         bend = TIP * float(np.sum(self.arm.lengths))
-        usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": bend * rate}
+        usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": _SPEED * bend * rate}
         self.acceptable = check_names("acceptable", self.acceptable or usual, BENDING, self.arm)
 
     def _regulated(self) -> None:
