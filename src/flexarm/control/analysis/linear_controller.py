@@ -18,6 +18,8 @@ from flexarm.control.hardware.measurement import FloatArray, Measurement
 _STEP = 1e-5
 #: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples.
 _RATE = 1e-3
+#: Most reductions of a step of the memory that changes a torque more than those of the readings do.
+_REDUCTIONS = 8
 
 
 class LinearController(NamedTuple):
@@ -153,14 +155,23 @@ def linear_controller(
         [np.zeros(n), *(_sizes(names[k], v, mine.sample_time) for k, v in measured.items())]
     )
     slope = np.zeros((n + respond(start, readings)[n:].size, whole.size))
-    waiting = np.flatnonzero(scale)
+    waiting, changes = np.flatnonzero(scale), np.zeros_like(scale)
+    largest = np.inf  # change of a torque by a reading
     while waiting.size:
         for k in waiting:
-            step = np.zeros_like(whole)
-            step[k] = _STEP * max(scale[k], abs(whole[k]))
-            more, less = whole + step, whole - step
-            rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
-            slope[:, k] = rise / (2.0 * step[k])
+            step = _STEP * max(scale[k], abs(whole[k]))
+            for _ in range(_REDUCTIONS):
+                unit = np.zeros_like(whole)
+                unit[k] = step
+                more, less = whole + unit, whole - unit
+                rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
+                slope[:, k] = rise / (2.0 * step)
+                changes[k] = np.abs(rise[n:]).max(initial=0.0)
+                if not changes[k] > largest:
+                    break
+                step *= 0.1
+        # Memory after a fast filter would request torques beyond the limits of the controller.
+        largest = float(changes[n:].max(initial=0.0)) or np.inf
         left = np.flatnonzero(scale == 0.0)
         changed = np.abs(slope[left]) @ scale
         # No reading reaches the rest, so that its size does not matter for the loop.

@@ -33,7 +33,10 @@ _CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
 #: Acceptable deviations of the tip, relative to the length of the arm, and of the rates, relative
 #: to the lowest frequency; noise of a measured tip, and acceptable integral of its error times that
 #: frequency, relative to the length.
-_TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0125, 4e-4, 3e-4
+_TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
+#: Acceptable angular accelerations relative to the square of that frequency: less than the default,
+#: because the designs must be stable with the uncertain payload, too.
+_BRISK = 0.04
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
@@ -197,7 +200,10 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     measured = dict(NOISE)
     if "gauges" not in needs.sensors:
         del measured["strain"]
-    common: Drive = {"acceptable": {"tip": tip, "joint_rate": rate}}
+    common: Drive = {
+        "acceptable": {"tip": tip, "joint_rate": rate},
+        "acceptable_torque": rounded(_BRISK * omega**2 * _inertia(needs)),
+    }
     if "tip" in needs.sensors:
         measured["tip"] = noise
         common["integral"] = {"tip": integral}
