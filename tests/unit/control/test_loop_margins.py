@@ -104,7 +104,7 @@ def test_declared_memory_of_controllers_is_complete(name):
     linear = linear_controller(controller, about)
     readings = np.concatenate(list(about.values()))
     rng = np.random.default_rng(3)
-    small = 1e-6 * rng.normal(size=(25, readings.size))
+    small = 1e-7 * rng.normal(size=(25, readings.size))
     small[0] = 0.0  # constant angles without a reference
     ends = np.cumsum([value.size for value in about.values()])[:-1]
 
@@ -126,7 +126,7 @@ def test_declared_memory_of_controllers_is_complete(name):
     for y in small:
         wanted.append(linear.C @ state + linear.D @ y)
         state = linear.A @ state + linear.B @ y
-    # Second order in 1e-6, amplified by the change of gains with the readings.
+    # Second order in 1e-7, amplified by the change of gains with the readings.
     np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-4 * np.abs(wanted).max())
 
 

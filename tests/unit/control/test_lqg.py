@@ -316,7 +316,7 @@ def test_saturated_integral_does_not_wind_up():
     far = fa.joint_motion(arm, [0.6, 0.9], [0.6, 0.9], 1.0)
     overshoot, limit = [], [3.0, 1.0]
     for kind in (fa.LQG, Naive):
-        controller = kind(arm, POSTURE, integral=True, torque_limit=limit)
+        controller = kind(arm, POSTURE, integral=True, torque_limit=limit, **SLOW)
         run = fa.simulate(
             arm, 6.0, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=100.0
         )

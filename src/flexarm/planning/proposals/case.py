@@ -24,7 +24,7 @@ _TIP_NOISE, _FORCE_NOISE = 5e-5, 4e-3
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Recorded samples in a period of the lowest frequency.
-_RATE = 300.0
+_RATE = 150.0
 
 
 def case_of(needs: Requirements) -> dict[str, Any]:
