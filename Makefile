@@ -15,15 +15,16 @@ PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; pr
 PART ?=
 MINUTES ?= 10
 WRITE ?=
-# Tests of `make suite`.
+# Files or tests of `make suite`, and 1 to include the thorough ones.
 TESTS ?=
+ALL ?=
 # For packages of the system; empty for the user root.
 AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 # Numerical libraries that start a thread per core slow each other down beside parallel tests.
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz kills mutants peers gallery clean
+.PHONY: help demo test test-all suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz kills mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -47,19 +48,23 @@ $(VENV)/.ready-peers: $(VENV)/.ready-dev
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 	$(BIN)/flexarm paper --out out/paper
 
-test: lint suite ## check everything: lint, then the whole test suite
+test: lint suite ## lint, and the tests of every feature, without the thorough ones: 6 minutes on two cores
 
-suite: $(VENV)/.ready-dev ## the whole test suite alone; SEED=7 draws other random examples, FULL=1 runs all of the long pages
+test-all: lint ## lint, and all tests, also long ones: pages, browsers, compilers, statistics, all parameters
+	$(MAKE) suite ALL=1
+
+suite: $(VENV)/.ready-dev ## the tests of `make test` alone; ALL=1 runs all, SEED=7 draws other examples, FULL=1 runs all of the long pages
 	$(BIN)/flexarm warmup # once, before parallel workers compile the same kernels each
 	FULL_PAGES=$(FULL) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS) \
+		$(if $(ALL),,-m "not thorough") \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))
 
-test-lowest: ## the suite with the lowest versions of all dependencies
+test-lowest: ## the tests of `make test` with the lowest versions of all dependencies; ALL=1 runs all
 	mkdir -p .venv-lowest
 	$(PYTHON) tests/lowest_versions.py > .venv-lowest/constraints.txt
 	$(MAKE) suite VENV=.venv-lowest PIP_OPTIONS="--constraint .venv-lowest/constraints.txt"
 
-test-pythons: ## the suite with every Python at hand, and with the lowest versions of all dependencies
+test-pythons: ## the same with every Python at hand, and with the lowest versions; ALL=1 runs all
 	@test -n "$(strip $(PYTHONS))" || { echo "no python3.11 to python3.14 on the path; name some: PYTHONS=..."; exit 1; }
 	for python in $(PYTHONS); do \
 		$(MAKE) suite PYTHON=$$python VENV=.venv-$$(basename $$python) || exit 1; \

@@ -82,6 +82,9 @@ Compare ratios from the same run, because times depend on the machine and its lo
 one table were timed alternately. Times are medians, except those of the chain, which was timed
 once, and of the start-up, which are the minimum of a few runs.
 
+[Accuracy](accuracy.md) of the methods and [controllers compared](controllers.md) have pages of
+their own.
+
 ## Forward dynamics, two links of four modes
 
 {_comparison_table(m.comparisons)}
@@ -141,18 +144,13 @@ A smaller error against the exact beams requires segments, whose modes are faste
 integrator was tried on bases of two to five modes and one to twelve segments; the tables contain
 the best results.
 
-### All runs
-
-The table contains all runs with an error of at most {1e3 * USEFUL:g} mm, the fastest first:
-
-{_points_table(m.table_one)}
-
 ## Many runs
 
 Two seconds of the same arm from {rollouts.RUNS} different starts, each within 0.1 rad of the first.
 The error is that of the first run. flexarm stores the tip at 100 Hz; *lanes* are runs computed
-eight at a time (decision [0027](../decisions/0027-lanes.md)). The programs were timed alternately,
-slow ones with fewer runs. The ratio is to lanes in all threads against the same reference. The goal
+eight at a time (decision [0027](../decisions/index.md#0027-lanes)). The programs were timed
+alternately, slow ones with fewer runs. The ratio is to lanes in all threads against the same
+reference. The goal
 is {rollouts.GOAL:g} s for {rollouts.RUNS} runs on two idle
 cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
 

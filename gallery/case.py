@@ -70,8 +70,8 @@ class Case:
     """A problem with a known answer.
 
     Attributes:
-        name: of its page and picture, words joined by hyphens.
-        title: what it is called in the table.
+        name: of its picture, words joined by hyphens.
+        title: heading of its section, and its name in the table.
         physics: Markdown; the problem, what is compared, and how the package is called.
         quantities: compute the rows; called once, then remembered by the caller.
         draw: draw the picture into an empty figure.
@@ -88,6 +88,19 @@ class Case:
     caption: str
     module: str
     size: tuple[float, float] = (6.6, 3.0)
+
+
+@dataclass(frozen=True)
+class Page:
+    """Cases on one page.
+
+    Attributes:
+        name: of its file, words joined by hyphens. title: its heading. cases: in order.
+    """
+
+    name: str
+    title: str
+    cases: tuple[Case, ...]
 
 
 def rounding_digits(value: float, decimals: int) -> float:

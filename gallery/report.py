@@ -1,13 +1,14 @@
-"""Write the pages of the gallery: a table of everything, and a page with a picture per case."""
+"""Write the pages of the gallery: a table of all cases, and pages with a picture for each case."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm.view.plot.style import Sheet, styled
-from gallery.case import Case, Row
+from gallery.case import Case, Page, Row
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
@@ -24,7 +25,7 @@ that have a known solution. `make gallery` and the tests compute every number ag
 *Difference* is relative to the reference value. For distances, and for values that pass through
 zero, it is relative to a scale: the reach of the arm or the length of the beam. *Digits* is the
 number of digits that agree, -log₁₀ of the difference, and in brackets the number that the tests
-require. The page of each case gives the reason for this number: a mesh, a truncated theory, or the
+require. The pages give the reason for this number: a mesh, a truncated theory, or the
 last printed digit of the reference.
 
 {pictures}
@@ -54,28 +55,36 @@ def shown_digits(row: Row) -> str:
     return f"{agreed:.1f} ({required:.1f})"
 
 
-def index_text(results: Results) -> str:
-    """The page that lists every quantity of every case."""
+def index_text(pages: Sequence[Page], results: Results) -> str:
+    """The page that lists every case, with the range of the digits that agree."""
     rows = [row for _, rows in results for row in rows]
     good = sum(row.agrees for row in rows)
-    head = ("case", "quantity", "unit", "source", "reference", "flexarm", "difference", "digits")
+    links = {case.name: _link(page, case) for page in pages for case in page.cases}
+    head = ("case", "quantities", "sources", "digits that agree")
     lines = [table_row(head), table_row(["---"] * len(head))]
     for case, own in results:
-        for k, row in enumerate(own):
-            link = f"[{case.title}]({case.name}.md)" if k == 0 else ""
-            lines.append(table_row((link, *_cells(row))))
+        digits = [math.floor(10 * row.digits_agreed) / 10 for row in own]
+        sources = "; ".join(dict.fromkeys(row.source.cite for row in own))
+        cells = (f"[{case.title}]({links[case.name]})", str(len(own)), sources)
+        lines.append(table_row((*cells, f"{min(digits):.1f} to {max(digits):.1f}")))
     counted = "all" if good == len(rows) else f"{good} of them"
-    pictures = picture_table([case for case, _ in results])
+    pictures = picture_table([(case, links[case.name]) for case, _ in results])
     text = _INDEX.format(count=len(rows), cases=len(results), good=counted, pictures=pictures)
     return text + "\n".join(lines) + "\n"
 
 
-def picture_table(cases: Sequence[Case]) -> str:
-    """Return the pictures of all cases, three in a row, each a link to its page."""
+def _link(page: Page, case: Case) -> str:
+    """Address of a case: its page, and the anchor of its heading."""
+    anchor = re.sub(r"[^\w\- ]", "", case.title.lower()).replace(" ", "-")
+    return f"{page.name}.md#{anchor}"
+
+
+def picture_table(links: Sequence[tuple[Case, str]]) -> str:
+    """Return the pictures of all cases, three in a row, each a link to its section."""
     lines = [table_row([" "] * 3), table_row(["---"] * 3)]
-    for first in range(0, len(cases), 3):
-        row = cases[first : first + 3]
-        cells = [f"[![{c.title}]({c.name}.png)]({c.name}.md)<br>{c.title}" for c in row]
+    for first in range(0, len(links), 3):
+        row = links[first : first + 3]
+        cells = [f"[![{c.title}]({c.name}.png)]({link})<br>{c.title}" for c, link in row]
         lines.append(table_row(cells + [""] * (3 - len(cells))))
     return "\n".join(lines)
 
@@ -87,7 +96,7 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 
 def case_text(case: Case, rows: Sequence[Row]) -> str:
-    """The page of one case."""
+    """The section of one case."""
     reasons = list(dict.fromkeys(row.reason for row in rows))
     head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "reason")
     lines = [table_row(head), table_row(["---"] * len(head))]
@@ -95,7 +104,7 @@ def case_text(case: Case, rows: Sequence[Row]) -> str:
     why = [f"{k}. {reason}" for k, reason in enumerate(reasons, start=1)]
     sources = dict.fromkeys(row.source for row in rows)
     parts = [
-        f"# {case.title}",
+        f"## {case.title}",
         case.physics.strip(),
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
@@ -104,7 +113,7 @@ def case_text(case: Case, rows: Sequence[Row]) -> str:
         "\n".join(why),
         "**Sources**",
         "\n".join(f"- {source.cite}: {source.full}" for source in sources),
-        f"The case in code: [`{case.module}`](../../{case.module}). [All cases](index.md).",
+        f"The case in code: [`{case.module}`](../../{case.module}).",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -118,13 +127,19 @@ def picture(case: Case, path: Path) -> None:
     sheet.savefig(path, format="png", metadata={"Software": None}, dpi=DPI, pil_kwargs=small)
 
 
-def write_case(folder: Path, case: Case, rows: Sequence[Row]) -> None:
-    """Write the page and the picture of one case."""
+def page_text(page: Page, results: Results) -> str:
+    """The text of a page, with the results of its cases."""
+    own = {case.name: rows for case, rows in results}
+    sections = [case_text(case, own[case.name]) for case in page.cases]
+    return "\n".join([f"# {page.title}\n\n[All cases](index.md).\n", *sections])
+
+
+def write_page(folder: Path, page: Page, results: Results) -> None:
+    """Write a page with the results of all of its cases."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{case.name}.md").write_text(case_text(case, rows), encoding="utf-8")
-    picture(case, folder / f"{case.name}.png")
+    (folder / f"{page.name}.md").write_text(page_text(page, results), encoding="utf-8")
 
 
-def write_index(folder: Path, results: Results) -> None:
+def write_index(folder: Path, pages: Sequence[Page], results: Results) -> None:
     """Write the table of all cases."""
-    (folder / "index.md").write_text(index_text(results), encoding="utf-8")
+    (folder / "index.md").write_text(index_text(pages, results), encoding="utf-8")

@@ -152,7 +152,9 @@ def run_tests(group: Group, place: Path, limit: float | None) -> tuple[int, str,
 
     ``limit`` is on the processor time of each process, in seconds.
     """
-    tests = [f"tests/{name}" for name in group.tests]
+    # As plain Python, kernels are too slow for the runs among the wrong calls.
+    messages = () if group.plain else ("messages",)
+    tests = [f"tests/{name}" for name in (*group.tests, *messages)]
     options = ("-x", "-q", "--no-header", "--tb=short", "-p", "no:cacheprovider")
     command = [sys.executable, "-m", "pytest", *options, *tests]
     if limit is not None:

@@ -9,7 +9,7 @@ APPLICATIONS: dict[str, Area] = {
         mutants=20,
         groups=(
             Group(
-                sources=("simulation/run/changes/*.py",),
+                sources=("simulation/run/changes.py",),
                 tests=("simulate/test_changes.py", "simulate/test_instants_of_changes.py"),
             ),
             Group(
@@ -17,7 +17,7 @@ APPLICATIONS: dict[str, Area] = {
                 tests=("simulate/test_events.py", "simulate/test_event_arguments.py"),
             ),
             Group(
-                sources=("simulation/run/contact_*.py", "simulation/run/impacts.py"),
+                sources=("simulation/run/contacts.py", "simulation/run/impacts.py"),
                 tests=(
                     "simulate/test_contacts.py",
                     "simulate/test_rejected_contact_starts.py",
@@ -45,13 +45,10 @@ APPLICATIONS: dict[str, Area] = {
                 tests=("simulate/test_separated.py",),
             ),
             Group(
-                sources=("simulation/run/section_forces.py",),
-                tests=("simulate/test_section_channels.py",),
-            ),
-            Group(
                 sources=("simulation/run/**/*.py", "simulation/calls/**/*.py"),
                 tests=(
                     "simulate/test_results.py",
+                    "simulate/test_section_channels.py",
                     "simulate/test_hardware.py",
                     "simulate/test_features_in_time.py",
                     "simulate/test_torques.py",
@@ -97,11 +94,7 @@ APPLICATIONS: dict[str, Area] = {
         mutants=15,
         groups=(
             Group(
-                sources=(
-                    "simulation/derivatives/adjoint.py",
-                    "simulation/derivatives/gradient.py",
-                    "simulation/derivatives/repeated_parts.py",
-                ),
+                sources=("simulation/derivatives/gradient.py",),
                 tests=("simulate/test_goal_gradient.py",),
             ),
             Group(

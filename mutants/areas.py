@@ -213,7 +213,6 @@ AREAS: dict[str, Area] = {
                 sources=(
                     "model/**/yaml_text.py",
                     "model/**/files.py",
-                    "model/**/read_bytes.py",
                     "model/**/paths.py",
                 ),
                 tests=(
@@ -251,12 +250,10 @@ AREAS: dict[str, Area] = {
                 tests=("studies/test_samples.py", "studies/test_studies.py"),
             ),
             Group(
-                sources=("model/**/polygon.py", "model/**/contacts.py"),
+                sources=("model/**/contacts.py",),
                 tests=(
                     f"{_SURFACES}::test_closed_line_that_crosses_itself_is_rejected",
                     f"{_SURFACES}::test_crossing_is_the_first_of_all_pairs",
-                    f"{_SURFACES}::test_closed_line_without_area_is_rejected",
-                    f"{_SURFACES}::test_wrong_surfaces_are_rejected",
                     "unit/model/test_contact_specs.py",
                 ),
             ),
@@ -304,7 +301,7 @@ AREAS: dict[str, Area] = {
             ),
             Group(sources=("cli/**/warmup.py",), tests=("cli/test_warmup.py",)),
             Group(
-                sources=("cli/**/init.py", "cli/**/starting_files.py", "cli/**/advice.py"),
+                sources=("cli/**/init.py", "cli/**/check.py"),
                 tests=("cli/test_first_minutes.py",),
             ),
             Group(

@@ -71,10 +71,10 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "sample_times=np.zeros( 1),",
         ): "the samples of such a run are not read",
     },
-    "lane_loop.py": {
+    "closed_lanes.py": {
         (
-            "runs.until[:] = np.where(self.alive, change, -1.0)",
-            "runs.until[:] = np.where(self.alive, change, 1.0)",
+            "runs.until[:] = np.where(self.alive, until, -1.0)",
+            "runs.until[:] = np.where(self.alive, until, 1.0)",
         ): "a run that has failed is repeated alone; what lanes compute after that is not read",
         (
             "row = int(self.rows[0])",
@@ -85,7 +85,7 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "hardware = self._loops[ -1].hardware",
         ): "only the seeds of their hardware differ",
     },
-    "batches.py": {
+    "execution.py": {
         (
             "threads=1,",
             "threads= 2,",

@@ -4,31 +4,24 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
+import flexarm as fa
 from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.complex_step import stepper_of
-from flexarm.linear.step_derivatives.formulas import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at
+from flexarm.linear.step_derivatives.step_jacobian import stepper_of
 from flexarm.model.paths import number_at
-from flexarm.simulation.calls.preparation import run_options
+from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.progress import Meter
 
 STEP = 1e-30
 
 
-def options(duration, **more):
-    plain = {
-        "rate": 1000.0, "step": None, "rtol": 1e-7, "atol": None, "breaks": (),
-        "torque_interpolation": "cubic", "integrator": "auto", "stations": 0, "specialized": None,
-    }  # fmt: skip
-    return run_options(duration, **(plain | more))
-
-
 def step_ends(arm, state, torque, duration, **more):
     """Return the ends of the steps of ``simulate`` under a constant torque."""
-    run = options(duration, **more).new_run(
-        arm, state.copy(), Environment.of(arm), None, Meter("", False)
-    )
+    q, qd = arm.unpadded(state)
+    settings = fa.RunSettings(**more)
+    situation = Situation(arm=arm, duration=duration, settings=settings, initial=q, initial_rate=qd)
+    run = situation.new_run(Meter("", False))
     system, times = run.system(PiecewiseCubic.constant(torque)), [0.0]
     while times[-1] < duration:
         run.integrator.advance(

@@ -33,9 +33,23 @@ def pytest_configure(config: pytest.Config) -> None:
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
 
 
+def _is_thorough_case(item: pytest.Item) -> bool:
+    """Return whether ``thorough_cases`` or ``sampled`` leaves this test to `make test-all`."""
+    names = {item.name.partition("[")[0]}
+    if hasattr(item, "callspec"):
+        names |= {item.callspec.id, *item.callspec.id.split("-")}
+    left_out, sample = item.get_closest_marker("thorough_cases"), item.get_closest_marker("sampled")
+    return bool(left_out and names & set(left_out.args)) or bool(
+        sample and not names & set(sample.args)
+    )
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m selects by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Move the slowest files to the front; other files, and tests within a file, keep their
-    order."""
+    """Give thorough cases their marker, and move the slowest files to the front; other files, and
+    tests within a file, keep their order."""
+    for item in filter(_is_thorough_case, items):
+        item.add_marker(pytest.mark.thorough)
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
     if numba.config.DISABLE_JIT:
         for item in items:

@@ -14,7 +14,8 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.model.checks import Record
-from flexarm.view.studio.values.ranges import unit_of
+from flexarm.model.help_text import descriptions_of
+from flexarm.view.studio.values.fields import unit_of
 
 #: Exponents of length, mass and time in each unit.
 _BASE = {
@@ -53,10 +54,11 @@ class Units:
     def record(self, record: Any) -> Any:
         """Return a record in these units."""
         changed = {}
-        for name, field in type(record).model_fields.items():
+        texts = descriptions_of(type(record))
+        for name in type(record).model_fields:
             value = getattr(record, name)
             if value is not None and name != "kind":
-                changed[name] = _scaled(self, value, self._factor(record, name, field.description))
+                changed[name] = _scaled(self, value, self._factor(record, name, texts.get(name)))
         return type(record)(**changed)
 
     def _factor(self, record: Any, name: str, description: str | None) -> float:

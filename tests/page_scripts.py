@@ -6,7 +6,7 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parents[1] / "docs" / "how-to"
+FOLDER = Path(__file__).parents[1] / "docs" / "performance"
 
 
 def script(name: str) -> Any:

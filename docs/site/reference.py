@@ -10,9 +10,9 @@ import inspect
 import re
 from pathlib import Path
 
-from pydantic import BaseModel
-
 import flexarm as fa
+from flexarm.model.checks import Record
+from flexarm.model.help_text import descriptions_of
 
 _PART = re.compile(
     r"^## (?P<title>[^\n]+)\n(?:(?!^## ).)*?<!-- begin (?P<part>\w+) -->(?P<table>.*?)<!-- end",
@@ -65,12 +65,13 @@ def add_fields(
     _app: object, _what: str, _name: str, value: object, _options: object, lines: list[str]
 ) -> None:
     """Add the keys of a record, with their descriptions, to its docstring (autodoc)."""
-    if not (inspect.isclass(value) and issubclass(value, BaseModel)):
+    if not (inspect.isclass(value) and issubclass(value, Record)):
         return
-    for name, field in value.model_fields.items():
-        if field.description and name != "kind":
+    for name, text in descriptions_of(value).items():
+        field = value.model_fields[name]
+        if name != "kind":
             default = "" if field.is_required() else f" Default: ``{field.default!r}``."
-            lines.append(f":param {name}: {field.description}{default}")
+            lines.append(f":param {name}: {text}{default}")
     lines.append("")
 
 

@@ -1,8 +1,8 @@
-"""The cases, in the order of the gallery: written out, so that one place lists them all."""
+"""The pages and their cases, in the order of the gallery, in one list."""
 
 from __future__ import annotations
 
-from gallery.case import Case
+from gallery.case import Case, Page
 from gallery.cases import (
     boom,
     cantilever,
@@ -22,21 +22,28 @@ from gallery.cases import (
     two_link_motion,
 )
 
-CASES: tuple[Case, ...] = (
-    clamped_beam.CASE,
-    hub.CASE,
-    payload.CASE,
-    rotary_inertia.CASE,
-    link_modes.CASE,
-    two_link_frequencies.CASE,
-    rotating_beam.CASE,
-    own_weight.CASE,
-    euler_column.CASE,
-    cantilever.CASE,
-    elastica.CASE,
-    slewing.CASE,
-    spin_up.CASE,
-    pendulum.CASE,
-    two_link_motion.CASE,
-    boom.CASE,
+PAGES: tuple[Page, ...] = (
+    Page(
+        "beam-frequencies",
+        "Frequencies of beams",
+        (clamped_beam.CASE, hub.CASE, payload.CASE, rotary_inertia.CASE, link_modes.CASE),
+    ),
+    Page(
+        "arm-frequencies",
+        "Frequencies of arms, and of beams that spin or hang",
+        (two_link_frequencies.CASE, rotating_beam.CASE, own_weight.CASE),
+    ),
+    Page(
+        "statics",
+        "Deflection and buckling",
+        (euler_column.CASE, cantilever.CASE, elastica.CASE),
+    ),
+    Page(
+        "motion",
+        "Motion",
+        (slewing.CASE, spin_up.CASE, pendulum.CASE, two_link_motion.CASE, boom.CASE),
+    ),
 )
+
+#: Every case, in the order of the pages.
+CASES: tuple[Case, ...] = tuple(case for page in PAGES for case in page.cases)

@@ -43,6 +43,7 @@ def points() -> list[Point]:
     return found
 
 
+@pytest.mark.thorough
 def test_all_programs_compute_the_same_motion(points: list[Point]) -> None:
     """The tip moves by 40 mm here."""
     for point in points:
@@ -54,11 +55,13 @@ def test_all_programs_compute_the_same_motion(points: list[Point]) -> None:
             assert point.error < 1e-6, point
 
 
+@pytest.mark.thorough
 def test_every_integrator_is_measured(points: list[Point]) -> None:
     settings = " ".join(point.setting for point in points if point.program == "flexarm")
     assert [name for name in INTEGRATORS if name not in settings] == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("peer", programs.PEERS)
 def test_every_installed_peer_is_measured(points: list[Point], peer: str) -> None:
     if peer in programs.missing():
@@ -92,6 +95,7 @@ def test_forward_dynamics_with_and_without_a_compiler(monkeypatch: pytest.Monkey
     assert forward_dynamics.compare("second_order", calls=2, repeats=1).limit is None
 
 
+@pytest.mark.thorough
 def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point]) -> None:
     case = long_chain.short(3, 0.02)
     chain, failed = measure(list(long_chain.entries(case)), long_chain.truth(case), repeats=1)
@@ -154,6 +158,7 @@ def test_specialized_entries_have_small_errors() -> None:
     assert max(point.error for point in found) < 1e-4
 
 
+@pytest.mark.thorough
 def test_warm_runs_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """`flexarm paper` is called with `--help`; its figures are tested in `tests/cli`."""
     least = startup._least

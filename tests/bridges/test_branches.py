@@ -103,6 +103,7 @@ def test_python_functions_are_restored():
     assert (builtins.min, builtins.max) == before
 
 
+@pytest.mark.thorough
 def test_too_many_paths():
     def function(x, y):
         return sum((1.0 if x > k else 0.0) for k in range(9))

@@ -1,4 +1,6 @@
-"""Exports of an arm whose friction has bristles: they warn, or refuse and name the friction."""
+"""Exports of an arm whose friction has bristles or holds: they warn, or refuse and name it."""
+
+import warnings
 
 import pytest
 
@@ -8,9 +10,9 @@ from bristled_joints import RUBBING
 from flexarm.base.errors import AccuracyWarning
 
 
-def rubbing():
+def rubbing(**friction):
     link = fa.Link(length=0.5, mass_per_length=0.4, flexural_rigidity=15.0, modes=2)
-    joints = [fa.Joint(hub_inertia=0.01, friction=fa.Friction(**RUBBING)), fa.Joint()]
+    joints = [fa.Joint(hub_inertia=0.01, friction=fa.Friction(**(friction or RUBBING))), fa.Joint()]
     return fa.Arm(links=[link, link], joints=joints)
 
 
@@ -34,10 +36,22 @@ REFUSING = {
 }
 
 
+@pytest.mark.thorough_cases("c", "fmu")
 @pytest.mark.parametrize("name", WARNING)
 def test_exports_warn(name, tmp_path):
     with pytest.warns(AccuracyWarning, match="Bristles"):
         WARNING[name](rubbing(), tmp_path)
+
+
+@pytest.mark.filterwarnings("ignore:.*has the damper in brackets:flexarm.FlexarmWarning")
+@pytest.mark.parametrize("name", WARNING)
+def test_exports_of_friction_that_holds_warn_once(name, tmp_path):
+    with pytest.warns(AccuracyWarning, match=r"arm.joints\[0\]: the exported model") as caught:
+        WARNING[name](rubbing(coulomb=0.5), tmp_path)
+    assert sum("creeps where it sticks" in str(one.message) for one in caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        WARNING[name](rubbing(coulomb=0.5, smoothing_rate=0.01), tmp_path)
 
 
 @pytest.mark.parametrize("name", REFUSING)

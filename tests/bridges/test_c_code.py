@@ -34,6 +34,7 @@ def assert_recorded_run_is_equal(folder, cc, level="-O0"):
     return done.stdout
 
 
+@pytest.mark.thorough_cases("gcc")
 @pytest.mark.parametrize("cc", ["gcc", "clang"])
 def test_recorded_run(exported, tmp_path, cc):
     """Every function, also the step and its derivatives, at 32 samples of a run of ``simulate``."""
@@ -45,6 +46,7 @@ def test_recorded_run(exported, tmp_path, cc):
     assert {f"arm_{name}" for name in tested} == set(re.findall(r"^void (\w+)\(", header, re.M))
 
 
+@pytest.mark.sampled("2000")
 @pytest.mark.parametrize("seed", [2000, 2001, 2004])
 def test_random_arms_with_every_option(seed, tmp_path):
     fa.export_c(busy(seed, theory=["linear", "second_order"][seed % 2]).arm, tmp_path)
@@ -56,6 +58,7 @@ def test_rigid_arm(tmp_path):
     assert_recorded_run_is_equal(tmp_path, "gcc")
 
 
+@pytest.mark.thorough
 def test_the_test_program_reports_a_wrong_number(exported, tmp_path):
     for file in exported.glob("*"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
@@ -69,6 +72,7 @@ def test_the_test_program_reports_a_wrong_number(exported, tmp_path):
     assert "failed" in done.stdout
 
 
+@pytest.mark.thorough
 def test_parameters(exported):
     """With other values of the parameters, the functions are those of the arm that has them."""
     library = Library(exported)
@@ -86,6 +90,7 @@ def test_parameters(exported):
         assert_same("mass_matrix", M, same.mass_matrix(given["q"]), same, given["q"])
 
 
+@pytest.mark.thorough
 def test_a_run_of_steps_is_that_of_simulate(exported):
     library, arm = Library(exported), parametric("second_order")
     steps, h = 200, 0.2 * library.macros["largest_step"]
@@ -127,6 +132,7 @@ def test_largest_step(tmp_path):
     assert growth[1] > 1.05
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems name symbols differently")
 def test_no_state_no_allocation_and_prefixed_names(exported, tmp_path):
     """The object file has no writable data, and refers to the mathematical library only."""
@@ -167,6 +173,7 @@ def test_wrong_arguments_write_nothing(tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.thorough
 def test_files_of_others_are_not_replaced(tmp_path):
     arm, own = parametric("linear"), "all:\n\techo mine\n"
     (tmp_path / "Makefile").write_text(own)

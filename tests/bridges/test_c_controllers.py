@@ -1,6 +1,5 @@
 """Exported controllers against the controllers in Python, in runs of ``simulate``."""
 
-import re
 from copy import deepcopy
 
 import numpy as np
@@ -43,42 +42,38 @@ class OwnController(fa.Controller):
     """A controller of a user: velocity feedback with a filtered reference angle."""
 
     sample_time = SAMPLE_TIME
-    memory = ("angle",)
 
-    def __init__(self):
-        self.angle = None
+    def initial_memory(self, readings, inputs):
+        return {"angle": inputs["reference_angle"]}
 
-    def reset(self):
-        self.angle = None
-
-    def update(self, t, measurement, reference):
-        wanted = reference.joint_angle(t)
-        self.angle = wanted if self.angle is None else 0.9 * self.angle + 0.1 * wanted
-        error = np.clip(self.angle - measurement["joint_angle"], -0.05, 0.05)
-        return 8.0 * error - np.tanh(measurement["joint_rate"])
+    def step(self, memory, readings, inputs):
+        angle = 0.9 * memory["angle"] + 0.1 * inputs["reference_angle"]
+        error = np.clip(angle - readings["joint_angle"], -0.05, 0.05)
+        return {"angle": angle}, 8.0 * error - np.tanh(readings["joint_rate"])
 
 
 class WithConditions(OwnController):
     """A controller of a user that switches, counts and remembers a truth value."""
 
-    memory = ("angle", "fast", "samples", "level")
+    def initial_memory(self, readings, inputs):
+        error = inputs["reference_angle"] - readings["joint_angle"]
+        return {"angle": error, "fast": False, "samples": 0, "level": np.zeros(2)}
 
-    def reset(self):
-        self.angle, self.fast, self.samples = None, False, 0
-        self.level = np.zeros(2)
-
-    def update(self, t, measurement, reference):
-        error = reference.joint_angle(t) - measurement["joint_angle"]
-        rate = measurement["joint_rate"]
-        self.angle = error if self.angle is None else 0.9 * self.angle + 0.1 * error
-        self.fast = self.fast or abs(rate[0]) > 0.1
-        self.samples += 1
-        self.level[0] += max(0.0, min(error[0], 0.1))
-        if self.samples < 4 or rate[1] == 0.0:
-            return np.zeros(2)
-        if not self.fast and error[0] < 0.0:
-            return np.array([-1.0, 2.0]) * np.sqrt(-error[0])
-        return 8.0 * self.angle + np.where(error > 0.0, 1.0, -0.5) * self.level - rate
+    def step(self, memory, readings, inputs):
+        error = inputs["reference_angle"] - readings["joint_angle"]
+        rate = readings["joint_rate"]
+        after = {
+            "angle": 0.9 * memory["angle"] + 0.1 * error,
+            "fast": memory["fast"] or abs(rate[0]) > 0.1,
+            "samples": memory["samples"] + 1,
+            "level": memory["level"] + np.array([max(0.0, min(error[0], 0.1)), 0.0]),
+        }
+        if after["samples"] < 4 or rate[1] == 0.0:
+            return after, np.zeros(2)
+        if not after["fast"] and error[0] < 0.0:
+            return after, np.array([-1.0, 2.0]) * np.sqrt(-error[0])
+        turned = np.where(error > 0.0, 1.0, -0.5) * after["level"]
+        return after, 8.0 * after["angle"] + turned - rate
 
 
 #: Controllers whose law can be exported, by a name for the test.
@@ -187,15 +182,6 @@ LAWS = {
     "integral_resonant_control": lambda: fa.IntegralResonantControl(
         heavy(), fa.JointPD(*PD, SAMPLE_TIME, feedforward)
     ),
-    # The recorded run has three periods.
-    "repetitive": lambda: fa.RepetitiveControl(
-        fa.JointPID(*PD, [2.0, 1.0], arm=heavy(), torque_limit=[0.2, 0.1], sample_time=SAMPLE_TIME),
-        10 * SAMPLE_TIME,
-        [2.0, 0.8],
-        0.1,
-        cutoff=80.0,
-        lead=SAMPLE_TIME,
-    ),
     "wave_based_control": lambda: fa.WaveBasedControl(heavy(), joint_pd(), posture=[0.4, 0.1]),
     "output_redefinition": lambda: fa.OutputRedefinition(heavy(), joint_pd(), weight=-0.5),
     "own": OwnController,
@@ -210,6 +196,7 @@ DAMPING = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_recorded_run(name, tmp_path):
     arm = heavy()
@@ -247,6 +234,7 @@ class InC(fa.Controller):
         return torque
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "readings", "references"),
     [
@@ -259,7 +247,6 @@ class InC(fa.Controller):
         ("loop_shaping_scheduled", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         ("joint_pid_sag", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         ("strain_feedback", ["joint_angle", "joint_rate", "strain"], ["joint_angle", "joint_rate"]),
-        ("repetitive", ["joint_angle", "joint_rate"], ["joint_angle", "joint_rate"]),
         (
             "output_redefinition",
             ["joint_angle", "joint_rate", "strain"],
@@ -300,7 +287,7 @@ def test_both_sides_of_all_conditions(tmp_path):
             wanted = controller.update(0.01 * k, measured, still)
             found = in_c.update(0.01 * k, measured, still)
             np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14, err_msg=f"{run} {k}")
-            kinds.add((controller.fast, k < 3, rate[1] == 0.0, *(angle > 0.0)))
+            kinds.add((controller.memory["fast"], k < 3, rate[1] == 0.0, *(angle > 0.0)))
     assert all(len(set(values)) == 2 for values in zip(*kinds, strict=True))
 
 
@@ -312,29 +299,20 @@ def test_the_controller_is_not_modified(tmp_path):
     assert np.array_equal(controller.proportional, before)
 
 
-def test_the_code_does_not_grow_with_the_period(tmp_path):
-    sizes, memories = [], []
-    for period in (0.4, 4.0):
-        controller = fa.RepetitiveControl(joint_pd(), period, 0.1)
-        fa.export_c(heavy(), tmp_path, controller=controller)
-        sizes.append(len((tmp_path / "arm.c").read_text()))
-        memories.append(int(re.search(r"ARM_MEMORY (\d+)", (tmp_path / "arm.h").read_text())[1]))
-    assert memories[1] - memories[0] == 2 * 900
-    assert abs(sizes[1] - sizes[0]) < 100
-    period = fa.RepetitiveControl(joint_pd(), 40.0, 0.1)
+def test_a_memory_of_too_many_numbers(tmp_path):
     network = example("rbf_adaptive", centres=40)
-    for controller, size in ((period, r"20\d\d\d"), (network, "32000")):
-        with pytest.raises(fa.InputError, match=rf"memory of {size} numbers, more than 10000\."):
-            fa.export_c(heavy(), tmp_path, controller=controller)
+    with pytest.raises(fa.InputError, match=r"memory of 32000 numbers, more than 500\."):
+        fa.export_c(heavy(), tmp_path, controller=network)
 
 
+@pytest.mark.thorough
 def test_controllers_around_each_other(tmp_path):
-    damped = fa.PositivePositionFeedback(heavy(), LAWS["joint_pid"](), damping_ratio=0.2)
     scheduled = LAWS["loop_shaping_scheduled"]()
     for controller in (
-        fa.RepetitiveControl(damped, 10 * SAMPLE_TIME, [2.0, 0.8], cutoff=80.0),
         fa.PositivePositionFeedback(heavy(), scheduled, damping_ratio=0.2),
         fa.DisturbanceObserver(heavy(), LAWS["joint_pid_sag"](), 0.2),
+        fa.DisturbanceObserver(heavy(), LAWS["lqg"](), 0.2),
+        fa.DisturbanceObserver(heavy(), LAWS["hybrid_force"](), 0.2),
     ):
         fa.export_c(heavy(), tmp_path, controller=controller)
         done = make(tmp_path, "test")

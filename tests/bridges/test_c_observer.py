@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from bridges.c_code_tools import Library, make
 from flexarm.bridges.c_code.observer import exported_observer
-from flexarm.bridges.c_code.observer_recording import estimates, record_observer
+from flexarm.bridges.c_code.recording import estimates, record_observer
 from flexarm.cli.main import app
 from unit.control.test_extended_kalman import ACCELEROMETER, ENCODER, STRAIN, two_links
 
@@ -40,6 +40,7 @@ FILTERS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(FILTERS))
 def test_recorded_run(name, tmp_path):
     observer = FILTERS[name]()
@@ -51,6 +52,7 @@ def test_recorded_run(name, tmp_path):
         assert "observer " in done.stdout
 
 
+@pytest.mark.thorough
 def test_estimates_and_covariance(tmp_path):
     """Estimates of a longer run, and the covariance in the memory, to 1e-12 of the largest.
 
@@ -171,6 +173,7 @@ def test_widest_payload_is_the_limit(tmp_path):
         assert (len(found._parts) == 1) == (count == 1)
 
 
+@pytest.mark.thorough
 def test_scenario_with_an_estimator(tmp_path):
     folder = tmp_path / "my-arm"
     assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0

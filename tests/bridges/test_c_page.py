@@ -22,6 +22,7 @@ from flexarm.cli.main import app
 PAGES = [("docs/how-to/export-c-code.md", 2, False), ("docs/how-to/run-in-real-time.md", 2, True)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("page", "shells", "python"), PAGES)
 def test_commands_of_the_page(page, shells, python, tmp_path, monkeypatch):
     compiler("cc")

@@ -30,6 +30,7 @@ def started(program: Path, at: str, limit: int = 20) -> subprocess.Popen:
     return subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.thorough_cases("computed_torque", "joint_pid")
 @pytest.mark.parametrize(
     "name", ["computed_torque", "joint_pid", "strain_feedback", "wave_based_control"]
 )
@@ -52,6 +53,7 @@ def test_closed_loop_over_udp_equals_simulate(name, tmp_path):
         )
 
 
+@pytest.mark.thorough
 def test_a_packet_of_another_length_ends_both_programs(tmp_path):
     """Here without the reference, which the controller follows."""
     at = free_address()
@@ -130,6 +132,7 @@ def wait_until_it_listens(at):
     raise AssertionError("the program does not listen")
 
 
+@pytest.mark.thorough_cases("1-lost0")
 @pytest.mark.parametrize(("seed", "lost"), [(1, (0, 0)), (2, (3, 0)), (3, (0, 3))])
 def test_the_program_ignores_packets_of_others_and_repeats_lost_ones(seed, lost, program):
     at = free_address()

@@ -80,6 +80,7 @@ def outputs(path):
     return [one.name for one in described.modelVariables if one.causality == "output"]
 
 
+@pytest.mark.thorough_cases("2.0")
 @pytest.mark.parametrize("version", VERSIONS)
 def test_validator(exported, version):
     """Schema, names, units, structure, and combinations of causality and variability."""
@@ -124,6 +125,7 @@ def test_run_is_that_of_simulate(exported, version, kind):
         assert error < limit, (name, error)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", VERSIONS)
 def test_derivatives_of_an_arm_with_every_option(version, tmp_path):
     """Without an integrator: equal to rounding to the arm that has the changed parameters."""
@@ -264,6 +266,7 @@ def closed_loop(name, version, kind, tmp_path):
     return run, found[last]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_closed_loop(version, kind, tmp_path):
@@ -284,6 +287,7 @@ def test_closed_loop(version, kind, tmp_path):
     assert np.abs(torque - wanted).max() < 1e-4 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name",
     [
@@ -302,6 +306,7 @@ def test_other_controllers(name, tmp_path):
         assert np.abs(found[channel] - wanted).max() < 1e-8 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["lqg", "lqg_scheduled", "lqg_tip_integral"])
 def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
     """Inputs for the nominal motion are at rest by default, in the posture of the design."""
@@ -323,10 +328,11 @@ def test_lqg_holds_its_posture_without_inputs(name, tmp_path):
         assert np.abs(found[name] - wanted).max() < 1e-5 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", VERSIONS)
 def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatch):
     """The warning gives the reason, and FMPy's own build makes the binary."""
-    monkeypatch.setattr("flexarm.bridges.fmu.binary.shutil.which", lambda name: None)
+    monkeypatch.setattr("flexarm.bridges.fmu.export.shutil.which", lambda name: None)
     path = tmp_path / "source.fmu"
     with pytest.warns(fa.FlexarmWarning, match="no C compiler was found.*fmpy compile"):
         fa.export_fmu(damped(), path, fmi=version)
@@ -342,6 +348,7 @@ def test_without_a_compiler_the_source_is_complete(version, tmp_path, monkeypatc
     assert found["time"][-1] == 0.01
 
 
+@pytest.mark.thorough
 def test_equal_exports_are_equal_files(tmp_path):
     paths = [fa.export_fmu(damped().rigid(), tmp_path / f"{k}.fmu") for k in range(2)]
     assert paths[0].read_bytes() == paths[1].read_bytes()
@@ -364,6 +371,7 @@ def test_wrong_arguments_write_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.thorough
 def test_command(tmp_path):
     """A scenario: its controller, and its initial state at the start of the motion."""
     folder = tmp_path / "my-arm"

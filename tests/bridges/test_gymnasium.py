@@ -181,6 +181,7 @@ def test_an_episode_ends_at_its_duration_with_the_documented_rewards(name):
     assert infos[-1]["distance"] == pytest.approx(distance)
 
 
+@pytest.mark.thorough_cases("flexarm/TrackPath-v0")
 @pytest.mark.parametrize("name", [REACH, TRACK])
 def test_joint_pd_succeeds_where_zero_torque_fails(name):
     env = gymnasium.make(name)

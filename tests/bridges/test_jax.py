@@ -60,6 +60,7 @@ def values(model, name, given, parameters=None):
     return np.array(getattr(model, name)(**chosen, parameters=parameters))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [2000, 2003])
 def test_every_option_on_random_arms(seed):
     b = busy(seed, theory=["linear", "second_order"][seed % 2], reduced=True)
@@ -81,6 +82,7 @@ def test_parameters_equal_an_arm_with_these_values():
             assert_same(name, found, wanted, other_arm, given["q"])
 
 
+@pytest.mark.thorough
 def test_jit_vmap_and_derivatives_agree(small):
     arm, model = small
     given = arguments(arm, 1)
@@ -105,6 +107,7 @@ def test_jit_vmap_and_derivatives_agree(small):
     np.testing.assert_allclose(slope, exact.q @ along, rtol=0, atol=1e-11 * np.abs(exact.q).max())
 
 
+@pytest.mark.thorough
 def test_gradient_of_friction_at_rest(small):
     """The slope of friction is largest at rest, and JAX's rules must keep it."""
     arm, model = small
@@ -114,6 +117,7 @@ def test_gradient_of_friction_at_rest(small):
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * np.abs(wanted).max())
 
 
+@pytest.mark.thorough
 def test_derivative_by_a_parameter(small):
     arm, model = small
     q = arguments(arm, 3)["q"]
@@ -128,6 +132,7 @@ def test_derivative_by_a_parameter(small):
     assert found[0] == pytest.approx(9.81 * arm.tip(q)[1], rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_single_precision_is_kept(small):
     """Results of float32 inputs are float32, also at rest, where squares of small numbers
     underflow."""

@@ -50,6 +50,7 @@ def still(arm_env):
     return np.zeros(arm_env.arm.joints, np.float32)
 
 
+@pytest.mark.thorough
 def test_a_simple_force_controller_succeeds_where_zero_torque_fails():
     env = gymnasium.make(FORCE)
     for seed in range(3):

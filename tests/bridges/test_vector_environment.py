@@ -70,6 +70,11 @@ def assert_same_info(found, wanted):
                 np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14, err_msg=key)
 
 
+@pytest.mark.sampled(
+    "whole-NextStep-flexarm/Reach-v0",
+    "bent-NextStep-flexarm/Reach-v0",
+    "bent-Disabled-flexarm/TrackPath-v0",
+)
 @every
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("torque_limit", [[10.0, 3.0], [120.0, 60.0]], ids=["whole", "bent"])

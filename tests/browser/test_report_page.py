@@ -14,6 +14,12 @@ from stored_pictures import assert_looks_like
 import flexarm as fa
 from flexarm.view.plot.palette import BLUE, ORANGE
 
+pytestmark = pytest.mark.sampled(
+    "test_page_opens_with_the_arm_at_its_start",
+    "test_play_moves_the_arm_to_the_end",
+    "test_texts_of_a_result_are_not_executed",
+)
+
 LINK = {"length": 0.5, "flexural_rigidity": 3.0, "mass_per_length": 0.4, "elements": 1}
 #: Of 255: edges of lines are smoothed and differ more than this from the colour of the line.
 TOLERANCE = 30

@@ -10,8 +10,14 @@ from studio_server import LENGTH, SCENARIO, assert_shows, project_with, scene_of
 
 import flexarm as fa
 from flexarm.base.errors import ModelError
-from flexarm.model.file_format.changes import change_of
+from flexarm.model.file_format.yaml_text import change_of
 from flexarm.view.studio.state import open_bytes
+
+pytestmark = pytest.mark.sampled(
+    "test_studio_opens_the_file_of_the_command_line",
+    "test_dragging_a_slider_moves_the_arm_immediately",
+    "long",
+)
 
 
 def test_studio_opens_the_file_of_the_command_line(window):

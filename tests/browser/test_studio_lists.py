@@ -11,6 +11,8 @@ from studio_server import LENGTH, SCENARIO, assert_shows, scene_of
 import flexarm as fa
 from flexarm.view.studio.state import open_bytes
 
+pytestmark = pytest.mark.thorough
+
 NEW_LOAD, FORCE = "loads.<new>", "loads[0].force[1]"
 TABLE = "loads[0].factor.<table>"
 

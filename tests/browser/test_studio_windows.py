@@ -13,6 +13,8 @@ from studio_server import LENGTH, MASS, Screen, assert_shows, project_with, stud
 
 from flexarm.view.studio.state import open_bytes
 
+pytestmark = pytest.mark.thorough
+
 
 def test_page_looks_like_the_picture_of_the_documentation(new_window):
     window = new_window(1400, 900)

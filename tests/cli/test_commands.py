@@ -26,6 +26,7 @@ def test_version():
     assert outcome.stdout == f"flexarm {fa.__version__}\n"
 
 
+@pytest.mark.sampled("paper", "run", "check", "linearize", "schema", "init")
 @pytest.mark.parametrize(
     "command", ["paper", "run", "check", "modes", "linearize", "schema", "init"]
 )
@@ -292,6 +293,7 @@ run: {duration: 0.01}
 """
 
 
+@pytest.mark.thorough_cases("run")
 @pytest.mark.parametrize("command", ["run", "check"])
 def test_warnings_of_the_design_of_a_drive_are_one_line(tmp_path, command):
     path = tmp_path / "scenario.yaml"

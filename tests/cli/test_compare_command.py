@@ -310,6 +310,7 @@ def test_faults_of_common_settings_are_reported(tmp_path, old, new, words):
     assert "Traceback" not in outcome.output + outcome.stderr
 
 
+@pytest.mark.thorough
 def test_inconsistent_estimator_is_reported_by_run_and_compare(tmp_path):
     """Its force or payload is four times the value of the filter's model."""
     arm = STUDY[: STUDY.index("motions:")]

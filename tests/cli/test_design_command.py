@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.planning.proposals.assessment import Loops
+from flexarm.planning.proposals.candidates import Loops
 
 ARM = """\
 flexarm: 1
@@ -33,6 +33,7 @@ def call(*arguments):
     return CliRunner().invoke(app, ["design", *map(str, arguments)])
 
 
+@pytest.mark.thorough
 def test_the_written_scenario_runs(path, tmp_path):
     out = tmp_path / "design.yaml"
     options = ("--task", "hold", "--computing", "low", "--start", "0.3")
@@ -59,6 +60,7 @@ def test_an_existing_file_is_replaced_on_request_only(path, tmp_path):
     assert fa.load_scenario(out).drive.kind == "joint_pd"
 
 
+@pytest.mark.thorough
 def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypatch):
     assess = Loops.assess
 

@@ -65,6 +65,7 @@ def full_disk():
         resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
 
 
+@pytest.mark.sampled("schema")
 @posix_only
 @pytest.mark.parametrize("what", OUTPUTS)
 def test_full_disk_gives_an_error_and_keeps_the_older_file(what, good, tmp_path):
@@ -106,12 +107,11 @@ def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
 
 WAITING = """
 import os, signal, sys
-from flexarm.cases.results import csv_table, netcdf
+from flexarm.cases.results import formats
 def parts(*_):
     yield b"half"
     os.kill(os.getpid(), signal.{signal})
     raise RuntimeError("the signal was ignored")
-import flexarm.cases.results.formats as formats
 from dataclasses import replace
 formats.FORMATS[".nc"] = replace(formats.FORMATS[".nc"], encode=parts)
 from flexarm.cli.main import main
@@ -119,6 +119,7 @@ main()
 """
 
 
+@pytest.mark.thorough
 @posix_only
 def test_sigterm_while_writing_leaves_no_temporary_file(good, tmp_path):
     ended = run("run", good, "--out", tmp_path / "run.nc", code=WAITING.format(signal="SIGTERM"))
@@ -167,6 +168,7 @@ def test_sigterm_does_not_wait_for_a_stalled_reader():
     assert run(code=STALLED).returncode == 143
 
 
+@pytest.mark.thorough
 @posix_only
 def test_next_write_removes_the_temporary_file_after_sigkill(good, tmp_path):
     out = tmp_path / "run.nc"
@@ -177,6 +179,7 @@ def test_next_write_removes_the_temporary_file_after_sigkill(good, tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([good, out])
 
 
+@pytest.mark.thorough
 def test_import_does_not_change_signal_handlers():
     code = """
 import signal
@@ -212,6 +215,7 @@ def test_arm_from_a_pipe_is_read_once(tmp_path):
     writer.join()
 
 
+@pytest.mark.thorough
 @posix_only
 def test_standard_input_is_read(good):
     with open(good) as stream:
@@ -221,9 +225,9 @@ def test_standard_input_is_read(good):
 
 @posix_only
 def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files
 
-    monkeypatch.setattr(read_bytes, "_WAIT_FOR_WRITER", 0.05)
+    monkeypatch.setattr(files, "_WAIT_FOR_WRITER", 0.05)
     os.mkfifo(tmp_path / "pipe")
     outcome = invoke("check", tmp_path / "pipe")
     assert outcome.exit_code == 2
@@ -232,9 +236,9 @@ def test_pipe_without_a_writer_is_rejected(tmp_path, monkeypatch):
 
 @posix_only
 def test_pipe_with_a_silent_writer_is_rejected(tmp_path, monkeypatch):
-    from flexarm.model.file_format import read_bytes
+    from flexarm.model.file_format import files
 
-    monkeypatch.setattr(read_bytes, "_WAIT_FOR_CONTENT", 0.05)
+    monkeypatch.setattr(files, "_WAIT_FOR_CONTENT", 0.05)
     os.mkfifo(tmp_path / "pipe")
     reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     writer = os.open(tmp_path / "pipe", os.O_WRONLY)

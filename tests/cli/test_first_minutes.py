@@ -7,9 +7,12 @@ import pytest
 from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.starting_files import MOST_LINKS
+from flexarm.cli.commands.init import MOST_LINKS
 
 
+@pytest.mark.sampled(
+    "1-horizontal", "1-vertical", "2-horizontal", "3-horizontal", "3-vertical", "8-horizontal"
+)
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
 @pytest.mark.parametrize("links", [1, 2, 3, MOST_LINKS])
 def test_files_of_init_pass_the_check_without_a_warning(tmp_path, links, gravity):
@@ -30,6 +33,7 @@ def test_files_of_init_pass_the_check_without_a_warning(tmp_path, links, gravity
     assert float(words[words.index("has") + 1]) <= float(words[0])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gravity", [[], ["--gravity"]], ids=["horizontal", "vertical"])
 def test_files_of_init_run_and_reach_their_goal(tmp_path, gravity):
     assert invoke("init", tmp_path, *gravity).exit_code == 0

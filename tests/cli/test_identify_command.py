@@ -30,6 +30,7 @@ def invoke(*arguments):
     return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_estimates_are_printed_and_saved(tmp_path):
     out, result = tmp_path / "found.yaml", tmp_path / "found.nc"
@@ -68,7 +69,7 @@ def test_prediction_errors_in_a_file(tmp_path):
 
 
 def test_the_example_is_valid():
-    from flexarm.identification.study import PreparedIdentification
+    from flexarm.identification.identify import PreparedIdentification
 
     prepared = PreparedIdentification(BENCH / "identify.yaml")
     assert len(prepared.study.free) == 5

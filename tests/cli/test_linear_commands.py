@@ -147,7 +147,7 @@ def test_rounding_of_poles_is_shown_as_zero():
     """Compared with the fastest pole: 1e-5 is rounding beside 1e6 rad/s, and a pole beside 1."""
     for fastest, shown in ((1e6, "0"), (1.0, "-1e-05")):
         model = SimpleNamespace(poles=np.array([-1e-5, 1j * fastest, -1j * fastest]))
-        assert [row[0] for row in _poles(model, 3)] == [shown, "0"]
+        assert [row[0] for row in _poles(model)] == [shown, "0"]
 
 
 CLAMPED = """\

@@ -14,6 +14,8 @@ from flexarm.model import load_scenario
 from flexarm.view.paper import paper_scenario
 from flexarm.view.plot.paper.paper_data import FIGURE_NAMES
 
+pytestmark = pytest.mark.thorough
+
 
 def reproduce(folder, *options):
     given = ["paper", "--out", str(folder), *options]

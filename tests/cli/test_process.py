@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import pytest
 from scenarios import GOOD, WRONG
 
 # Equals the installed script, wherever it is installed.
@@ -20,6 +21,7 @@ def run(*arguments, code=None):
     )
 
 
+@pytest.mark.thorough
 def test_exit_status_of_a_valid_and_an_invalid_file(tmp_path):
     path = tmp_path / "arm.yaml"
     path.write_text(GOOD)
@@ -48,6 +50,7 @@ finally:
     assert shown.stderr == "[]\n"
 
 
+@pytest.mark.thorough
 def test_ctrl_c_interrupts_a_run(tmp_path):
     # The run simulates an hour, and the signal is sent at the first report of progress. A shell
     # starts background jobs with Ctrl-C ignored, and Python keeps that setting.

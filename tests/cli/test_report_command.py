@@ -20,6 +20,7 @@ def result(tmp_path):
     return path
 
 
+@pytest.mark.thorough
 def test_report_equals_that_of_python(result):
     outcome = invoke("report", result)
     assert outcome.exit_code == 0
@@ -72,6 +73,7 @@ def without_arm(path):
     path.write_bytes(b"".join(encode_netcdf(whole)))
 
 
+@pytest.mark.thorough_cases("without_arm")
 @pytest.mark.parametrize("spoil", [os.unlink, damaged, without_coordinates, without_arm])
 def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     spoil(result)
@@ -82,6 +84,7 @@ def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.sampled("page.txt", "run.nc/page.html", "folder.html")
 @pytest.mark.parametrize("name", ["page.txt", "page", "run.nc/page.html", "folder.html"])
 def test_unwritable_path_is_rejected(name, result, tmp_path):
     (tmp_path / "folder.html").mkdir()

@@ -19,7 +19,7 @@ FULL = os.strerror(errno.ENOSPC)
 MANY = """
 import json, os, sys
 import rich.console, typer.rich_utils  # here once, and not in every copy
-from flexarm.cli.commands import check, modes, run, schema
+import flexarm.cases.scenario.study, flexarm.linear
 from flexarm.cli.main import main
 outcomes = []
 for arguments, kind in json.load(sys.stdin):
@@ -78,6 +78,7 @@ def line(reason):
     return f"flexarm: standard output could not be written: {reason}.\n"
 
 
+@pytest.mark.thorough
 @posix_only
 def test_every_command_reports_a_standard_output_that_cannot_be_written(good, tmp_path):
     """The help of every command, and the output of some that print in different ways."""
@@ -97,6 +98,7 @@ def test_files_are_written_although_the_output_is_not(tmp_path):
     assert len(list((tmp_path / "arm").iterdir())) == 2
 
 
+@pytest.mark.thorough
 @posix_only
 def test_an_error_stream_that_cannot_be_written_changes_nothing(good, tmp_path):
     """Neither the exit status of an error, nor a run with its progress."""
@@ -113,7 +115,7 @@ def test_a_progress_bar_on_a_full_disk_prints_no_traceback():
     """Its thread writes, too."""
     code = """
 import threading
-from flexarm.cli.standard_streams import checked_streams
+from flexarm.cli.failures import checked_streams
 with checked_streams():
     other = threading.Thread(target=lambda: print("x" * 10**6))
     other.start()
@@ -132,7 +134,7 @@ with checked_streams():
 
 def test_characters_that_the_encoding_lacks_are_escaped():
     code = """
-from flexarm.cli.standard_streams import checked_streams
+from flexarm.cli.failures import checked_streams
 with checked_streams():
     print("90\\u00b0 \\u221e")
 """

@@ -5,18 +5,21 @@ import re
 import time
 from types import SimpleNamespace
 
+import pytest
 from typer.testing import CliRunner
 
-from flexarm.cli.commands import warmup
+from flexarm.cli import features
 from flexarm.cli.failures import WRONG_INPUT
 from flexarm.cli.main import app
+from flexarm.kernels.compilation import cache
 from flexarm.kernels.compilation.compile_notice import CompileNotice
 
 
+@pytest.mark.thorough
 def test_warmup_prints_the_compiled_features(monkeypatch):
     # Two features only: tests/conformance/test_every_kernel_is_warmed_up.py tests all.
     some = ("forward dynamics and derivatives", "closed loops")
-    monkeypatch.setattr(warmup, "FEATURES", {name: warmup.FEATURES[name] for name in some})
+    monkeypatch.setattr(features, "FEATURES", {name: features.FEATURES[name] for name in some})
     before = time.perf_counter()
     outcome = CliRunner().invoke(app, ["warmup"])
     elapsed = time.perf_counter() - before
@@ -28,7 +31,7 @@ def test_warmup_prints_the_compiled_features(monkeypatch):
 
 
 def test_warmup_requires_a_writable_cache(monkeypatch):
-    monkeypatch.setattr(warmup, "CACHE_DIRECTORY", None)
+    monkeypatch.setattr(cache, "CACHE_DIRECTORY", None)
     outcome = CliRunner().invoke(app, ["warmup"])
     assert outcome.exit_code == WRONG_INPUT
     assert "the cache folder cannot be created" in outcome.stderr

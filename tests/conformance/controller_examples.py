@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.control.laws import CONTROLLERS
 
 SAMPLE_TIME = 0.004
@@ -18,17 +19,8 @@ SAMPLE_TIME = 0.004
 
 def two_links():
     """Return the arm of two joints for which every controller here is designed."""
-    links = [
-        fa.Link(
-            length=0.8,
-            flexural_rigidity=30.0,
-            mass_per_length=0.5,
-            elements=1,
-            gauges=[fa.Gauge(station=0.1, distance=0.005)],
-        ),
-        fa.Link(length=0.6, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
-    ]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+    section = {"flexural_rigidity": [30.0, 20.0], "mass_per_length": [0.5, 0.4], "elements": 1}
+    return chain((0.8, 0.6), [0.05, 0.03], gauge=(0.1, 0.005), gauged=1, **section)
 
 
 def joint_pd():

@@ -31,6 +31,7 @@ def copies_answer_alike(controller, arm):
         np.testing.assert_array_equal(again, first)
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_copy_gives_the_same_torques(name, arm):
     """Studies pass controllers to other processes; a controller used twice has two states."""

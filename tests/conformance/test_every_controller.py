@@ -8,13 +8,13 @@ import pytest
 from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
 
 import flexarm as fa
-from flexarm.cases.scenario.controllers import FILTERS
-from flexarm.control.analysis.linear_controller import memory_of
-from flexarm.control.contract.base import Controller
+from flexarm.cases.scenario.scenario import FILTERS
+from flexarm.control.contract.base import Controller, has_poles
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import CONTROLLERS
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import CONTROLLED, FilterSpec
+from flexarm.model.help_text import descriptions_of
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [
@@ -91,6 +91,7 @@ def test_another_sample_time_is_rejected(name, bad):
         CONTROLLERS[name](**{**given, "sample_time": bad})
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @every
 def test_reset_makes_two_runs_equal(name, arm):
     controller = Watched(EXAMPLES[name]())
@@ -111,6 +112,7 @@ def test_reset_makes_two_runs_equal(name, arm):
             np.testing.assert_array_equal(other[channel].values, runs[0][channel].values)
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @every
 def test_reset_without_a_reference_makes_two_runs_equal(name, arm):
     """The state of one run must not affect the next one."""
@@ -121,6 +123,7 @@ def test_reset_without_a_reference_makes_two_runs_equal(name, arm):
         np.testing.assert_array_equal(run.torque.values, fresh.torque.values)
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @every
 def test_update_is_called_at_each_sample_time_with_the_readings(name, arm):
     controller = Watched(EXAMPLES[name]())
@@ -163,6 +166,7 @@ def test_changing_a_measurement_does_not_change_the_run(name, arm):
     np.testing.assert_array_equal(runs[0].q.values, runs[1].q.values)
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg")
 @every
 def test_slow_motion_is_followed_within_a_few_degrees(name, arm):
     """The error of a slow motion is a few degrees at most."""
@@ -227,18 +231,18 @@ def test_list_for_another_number_of_joints_is_rejected_before_the_run(name, key,
 
 #: Controllers without a stability analysis of the sampled loop, because their gains change, or
 #: their memory is a whole period.
-UNDECLARED = ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive")
+WITHOUT_POLES = ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive")
 
 
 @every
-def test_memory_is_declared(name):
-    """Without `memory` no run warns of an unstable loop."""
-    assert (memory_of(EXAMPLES[name]()) is None) == (name in UNDECLARED)
+def test_loops_have_poles(name):
+    """Without poles no run warns of an unstable loop."""
+    assert has_poles(EXAMPLES[name]()) == (name not in WITHOUT_POLES)
 
 
-@pytest.mark.parametrize("name", UNDECLARED)
+@pytest.mark.parametrize("name", WITHOUT_POLES)
 @pytest.mark.parametrize("call", [fa.loop_margins, fa.loop_models], ids=lambda call: call.__name__)
-def test_controllers_without_memory_are_documented(name, call):
+def test_controllers_without_poles_are_documented(name, call):
     assert f"`{type(EXAMPLES[name]()).__name__}`" in call.__doc__
 
 
@@ -271,7 +275,7 @@ def test_drive_has_the_same_arguments_and_defaults(name):
     wanted = {key: p for key, p in found.items() if key not in left_out}
     assert set(fields) == set(wanted)
     for key, field in fields.items():
-        assert field.description
+        assert key in descriptions_of(CONTROLLED[name])
         compare(f"{name}.{key}", field, wanted[key].default)
 
 
@@ -311,6 +315,7 @@ def test_every_record_has_a_controller():
     assert set(CONTROLLED) == set(CONTROLLERS)
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @every
 def test_file_gives_the_same_run(name, arm, tmp_path):
     """Strain feedback of a file needs one gauge for each joint, so two."""

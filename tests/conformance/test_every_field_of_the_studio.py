@@ -14,8 +14,7 @@ from flexarm.model.checks import Record
 from flexarm.model.wording import look
 from flexarm.view.studio.state import Project, open_bytes
 from flexarm.view.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
-from flexarm.view.studio.values.field import Field
-from flexarm.view.studio.values.fields import SAMPLED, groups_of
+from flexarm.view.studio.values.fields import SAMPLED, Field, groups_of
 from flexarm.view.studio.values.forms import Forms, forms_of
 
 #: A scenario in which a contact, instruments and a controller are possible.
@@ -115,6 +114,7 @@ def every_field() -> dict[str, set[tuple[str, str]]]:
     return {"Scenario": found_from(scenario) | found_from(free), "StudySpec": found_from(study)}
 
 
+@pytest.mark.thorough_cases("Scenario")
 @pytest.mark.parametrize("root", [Scenario, StudySpec], ids=lambda root: root.__name__)
 def test_every_key_has_a_field(root, every_field):
     missing = keys_of(root) - every_field[root.__name__]

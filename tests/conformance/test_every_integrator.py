@@ -320,6 +320,7 @@ def observed_order(counts, errors):
     return -np.polyfit(np.log(counts[seen]), np.log(errors[seen]), 1)[0]
 
 
+@pytest.mark.thorough_cases("double pendulum-generalized_alpha", "flexible arm-generalized_alpha")
 @every
 @each_problem
 def test_observed_order_equals_the_stated_order(name, problem):

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import pkgutil
 import sys
@@ -45,6 +47,7 @@ for kernel in kernels:
 """
 
 
+@pytest.mark.thorough
 def test_every_kernel_is_warmed_up():
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False

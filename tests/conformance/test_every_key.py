@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.model import InitialState, RunSettings, Scenario, load_scenario, save_scenario
+from flexarm.model import InitialState, RunSpec, Scenario, load_scenario, save_scenario
 
 LINK = {"length": 0.8, "flexural_rigidity": 90.0, "mass_per_length": 0.5, "elements": 1}
 ARM = {
@@ -53,7 +53,7 @@ CASES = {
 
 def keys():
     """Return the names of all keys."""
-    inside = {"initial": InitialState, "run": RunSettings}
+    inside = {"initial": InitialState, "run": RunSpec}
     nested = {f"{name}.{key}" for name, record in inside.items() for key in record.model_fields}
     return set(Scenario.model_fields) | nested
 

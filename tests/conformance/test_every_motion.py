@@ -13,8 +13,7 @@ import flexarm as fa
 from flexarm.cases.scenario.motions import MOTION_FUNCTIONS, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import Scenario
-from flexarm.model.scenarios.motions import PlainMotionSpec
-from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
+from flexarm.model.scenarios.motions import PlainMotionSpec, ShapingSpec, SmoothingSpec
 from flexarm.motion import Motion
 
 ROD = {"flexural_rigidity": 60.0, "mass_per_length": 0.5}
@@ -178,6 +177,7 @@ def test_every_kind_of_motion_is_tested_here():
 EVERY = MOTIONS | PRESSED | FUNCTIONS | PRESCRIBED
 
 
+@pytest.mark.sampled("joint", "via points", "shaped", "sampled", "quasi-static torque", "table")
 @pytest.mark.parametrize("make", EVERY.values(), ids=EVERY)
 def test_copies_and_pickles_give_the_same_values(make):
     """Studies pass them to other processes, and a lambda cannot be pickled."""
@@ -188,6 +188,7 @@ def test_copies_and_pickles_give_the_same_values(make):
         assert type(copied) is type(value)
 
 
+@pytest.mark.sampled("joint", "line of three links", "circle", "shaped", "optimal", "of a file")
 @pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
 def test_table_equals_the_motion_within_its_stated_error(make):
     motion = make()
@@ -227,17 +228,6 @@ def test_error_of_a_table_falls_with_the_sixth_power_of_the_interval():
     for power, more, less in zip((6, 5, 4), coarse.error, fine.error, strict=True):
         assert np.all(more / less > 0.7 * 2.0**power)
     assert np.all(fine.error.angle < 1e-5)
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.inf, np.nan, "fast", 1e7])
-def test_invalid_rates_of_tables_are_rejected(rate):
-    with pytest.raises(fa.InputError, match="sampled: rate"):
-        line().sampled(rate)
-
-
-def test_table_rejects_the_same_times_as_its_motion():
-    with pytest.raises(fa.InputError, match=r"SampledMotion\.joint_angle: t must be a time"):
-        line().sampled(100.0).joint_angle(np.nan)
 
 
 def test_run_along_a_table_equals_that_along_the_motion():

@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.sensors import POINT_SIGNALS
 

@@ -28,6 +28,7 @@ def bent(alpha, segments, theory, elements=1, **link):
     return np.array([y, 1.0 - x, angle])
 
 
+@pytest.mark.thorough_cases("linear-2-1.0")
 @pytest.mark.parametrize("alpha", ELASTICA)
 @pytest.mark.parametrize(("theory", "order"), [("linear", 2), ("second_order", 3)])
 def test_order_of_segments(alpha, theory, order):

@@ -36,6 +36,7 @@ def swung(elements, element="euler_bernoulli", damping=None):
     return arm, result.isel(time=-1)
 
 
+@pytest.mark.thorough_cases("euler_bernoulli")
 @pytest.mark.parametrize("element", ["euler_bernoulli", "timoshenko"])
 def test_curvature_times_rigidity_converges_to_the_moment(element):
     """The error is proportional to the square of the element length, because curvature is linear in

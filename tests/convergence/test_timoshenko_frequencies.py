@@ -150,6 +150,7 @@ def test_modes_of_an_arm_of_one_link(slenderness, joints):
     assert np.all(error < 8.0 * bending_error(exact, 48))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CLAMPED, ids=label)
 def test_error_approaches_that_of_an_euler_bernoulli_beam(case):
     exact = np.array(case["lambda"][:3])
@@ -158,6 +159,14 @@ def test_error_approaches_that_of_an_euler_bernoulli_beam(case):
     assert np.all((ratio > 0.9) & (ratio < 4.0)), ratio
 
 
+@pytest.mark.sampled(
+    "3.0-4.8-clamped",
+    "10.0-48.0-clamped",
+    "30.0-105.0-clamped",
+    "100.0-105.0-pinned",
+    "1000.0-105.0-pinned",
+    "5000.0-105.0-pinned",
+)
 @pytest.mark.parametrize("root", ["clamped", "pinned"])
 @pytest.mark.parametrize(
     ("slenderness", "highest"),
@@ -199,6 +208,7 @@ def test_arms_of_two_stocky_links_have_order_four():
     assert np.all((reduced > 0.0) & (reduced < 1e-3))  # omitted shapes
 
 
+@pytest.mark.thorough
 def test_without_rotary_inertia_the_order_is_two():
     """A rotation without inertia has no mass; see ``beams.interior``."""
     two = np.ones(2)
@@ -247,6 +257,7 @@ def tapered_root(x, columns, guess):
     return shooting_root(slope, x, guess)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("x", "columns"),
     [

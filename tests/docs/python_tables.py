@@ -27,7 +27,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("optimal_motion", "MotionLimits", "OptimalMotion"),
     ),
     "simulation": (
-        *("simulate", "simulate_batch", "Reduction"),
+        *("simulate", "simulate_batch", "Reduction", "RunSettings"),
         *("sensitivities", "goal_gradient"),
         *("GeneralizedAlpha", "Plant", "realtime", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),

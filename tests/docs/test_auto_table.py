@@ -10,7 +10,7 @@ from reference_tables import table_rows
 
 from page_scripts import script
 
-PAGE = "docs/how-to/choose-an-integrator.md"
+PAGE = "docs/performance/accuracy.md"
 ARMS = 3
 
 
@@ -32,6 +32,7 @@ def test_page_has_a_row_for_each_setting(module, rows):
     assert arms is not None
 
 
+@pytest.mark.thorough
 def test_first_arms_are_within_the_rows_of_the_page(module, rows):
     for case in module.cases(ARMS):
         for setting, (_, _, failed, _, largest, _) in zip(module.SETTINGS, rows, strict=True):

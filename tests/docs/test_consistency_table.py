@@ -15,7 +15,7 @@ SEEDS = 100
 def test_rows_have_the_arms_and_bands_of_the_script() -> None:
     """tests/unit/control/test_filter_consistency.py measures them again with fewer runs."""
     module = script("measure_consistency")
-    rows = table_rows("docs/how-to/control-uncertain.md", "consistency")
+    rows = table_rows("docs/performance/controllers.md", "consistency")
     wanted = [[name, state] for name in module.ARMS for state in ("at rest", "in motion")]
     assert [row[:2] for row in rows] == wanted
     for name, _, *_, band, _ in rows:

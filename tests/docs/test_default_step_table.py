@@ -10,7 +10,7 @@ from reference_tables import table_rows
 
 from page_scripts import script
 
-PAGE = "docs/how-to/choose-an-integrator.md"
+PAGE = "docs/performance/accuracy.md"
 #: The first arms of the page, measured again with every method.
 ARMS = 3
 
@@ -33,6 +33,7 @@ def test_page_has_a_row_for_each_fixed_step_method(module, rows):
     assert {row[1] for row in rows} == {arms[1]}
 
 
+@pytest.mark.thorough
 def test_first_arms_are_within_the_rows_of_the_page(module, rows):
     for case in module.cases(ARMS):
         for name, _, _, failed, largest, _, _ in rows:
@@ -45,6 +46,7 @@ def test_first_arms_are_within_the_rows_of_the_page(module, rows):
                 assert error <= 1.05 * float(largest), name
 
 
+@pytest.mark.thorough
 def test_largest_errors_of_the_page_are_reproduced(module, rows):
     """Each row names the seed of its largest error, which is measured again."""
     for name, _, _, _, largest, seed, _ in rows:

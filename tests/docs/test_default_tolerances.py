@@ -23,6 +23,8 @@ import flexarm as fa
 from default_runs import PROMISED, DefaultRun, record
 from flexarm.cases.scenario.scenario import run_scenario
 
+pytestmark = pytest.mark.thorough
+
 SCENARIOS = sorted((ROOT / "examples").glob("*.yaml"))
 SCRIPTS = [
     path

@@ -8,7 +8,7 @@ Blocks of a page run in order, in one empty folder and one Python namespace:
 - ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
   program: it runs in a separate test, which is skipped if the program is not installed. With
   ``runs=sample`` its ``fa.compare`` simulates two plants for each controller, and these cells of
-  its output are compared; ``FULL_PAGES=1`` (``make suite FULL=1``) simulates all of them.
+  its output are compared; ``FULL_PAGES=1`` (``make suite ALL=1 FULL=1``) simulates all of them.
 - ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the
   expected exit status. ``make`` lines must name a chore of the Makefile.
 - a ``text`` block directly after a block that ran is its output; ``...`` matches any text.
@@ -36,7 +36,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
-from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.model.identification.study import locate_identification
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
@@ -57,11 +57,24 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.sampled(
+    "CONTRIBUTING.md",
+    "docs/reference/file-format.md",
+    "docs/how-to/modes.md",
+    "docs/how-to/read-the-result.md",
+    "docs/how-to/prescribe-a-motion.md",
+    "docs/how-to/find-equilibrium.md",
+    "docs/how-to/handle-errors.md",
+    "docs/how-to/differentiate-a-step.md",
+    "docs/how-to/plan-a-motion.md",
+    "docs/tutorials/first-run.md",
+)
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_of_page(page: str, folder: Path) -> None:
     run_blocks(page)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("page", "program"),
     sorted(
@@ -137,7 +150,7 @@ def run_command(block: Block, line: str) -> str:
     if not words or words[0] not in ("flexarm", "make"):
         return ""
     if words[0] == "make":
-        chores = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+        chores = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
         assert set(words[1:]) <= set(chores), f"{block}: the Makefile has no such chore: {line}"
         return ""
     if words[1] in ELSEWHERE:

@@ -12,6 +12,7 @@ _HTML = re.compile(r"(?:src|href)=\"([^\"]+)\"")
 _NAMED = re.compile(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`")
 
 
+@pytest.mark.thorough_cases("docs/reference/file-format.md")
 @pytest.mark.parametrize("page", pages())
 def test_links_resolve(page: str) -> None:
     text = prose(page)

@@ -23,6 +23,7 @@ from page_scripts import script
 PYTHON = "docs/reference/python-api.md"
 COMMANDS = "docs/reference/command-line.md"
 INTEGRATORS_PAGE = "docs/how-to/choose-an-integrator.md"
+ACCURACY_PAGE = "docs/performance/accuracy.md"
 
 
 def code_words(page: str) -> set[str]:
@@ -137,23 +138,25 @@ def commands_of(group: Any, before: str = "") -> dict[str, Any]:
     return found
 
 
+@pytest.mark.thorough
 def test_separation_table_repeats() -> None:
     """Deflections and errors are as shown; times depend on the machine and are only positive."""
     module = script("measure_separation")
-    found = part_pattern("separation").search(text_of("docs/how-to/separate-the-motion.md"))
+    found = part_pattern("separation").search(text_of(ACCURACY_PAGE))
     assert found is not None
     rows = [module.measure(case, repeats=1) for case in module.CASES]
     again = [line.split("|")[1:6] for line in module.table(rows).splitlines()]
     shown = [line.split("|")[1:6] for line in found[1].splitlines()]
-    assert again == shown, "run `python docs/how-to/measure_separation.py`"
+    assert again == shown, "run `python docs/performance/measure_separation.py`"
     assert all(ratio > 0.0 for row in rows for ratio in row.ratios)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", ["as believed", "all at their worst"])
 def test_force_table_repeats(case: str) -> None:
     """Some cells are compared; a tip that bounces may do so differently on another machine."""
     module = script("measure_force")
-    page = text_of("docs/how-to/control-force.md")
+    page = text_of("docs/performance/controllers.md")
     row = next(line for line in page.splitlines() if line.startswith(f"| {case} |"))
     for cell, name in zip(row.split("|")[2:4], list(module.CONTROLLERS)[:2], strict=True):
         off, beside = module.errors(module.run(module.CONTROLLERS[name], **module.CASES[case]))
@@ -162,9 +165,10 @@ def test_force_table_repeats(case: str) -> None:
         assert float(shown_beside.strip(" m")) == pytest.approx(beside, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_integrator_table_repeats() -> None:
     module = script("measure_integrators")
-    found = part_pattern("integrators").search(text_of(INTEGRATORS_PAGE))
+    found = part_pattern("integrators").search(text_of(ACCURACY_PAGE))
     assert found is not None
     shown = [[cell.strip(" `") for cell in line.split("|")[1:-1]] for line in found[1].splitlines()]
     measured = module.measure(repeats=1)

@@ -1,4 +1,4 @@
-"""The work-precision figure of the page "Choose an integrator": its script runs with a small
+"""The work-precision figure of the page "Accuracy": its script runs with a small
 problem."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from docs_pages import ROOT
 
 from flexarm.integrate import INTEGRATORS
 
-FOLDER = ROOT / "docs" / "how-to"
+FOLDER = ROOT / "docs" / "performance"
 
 
 @pytest.fixture

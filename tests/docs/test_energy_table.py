@@ -10,7 +10,7 @@ from page_scripts import script
 
 def test_energy_script_runs_the_cases_of_the_page() -> None:
     module = script("measure_energy")
-    rows = table_rows("docs/how-to/choose-an-integrator.md", "energy")
+    rows = table_rows("docs/performance/accuracy.md", "energy")
     assert [row[0] for row in rows] == [name for name, _ in module.CASES]
     for row, (_, setting) in zip(rows, module.CASES, strict=True):
         error = np.abs(module.energy_error(module.run(2.0, **setting))).max()

@@ -9,7 +9,7 @@ from page_scripts import script
 
 def test_mesh_script_gives_the_rows_of_the_page() -> None:
     module = script("measure_mesh")
-    rows = table_rows("docs/how-to/large-deflection.md", "mesh")
+    rows = table_rows("docs/performance/accuracy.md", "mesh")
     assert [int(row[0]) for row in rows] == list(module.ELEMENTS)
     # The finer meshes take minutes.
     for row in rows[:4]:

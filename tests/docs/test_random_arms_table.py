@@ -14,7 +14,7 @@ def test_every_law_has_a_row(plant: str) -> None:
     """tests/examples/test_study_files.py runs a part of the study."""
     module = script("measure_random_arms")
     study, _ = locate_study(module.STUDY)
-    rows = table_rows("docs/how-to/control-changing-arms.md", plant)
+    rows = table_rows("docs/performance/controllers.md", plant)
     assert {row[0] for row in rows} == set(study.drives)
     medians = []
     for _, nominal, median, most, worst, ratio, failures in rows:

@@ -10,6 +10,7 @@ import pytest
 from docs_pages import ROOT, text_of
 
 import flexarm as fa
+from arms import table_one_arm
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 
@@ -24,9 +25,7 @@ class Torque:
 
 
 def table_one(theory: str = "linear", gravity: tuple[float, float] = (0.0, 0.0), **mesh) -> fa.Arm:
-    first, second = ({"elements": 2}, {"elements": 1}) if not mesh else (mesh, mesh)
-    links = [fa.Link(length=1.4142, **first, **ROD), fa.Link(length=1.0, **second, **ROD)]
-    return fa.Arm(links=links, theory=theory, gravity=gravity)
+    return table_one_arm(theory=theory, gravity=gravity, **mesh)
 
 
 def largest_tip_error(arm: fa.Arm, solution: str) -> float:

@@ -21,7 +21,7 @@ def module():
 @pytest.fixture(scope="module")
 def rows():
     """Return cells: range, runs, errors of both methods, ratio of the evaluations."""
-    return table_rows("docs/how-to/choose-an-integrator.md", "held")
+    return table_rows("docs/performance/accuracy.md", "held")
 
 
 def test_page_has_a_row_for_each_range(module, rows):

@@ -10,7 +10,7 @@ from page_scripts import script
 
 def test_rows_have_the_numbers_of_the_script() -> None:
     module = script("measure_schedule")
-    rows = table_rows("docs/how-to/control-linear.md", "schedule")
+    rows = table_rows("docs/performance/controllers.md", "schedule")
     found = {name: module.measure(name) for name in ("line", "elbow")}
     wanted = [(name, law) for name, laws in found.items() for law in laws]
     assert [tuple(row[:2]) for row in rows] == wanted

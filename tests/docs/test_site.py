@@ -28,6 +28,7 @@ _ID = re.compile(r'\bid="([^"]*)"')
 _CODE = re.compile(r"<(pre|code|script|style)\b.*?</\1>", re.DOTALL)
 
 
+@pytest.mark.thorough
 def test_site_is_complete(tmp_path: Path) -> None:
     for package in ("sphinx", "myst_nb", "furo", "math_core", "ipykernel"):
         pytest.importorskip(package, reason="it comes with the extra: pip install 'flexarm[docs]'")

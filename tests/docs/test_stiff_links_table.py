@@ -9,7 +9,7 @@ from page_scripts import script
 
 def test_stiff_links_script_gives_the_rows_of_the_page() -> None:
     module = script("measure_stiff_links")
-    rows = table_rows("docs/how-to/choose-an-integrator.md", "stiff")
+    rows = table_rows("docs/performance/accuracy.md", "stiff")
     assert [float(row[0]) for row in rows] == list(module.RIGIDITIES)
     for row in rows:
         if float(row[0]) in (1e2, 1e8, 1e10):  # the others take a second

@@ -10,6 +10,7 @@ import pytest
 SCRIPTS = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 
 
+@pytest.mark.thorough_cases("train_agent")
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_script_prints_the_stated_number_and_draws_a_figure(script, tmp_path, monkeypatch, capsys):
     promised = re.search(r"^Prints: (.*)$", script.read_text(encoding="utf-8"), re.MULTILINE)

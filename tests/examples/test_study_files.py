@@ -33,6 +33,7 @@ def study(name: str) -> tuple[xr.Dataset, list[DefaultRun]]:
         return fa.run_study(STUDIES / f"{name}.yaml", progress=False), runs
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["drives", "wipe"])
 def test_default_tolerances_are_accurate(name):
     """One run of each drive is repeated, on the plants in turn, which differ in parameters only."""
@@ -44,6 +45,7 @@ def test_default_tolerances_are_accurate(name):
     assert 0.0 < max(run.error() for run in chosen) <= PROMISED
 
 
+@pytest.mark.thorough
 def test_references_of_the_flexible_arm_have_the_smallest_errors():
     table, _ = study("drives")
     assert (table.failure == "").all()
@@ -64,6 +66,7 @@ def wiped():
     return study("wipe")[0].sel(reference="wipe")
 
 
+@pytest.mark.thorough
 def test_force_controllers_follow_the_force_on_every_arm(wiped):
     assert (wiped.failure == "").all()
     controlled = wiped.drop_sel(controller=OPEN_LOOP_FORCE)
@@ -79,17 +82,20 @@ def test_force_controllers_follow_the_force_on_every_arm(wiped):
     assert wiped.force_error_rms.sel(controller="joint PD").max() < 0.35
 
 
+@pytest.mark.thorough
 def test_force_measurement_improves_impedance_control(wiped):
     rms = wiped.force_error_rms
     assert (rms.sel(controller="measuring impedance") < rms.sel(controller="impedance")).all()
 
 
+@pytest.mark.thorough
 def test_softer_links_increase_the_error_along_the_wall(wiped):
     peak = wiped.tip_error_peak.drop_sel(controller=OPEN_LOOP_FORCE)
     assert (peak.sel(plant="soft") > 1.5 * peak.sel(plant="as believed")).all()
     assert np.isfinite(peak).all()
 
 
+@pytest.mark.thorough
 def test_random_arms_in_a_small_version():
     """Four of the twelve drives on two of the 64 arms."""
     whole, _ = locate_study(STUDIES / "random_arms.yaml")

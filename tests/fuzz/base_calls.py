@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import flexarm as fa
+from arms import chain
 from conformance.controller_examples import EXAMPLES, complete
 from flexarm.control.laws import CONTROLLERS as REGISTRY
 from flexarm.motion.timing import quintic
@@ -27,10 +28,7 @@ end = [0.5, 0.8]
 @cache
 def spinning() -> fa.Arm:
     """Return an arm of one link, which may spin and be integrated by any method."""
-    return fa.Arm(
-        links=[fa.Link(length=1.0, flexural_rigidity=30.0, mass_per_length=0.5, elements=1)],
-        joints=[fa.Joint(hub_inertia=0.05)],
-    )
+    return chain([1.0], [0.05], flexural_rigidity=30.0, mass_per_length=0.5, elements=1)
 
 
 @cache
@@ -168,6 +166,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Plant": {"arm": arm, "sample_time": 0.005},
     "PrescribedAngle": dict.fromkeys(("angle", "rate", "acceleration"), lambda: lambda t: 0.0),
     "Reduction": {"kind": "peak", "channel": "tip"},
+    "RunSettings": {"rtol": 1e-8},
     "RoundWall": {"center": [0.0, 0.0], "radius": 3.0},
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},

@@ -26,7 +26,7 @@ from flexarm.cases.results import write_figure
 from flexarm.cli.failures import end_orderly_when_terminated
 from flexarm.kernels.compilation import cache as cache_settings
 from flexarm.kernels.compilation import code_cache
-from flexarm.view.plot.signals import signals_figure
+from flexarm.view.plot.histories import signals_figure
 from fuzz.base_calls import arm, result
 from fuzz.farm import Part
 from fuzz.study_calls import samples

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import flexarm as fa
+from arms import chain
 from conformance.controller_examples import two_links
 
 FREE = ["links[0].flexural_rigidity"]
@@ -32,9 +33,8 @@ def identified() -> fa.Identification:
 @cache
 def one_link() -> fa.Arm:
     """Return an arm with one joint and a gauge."""
-    gauges = [fa.Gauge(station=0.05, distance=0.002)]
-    link = {"length": 0.8, "flexural_rigidity": 8.0, "mass_per_length": 0.4, "elements": 1}
-    return fa.Arm(links=[fa.Link(**link, gauges=gauges)], joints=[fa.Joint(hub_inertia=0.02)])
+    link = {"flexural_rigidity": 8.0, "mass_per_length": 0.4, "elements": 1}
+    return chain([0.8], [0.02], gauge=(0.05, 0.002), **link)
 
 
 def shaker() -> fa.Multisine:

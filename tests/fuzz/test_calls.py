@@ -36,6 +36,7 @@ def test_objects_that_flexarm_returns_are_public():
     assert set(fa.__all__) >= MADE_BY_FLEXARM
 
 
+@pytest.mark.thorough_cases("write_result")
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_base_calls_are_accepted(name):
     if name.startswith("to_jax"):
@@ -52,6 +53,14 @@ def test_base_calls_are_accepted(name):
     assert not missing, f"{name} returns a {type(returned).__name__} with methods without base call"
 
 
+@pytest.mark.sampled(
+    "plot.bending_moment-result",
+    "plot.compare-channels",
+    "plot.history-channels",
+    "plot.phase_portrait-channel",
+    "plot.response_figure-omega",
+    "plot.tracks_figure-tracks",
+)
 @pytest.mark.parametrize(
     ("name", "argument"),
     [

@@ -25,6 +25,7 @@ CASES = {
 needs_posix = pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes to fork here")
 
 
+@pytest.mark.sampled("calls-3", "compilation")
 @needs_posix
 @pytest.mark.parametrize("name", [name for name in PARTS if CASES.get(name, 60)])
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

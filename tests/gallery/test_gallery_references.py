@@ -176,6 +176,7 @@ def spin_acceleration(t):
     return 0.4 * (1 - math.cos(2 * math.pi * t / 15))
 
 
+@pytest.mark.sampled("softened")
 @pytest.mark.parametrize("group", ["stiffened", "softened"])
 def test_spin_up_of_the_linear_beam(group):
     tension = (lambda s: (100 - s**2) / 2 * 1.2) if group == "stiffened" else (lambda s: 0 * s)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.identification import derivatives, fitting
+from arms import chain
+from flexarm.identification import fitting
 
 pytestmark = [
     pytest.mark.compiled,
@@ -23,19 +24,10 @@ READ = [fa.Instrument("joint_angle", noise=1e-4), fa.Instrument("joint_rate", no
 
 
 def arm_of(rigidity, inertia, damping, payload):
-    link = fa.Link(
-        length=0.8,
-        flexural_rigidity=rigidity,
-        mass_per_length=0.4,
-        elements=1,
-        modes=2,
-        damping=fa.ModalDamping(ratio=0.02),
-        gauges=[fa.Gauge(station=0.05, distance=0.005)],
-    )
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.4, "elements": 1, "modes": 2}
     joint = fa.Joint(hub_inertia=inertia, damping=damping)
-    return fa.Arm(
-        links=[link], joints=[joint], payload=fa.Payload(mass=payload), gravity=[0.0, -9.81]
-    )
+    more = {"payload": fa.Payload(mass=payload), "gravity": [0.0, -9.81]}
+    return chain([0.8], [joint], damping=0.02, gauge=(0.05, 0.005), **rod, **more)
 
 
 PLANT, BELIEVED = arm_of(*NUMBERS.values()), arm_of(22.0, 0.12, 0.03, 0.25)
@@ -71,8 +63,8 @@ def fit(monkeypatch, loop, fewest):
     Args:
         fewest: numbers by which ``sensitivities`` is used.
     """
-    monkeypatch.setattr(derivatives, "_FEWEST_IN_LOOP", fewest)
-    found, original = [], derivatives.output_derivatives
+    monkeypatch.setattr(fitting, "_FEWEST_IN_LOOP", fewest)
+    found, original = [], fitting.output_derivatives
 
     def kept(*given):
         found.append(original(*given))
@@ -82,6 +74,7 @@ def fit(monkeypatch, loop, fewest):
     return fa.identify(BELIEVED, record(*loop), PATHS, progress=False), found[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", LOOPS)
 def test_derivatives_equal_differences_of_the_runs(name, monkeypatch):
     exact, slopes = fit(monkeypatch, LOOPS[name], 1)
@@ -96,6 +89,7 @@ def test_derivatives_equal_differences_of_the_runs(name, monkeypatch):
         np.testing.assert_allclose(estimates, list(NUMBERS.values()), rtol=1e-4)
 
 
+@pytest.mark.thorough
 def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch):
     """Rounded readings have no derivative: ``sensitivities`` refuses them."""
     loop = PD, ROUNDED
@@ -108,16 +102,17 @@ def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch
 
 
 def test_few_numbers_are_differentiated_by_differences(monkeypatch):
-    monkeypatch.setattr(derivatives, "sensitivities", None)
+    monkeypatch.setattr(fitting, "sensitivities", None)
     found = fa.identify(BELIEVED, record(PD, None), PATHS[:1], progress=False)
     assert np.isfinite(found[PATHS[0]])
     with pytest.raises(TypeError):
         fa.identify(BELIEVED, record(PD, None), PATHS, progress=False)
 
 
+@pytest.mark.thorough
 def test_distance_of_a_gauge_that_the_controller_reads(monkeypatch):
     """The joint angles depend on it, too, and the strain is not proportional to it."""
-    found, original = [], derivatives.output_derivatives
+    found, original = [], fitting.output_derivatives
 
     def kept(*given):
         found.append((given, original(*given)))

@@ -67,17 +67,3 @@ def test_values_with_gaps_are_treated_alike():
     measured = path.measured(np.where(valid, values, 1e6))
     np.testing.assert_allclose(measured, path.simulated(values[:, None])[:, 0], atol=1e-12)
     assert np.abs(measured).max() < 2.0
-
-
-@pytest.mark.parametrize(
-    ("fields", "count"),
-    [
-        ({"kind": "low_pass"}, 1),
-        ({"kind": "gain", "cutoff": 3.0}, 2),
-        ({"kind": "low_pass", "cutoff": 2.0, "order": 3, "damping": -1.0}, 2),
-    ],
-)
-def test_wrong_filters(fields, count):
-    with pytest.raises(fa.ModelError) as error:
-        fa.Filter(**fields)
-    assert len(error.value.problems) == count

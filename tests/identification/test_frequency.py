@@ -6,7 +6,8 @@ import xarray as xr
 from scipy.signal import chirp
 
 import flexarm as fa
-from flexarm.identification.frequency.measured_modes import assurance
+from arms import chain
+from flexarm.identification.frequency.fit import assurance
 
 pytestmark = pytest.mark.compiled
 
@@ -28,19 +29,10 @@ def one_link(**changes):
 
 
 def two_links():
-    links = [
-        fa.Link(
-            length=length,
-            flexural_rigidity=rigidity,
-            mass_per_length=0.4,
-            elements=1,
-            damping=fa.RayleighDamping(stiffness_coefficient=2e-3),
-            gauges=[fa.Gauge(station=0.05, distance=1e-3)],
-        )
-        for length, rigidity in ((0.7, 22.0), (0.5, 6.0))
-    ]
+    rod = {"flexural_rigidity": [22.0, 6.0], "mass_per_length": 0.4, "elements": 1}
+    damping = fa.RayleighDamping(stiffness_coefficient=2e-3)
     joints = [fa.Joint(hub_inertia=0.03, damping=0.4), fa.Joint(hub_inertia=0.01, damping=0.1)]
-    return fa.Arm(links=links, joints=joints)
+    return chain((0.7, 0.5), joints, damping=damping, gauge=(0.05, 1e-3), **rod)
 
 
 def run(arm, torque, duration, rate=RATE):

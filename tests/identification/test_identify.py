@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from data.bench_records import ONE, TWO
+from data.bench_records import ONE
 from data.geared_bench import THREE
 from identification.benches import (
     DATA,
@@ -35,6 +35,7 @@ def errors(found, bench, free):
     return (np.array([found[path] - truth(bench, path) for path in free])) / deviations
 
 
+@pytest.mark.thorough_cases("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_one_link_is_recovered_within_the_stated_deviations(seed):
     free = FREE[ONE.name]
@@ -48,6 +49,7 @@ def test_one_link_is_recovered_within_the_stated_deviations(seed):
     assert np.all(found.parameters["standard_deviation"] < 0.1 * found.parameters["estimate"])
 
 
+@pytest.mark.thorough
 def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     other = record("bench_one_link_other", 5)
     found = fa.identify(
@@ -67,6 +69,7 @@ def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     assert again.spec.links[0].flexural_rigidity == found[RIGIDITY]
 
 
+@pytest.mark.sampled("2")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_parameters_that_cannot_be_determined_are_named(seed):
     free = [RIGIDITY, "joints[0].hub_inertia", "joints[0].rotor_inertia", "joints[0].mass"]
@@ -110,6 +113,7 @@ def test_iterations_limit_all_rounds_together(monkeypatch):
     assert sum(counts) <= 5
 
 
+@pytest.mark.thorough
 def test_a_geared_link_of_exudyn_is_recovered():
     """Ten parameters of an elastic drive with friction in gravity; the pair of rotor inertia and
     gear ratio, of which only a product acts, is named."""
@@ -133,6 +137,7 @@ def test_a_prior_determines_what_data_do_not():
     assert found.parameters["standard_deviation"][1] == pytest.approx(0.1, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_records_may_start_in_motion():
     """The middle of a record alone: angle, rate and the first modes are estimated."""
     free = [RIGIDITY, "payload.mass"]
@@ -148,6 +153,7 @@ def test_records_may_start_in_motion():
     assert np.all(wrong.fit["fit"] < found.fit["fit"] - 5.0)
 
 
+@pytest.mark.thorough
 def test_values_of_single_records_and_random_starts():
     heavy = fa.varied(arm_of(ONE), payload_factor=1.5)
     data = record(ONE.name, 1).data
@@ -240,6 +246,7 @@ def closed_loop():
     return fa.simulate(arm, 0.8, controller=pd, reference=motion, rate=200.0)
 
 
+@pytest.mark.thorough_cases(".nc")
 @pytest.mark.parametrize("suffix", ["", ".nc"])
 def test_the_torque_of_a_closed_loop_is_a_zero_order_hold(closed_loop, suffix, tmp_path):
     record = closed_loop
@@ -322,6 +329,7 @@ def test_a_vector_without_derivatives_ends_the_search_at_the_one_before(monkeypa
         fa.identify(arm_of(ONE), short(), [RIGIDITY], progress=False)
 
 
+@pytest.mark.thorough
 def test_outliers_count_little_with_a_robust_loss():
     bench = short()
     data = bench.data.copy(deep=True)
@@ -336,6 +344,7 @@ def test_outliers_count_little_with_a_robust_loss():
     assert abs(robust - 8.0) < abs(plain - 8.0)
 
 
+@pytest.mark.thorough
 def test_filters_of_the_instruments_do_not_bias_the_estimates():
     """A record that has passed a filter, fitted with and without telling so."""
     bench = short()
@@ -356,33 +365,6 @@ def test_filters_of_the_instruments_do_not_bias_the_estimates():
     assert abs(wrong[free[1]] / 1e-3 - 1.0) > 0.02
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"free": ["links[0].flexural_rigidty"]}, "did you mean flexural_rigidity"),
-        ({"free": [RIGIDITY, RIGIDITY]}, "repeats"),
-        ({"free": []}, "must be a list of paths"),
-        ({"free": [fa.FreeParameter(RIGIDITY, lower=9.0)]}, "exclude 8"),
-        ({"free": ["motors.torque_constant"]}, "requires motors"),
-        ({"records": []}, "must not be empty"),
-        ({"records": ["bench.csv"]}, "a MeasuredRecord, or a dataset over time"),
-        ({"loss": "l1"}, "must be one of"),
-        ({"validation": {"record 1": "same"}}, "MeasuredRecord"),
-    ],
-)
-def test_wrong_arguments(arguments, text):
-    given = {"records": short(), "free": [RIGIDITY], **arguments}
-    with pytest.raises(fa.InputError, match=text):
-        fa.identify(arm_of(ONE), **given)
-
-
-def test_records_must_fit_the_arm():
-    bench = record(TWO.name, 1, end=0.5)
-    with pytest.raises(fa.InputError) as error:
-        fa.identify(arm_of(ONE), bench, [RIGIDITY])
-    assert {p.name for p in error.value.problems} == {"torque_2", "joint_angle_2", "strain_2"}
-
-
 def test_progress_shows_the_fit_of_each_channel(capsys):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -393,6 +375,7 @@ def test_progress_shows_the_fit_of_each_channel(capsys):
     assert "strain_1" in str(found)
 
 
+@pytest.mark.thorough
 def test_a_record_in_wrong_units_is_reported():
     """Degrees read as radians: the best rigidity is far off."""
     arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5)])

@@ -21,11 +21,13 @@ def bias(elements):
     return np.array([found[path] - truth(TWO, path) for path in free]) / deviations
 
 
+@pytest.mark.thorough
 def test_gauges_near_the_gauss_points_of_their_elements_bias_no_estimate():
     """A bias of 0.3 deviations lowers the coverage of an interval from 95 % to 94 %."""
     assert np.abs(bias(MESH[TWO.name])).max() < 0.3
 
 
+@pytest.mark.thorough
 def test_a_finer_mesh_with_a_gauge_elsewhere_biases_an_estimate():
     """Gauge 2 at 30 % of its element: a bias of 0.9 lowers the coverage to 85 %."""
     assert np.abs(bias((3, 3))).max() > 0.9

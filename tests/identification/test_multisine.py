@@ -15,19 +15,6 @@ def test_rates_contain_the_rise():
     np.testing.assert_allclose(rates_of(torque, times), central, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({"band": (9.9, 10.1), "period": 1.0 / 3.0}, "multiples of 1/period"),
-        ({"peak": [0.1, -0.1]}, "peak must be greater than 0"),
-        ({"period": 0.0}, "period must be greater than 0"),
-    ],
-)
-def test_wrong_arguments_of_a_multisine(arguments, text):
-    with pytest.raises(fa.InputError, match=text):
-        fa.multisine(**{"period": 2.0, "band": (1.0, 9.0), "peak": 0.1, **arguments})
-
-
 def test_multisines_of_own_coefficients():
     own = fa.Multisine(2.0, [1, 3], np.array([[1.0, 0.0], [0.5j, 2.0]]))
     np.testing.assert_allclose(own(0.0), [1.0, 2.0])

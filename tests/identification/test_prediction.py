@@ -8,11 +8,15 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import flexarm as fa
+from arms import chain
 from flexarm.control.filters.predicted_readings import reading_rows
-from flexarm.identification import fitting
-from flexarm.identification.prediction import predicted_run
-from flexarm.identification.prediction.linear_filter import LinearModel, gains_of, likelihoods
-from flexarm.identification.prediction.predicted_run import PredictedRun
+from flexarm.identification import fitting, prediction
+from flexarm.identification.prediction import (
+    LinearModel,
+    PredictedRun,
+    gains_of,
+    likelihoods,
+)
 from flexarm.identification.space import Case
 from flexarm.linear.step_derivatives.sampled_step import REACH
 
@@ -26,16 +30,10 @@ SAMPLES = round(DURATION * RATE) + 1
 
 
 def arm_of(rigidity, inertia, damping):
-    link = fa.Link(
-        length=0.8,
-        flexural_rigidity=rigidity,
-        mass_per_length=0.35,
-        elements=1,
-        damping=fa.RayleighDamping(stiffness_coefficient=8e-4),
-        gauges=[fa.Gauge(station=0.06, distance=1e-3)],
-    )
+    rod = {"flexural_rigidity": rigidity, "mass_per_length": 0.35, "elements": 1}
+    rod["damping"] = fa.RayleighDamping(stiffness_coefficient=8e-4)
     joint = fa.Joint(hub_inertia=inertia, damping=damping)
-    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.15))
+    return chain([0.8], [joint], gauge=(0.06, 1e-3), payload=0.15, **rod)
 
 
 @cache
@@ -83,6 +81,7 @@ def errors(found):
     return estimates - TRUE, found.parameters["standard_deviation"].values
 
 
+@pytest.mark.thorough_cases("False")
 @pytest.mark.parametrize("hold", [True, False])
 def test_without_process_noise_it_is_output_error(hold):
     given = record(1, hold=hold)
@@ -93,6 +92,7 @@ def test_without_process_noise_it_is_output_error(hold):
     np.testing.assert_allclose(own, deviation, rtol=0.03)
 
 
+@pytest.mark.thorough
 def test_estimated_process_noise_is_small_without_disturbances():
     given = record(1)
     simulated = fit(given)
@@ -106,6 +106,7 @@ def test_estimated_process_noise_is_small_without_disturbances():
     assert simulated.torque_noise is None
 
 
+@pytest.mark.thorough_cases("prediction_error")
 @pytest.mark.parametrize("method", ["output_error", "prediction_error"])
 def test_a_fit_whose_noise_still_changes_has_not_converged(method, monkeypatch):
     given = record(1)
@@ -113,6 +114,7 @@ def test_a_fit_whose_noise_still_changes_has_not_converged(method, monkeypatch):
     assert not fit(given, method=method).converged
 
 
+@pytest.mark.thorough
 def test_disturbance_torques_bias_prediction_errors_less():
     """Random torques a third as large as the input: rigidity and inertia over three seeds."""
     missed = {"output_error": [], "prediction_error": []}
@@ -133,6 +135,7 @@ def test_disturbance_torques_bias_prediction_errors_less():
     assert np.all(least["prediction_error"] < 0.4 * least["output_error"]), least
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("delay", [0.013, 0.02])
 def test_delays_offsets_and_gaps(delay):
     given = record(
@@ -212,7 +215,7 @@ def test_likelihoods_are_those_of_the_joint_distribution():
 
 
 def test_predictions_are_those_of_the_extended_kalman_filter(monkeypatch):
-    monkeypatch.setattr(predicted_run, "_REACH", REACH)  # the same steps
+    monkeypatch.setattr(prediction, "_REACH", REACH)  # the same steps
     given = record(4, disturbance=0.1)
     arm = arm_of(*TRUE)
     run = PredictedRun("record", given, arm, {})

@@ -53,6 +53,7 @@ def rejections(p_values, level=0.01):
 MOST_REJECTED = 0.01 + 4 * np.sqrt(0.01 * 0.99 / 500)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scattered", [False, True])
 def test_gaps_do_not_count_as_correlation(scattered):
     valid = ALL.copy()
@@ -66,6 +67,7 @@ def test_gaps_do_not_count_as_correlation(scattered):
     assert rejections([independence(one, valid, signal) for one in residuals]) < MOST_REJECTED
 
 
+@pytest.mark.thorough
 def test_residuals_that_are_correlated_for_another_reason_pass_independence():
     found = []
     for k in range(500):

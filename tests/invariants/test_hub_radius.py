@@ -55,6 +55,7 @@ def test_some_arms_have_hubs_and_some_links_do_not():
     assert not all(radii)
 
 
+@pytest.mark.thorough
 def test_results_of_a_run():
     """Tip, strain, forces in the links and reactions, with a joint that carries the hub."""
     beam = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 3}
@@ -98,7 +99,7 @@ def test_a_rigid_arm_has_the_reach_of_its_hubs():
 @pytest.mark.parametrize("path", ["links[1].hub_radius", "links[0].length", "links[1].length"])
 def test_derivatives_of_the_constants(path):
     """The formulas that derivatives of runs use, against a central difference."""
-    from flexarm.linear.step_derivatives.formulas import constants_at
+    from flexarm.linear.step_derivatives.parameters import constants_at
 
     beam = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2}
     links = [

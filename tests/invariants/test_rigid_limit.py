@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 
 def two_links(rigidity, theory="linear", gravity=(0.0, -9.81)):
-    links = [
-        fa.Link(length=0.6, flexural_rigidity=rigidity, mass_per_length=0.5, elements=1),
-        fa.Link(length=0.5, flexural_rigidity=0.7 * rigidity, mass_per_length=0.4, elements=1),
-    ]
-    joints = [fa.Joint(hub_inertia=0.01), fa.Joint(mass=0.2, hub_inertia=0.01)]
-    payload = fa.Payload(mass=0.3, inertia=0.001, offset=(0.02, 0.01))
-    return fa.Arm(links=links, joints=joints, payload=payload, gravity=gravity, theory=theory)
+    rod = {"flexural_rigidity": [rigidity, 0.7 * rigidity], "mass_per_length": [0.5, 0.4]}
+    joints = [0.01, fa.Joint(mass=0.2, hub_inertia=0.01)]
+    more = {"payload": fa.Payload(mass=0.3, inertia=0.001, offset=(0.02, 0.01)), "elements": 1}
+    return chain((0.6, 0.5), joints, gravity=gravity, theory=theory, **rod, **more)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])

@@ -215,21 +215,3 @@ def test_counts_and_the_rigid_model():
     rates = [1.0, 2.0]
     kinetic = of.energy(of.rest([0.1, 0.2]), of.rest(rates)).kinetic
     assert rigid.energy([0.1, 0.2], rates).kinetic == pytest.approx(kinetic, rel=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"segments": 3, "elements": 8}, "segments must be a divisor of elements (8), got 3."),
-        ({"segments": 0}, "segments must be"),
-        ({"segments": 2, "elements": 4, "modes": 5}, "twice the number of elements of a segment"),
-        (
-            {"segments": 2, "elements": 4, "damping": {"kind": "modal", "ratio": [0.1] * 5}},
-            "must have length at most 4",
-        ),
-    ],
-)
-def test_wrong_segments_are_rejected(fields, message):
-    with pytest.raises(fa.ModelError) as reported:
-        fa.Link(length=1.0, **UNIFORM, **fields)
-    assert message in str(reported.value)

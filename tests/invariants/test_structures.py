@@ -9,17 +9,16 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from arm_states import changed, drawn, modal_parts, squared_frequencies
+from arms import chain
 
 seeds = st.integers(0, 10**6)
 
 
 def straight(pieces, theory="linear", **options):
     """Return one straight bar in parts of (length, elements), all of the same section."""
-    links = [
-        fa.Link(length=length, flexural_rigidity=3.0, mass_per_length=0.7, elements=n)
-        for length, n in pieces
-    ]
-    return fa.Arm(links=links, theory=theory, **options)
+    lengths, elements = map(list, zip(*pieces, strict=True))
+    bar = {"flexural_rigidity": 3.0, "mass_per_length": 0.7, "elements": elements}
+    return chain(lengths, theory=theory, **bar, **options)
 
 
 @settings(max_examples=40)

@@ -309,6 +309,7 @@ def outcome(case, units: Units) -> SimpleNamespace:
     return SimpleNamespace(numbers=numbers, texts=texts)
 
 
+@pytest.mark.sampled("plain", "elastic", "kennedy_carpenter_5", "rigid", "pressed", "motions")
 @pytest.mark.parametrize("name", CASES)
 def test_results_are_the_same_in_other_units(name):
     usual = outcome(CASES[name], Units())

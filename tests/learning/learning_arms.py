@@ -1,24 +1,16 @@
 """Arms, motions and feedback of the tests of learning."""
 
 import flexarm as fa
+from arms import chain
 
 SAMPLE_TIME = 1e-3
 
 
 def two_links(payload=0.1, rigidity=1.0):
     """Return a flexible arm whose slowest vibration with locked joints has 3.6 Hz."""
-    links = [
-        fa.Link(
-            length=length,
-            flexural_rigidity=rigidity * stiff,
-            mass_per_length=mass,
-            elements=1,
-            damping=fa.ModalDamping(ratio=0.02),
-        )
-        for length, stiff, mass in ((0.6, 60.0, 0.6), (0.5, 30.0, 0.4))
-    ]
+    rod = {"flexural_rigidity": [60.0 * rigidity, 30.0 * rigidity], "mass_per_length": [0.6, 0.4]}
     joints = [fa.Joint(hub_inertia=inertia, damping=0.05) for inertia in (0.1, 0.05)]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=payload))
+    return chain((0.6, 0.5), joints, damping=0.02, payload=payload, elements=1, **rod)
 
 
 def swing(arm, size=1.0, duration=0.8):

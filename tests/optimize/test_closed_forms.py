@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import flexarm as fa
+from arms import chain
 
 #: Time-optimal torques of two masses and a spring, all 1, for a move by 1 with forces up to 1:
 #: Q. Liu and B. Wie, Robust time-optimal control of uncertain flexible spacecraft, J. Guidance,
@@ -15,8 +16,8 @@ BAR = {"length": 1.0, "flexible": False}
 
 def rod(**kwargs):
     """Return a hub with a flexible rod of one mode, and a payload."""
-    link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, modes=1, **kwargs)
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.1)], payload=fa.Payload(mass=0.2))
+    link = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "modes": 1}
+    return chain([1.0], [0.1], payload=0.2, **link, **kwargs)
 
 
 def switches(motion):
@@ -34,6 +35,7 @@ def test_rigid_link_accelerates_and_brakes_with_the_largest_torque():
     np.testing.assert_allclose(motion.joint_angle([0.0, 9.0]).ravel(), [0.2, 1.2], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_two_masses_and_a_spring_equal_the_published_switching_times():
     rotors = fa.Joint(hub_inertia=1.0, rotor_inertia=1.0, stiffness=1.0)
     arm = fa.Arm(links=[fa.Link(mass_per_length=1e-9, **BAR)], joints=[rotors])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 ROD = {"flexural_rigidity": 150.0, "mass_per_length": 0.5, "modes": 1}
 POST = fa.RoundWall((1.25, 0.75), 0.25)
@@ -15,12 +16,8 @@ ACCEPTED = 1e-3
 
 @cache
 def two_links():
-    gauges = [fa.Gauge(station=0.01, distance=0.005)]
-    return fa.Arm(
-        links=[fa.Link(length=1.0, gauges=gauges, **ROD), fa.Link(length=0.8, **ROD)],
-        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.02, mass=0.3)],
-        payload=fa.Payload(mass=0.2),
-    )
+    joints = [0.1, {"hub_inertia": 0.02, "mass": 0.3}]
+    return chain((1.0, 0.8), joints, gauge=(0.01, 0.005), gauged=1, payload=0.2, **ROD)
 
 
 START, END = [0.0, 0.3], [1.2, 0.6]
@@ -52,6 +49,7 @@ def simulated(motion):
     )
 
 
+@pytest.mark.thorough
 def test_torques_are_within_their_limits_and_the_arm_rests():
     """The residual vibration is less than a hundredth of that after the rigid arm's motion."""
     limits = fa.MotionLimits(torque=[6.0, 2.0])
@@ -65,6 +63,7 @@ def test_torques_are_within_their_limits_and_the_arm_rests():
     assert motion.remaining.residual_vibration < 1e-3 * fast.remaining.residual_vibration
 
 
+@pytest.mark.thorough
 def test_joint_rates_stay_within_their_limits_between_the_nodes():
     limit = 0.8 * float(np.abs(simulated(solved("energy", 1.6)).joint_rate).max())
     motion = solved("energy", 1.6, joint_rate=limit)
@@ -73,6 +72,7 @@ def test_joint_rates_stay_within_their_limits_between_the_nodes():
     assert 0.9 * limit < largest <= limit * (1.0 + ACCEPTED)
 
 
+@pytest.mark.thorough
 def test_strain_stays_within_its_limit():
     limit = 0.6 * float(np.abs(simulated(free()).strain).max())
     motion = solved("energy", 1.3 * free().duration, torque=[6.0, 2.0], strain=limit)
@@ -83,6 +83,7 @@ def test_strain_stays_within_its_limit():
     assert motion.remaining.excess["strain"] < ACCEPTED * limit
 
 
+@pytest.mark.thorough
 def test_torque_rate_makes_the_torque_continuous():
     motion = solved("energy", 1.6, torque=[6.0, 2.0], torque_rate=[60.0, 20.0])
     times = np.linspace(0.0, motion.duration, 20001)
@@ -93,6 +94,7 @@ def test_torque_rate_makes_the_torque_continuous():
     np.testing.assert_allclose(torque[[0, -1]], 0.0, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_tip_goes_around_a_post():
     def least(motion):
         tip = simulated(motion).tip.values
@@ -104,6 +106,7 @@ def test_tip_goes_around_a_post():
     assert 0.27 - 1e-5 <= least(motion) < 0.28
 
 
+@pytest.mark.thorough
 def test_tip_stays_on_one_side_of_a_wall_and_joints_within_their_range():
     lowest, angles = (simulated(free())[name] for name in ("tip", "joint_angle"))
     assert lowest.sel(axis="x").min() < 0.15
@@ -120,6 +123,7 @@ def test_tip_stays_on_one_side_of_a_wall_and_joints_within_their_range():
     assert np.all(angles < [1.3 + ACCEPTED, 1.5 + ACCEPTED])
 
 
+@pytest.mark.thorough
 def test_objectives_are_each_the_best_in_their_own_measure():
     duration = 1.3 * free().duration
     found = {kind: solved(kind, duration) for kind in ("energy", "vibration")}

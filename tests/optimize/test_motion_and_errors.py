@@ -9,7 +9,7 @@ import pytest
 
 import flexarm as fa
 import flexarm.planning.optimize.optimal_motion as optimal
-from flexarm.planning.optimize.plan import GAUSS
+from flexarm.planning.optimize.task import GAUSS
 from flexarm.planning.optimize.transcription import Answer, Transcription
 
 LINK = {"length": 1.0, "flexural_rigidity": 30.0, "mass_per_length": 0.5}
@@ -85,6 +85,7 @@ def test_under_gravity_the_arm_starts_and_ends_in_equilibrium():
     assert motion.remaining.tip_error < 1e-5
 
 
+@pytest.mark.thorough
 def test_only_the_given_modes_rest_at_the_end():
     full = arm(modes=3)
     one, every = (
@@ -126,77 +127,6 @@ def call(**changed):
     return fa.optimal_motion(**given)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"limits": None}, "limits.torque is required for every joint"),
-        ({"end": [0.0]}, "end must differ from start"),
-        ({"duration": 1.0}, "duration is free for the objective 'time'"),
-        ({"objective": "energy"}, "duration is required for the objective 'energy'"),
-        ({"objective": "speed"}, "objective must be one of 'time', 'energy', 'vibration'"),
-        ({"limits": {"torque": 1.0}}, "limits must be a MotionLimits"),
-        ({"limits": fa.MotionLimits(torque=[1.0, 2.0])}, "limits.torque must be one number"),
-        ({"limits": fa.MotionLimits(torque=1.0, strain=1e-3)}, "arm has no gauges"),
-        ({"end": [1e9]}, "end must be so near that the arm vibrates less than 500 times"),
-        ({"modes": 2}, "modes must be a whole number from 1 to 1"),
-        ({"arm": arm().rigid(), "objective": "vibration", "duration": 1.0}, "arm is rigid"),
-        (
-            {"arm": arm(gravity=(0.0, -9.81)), "limits": fa.MotionLimits(torque=1.0)},
-            "limits.torque must be at least the torque that holds the arm at the start, 2.45",
-        ),
-        (
-            {"limits": fa.MotionLimits(torque=4.0, joint_angle=(-0.1, 0.5))},
-            "permit the end, where joint_angle is 0.8 rad, got -0.1 to 0.5",
-        ),
-        (
-            {"limits": fa.MotionLimits(torque=4.0, obstacles=[fa.Wall((0.5, 0.0), (-1.0, 0.0))])},
-            "limits.obstacles[0] contains the tip at the start",
-        ),
-        (
-            {
-                "objective": "energy",
-                "duration": 0.5,
-                "limits": fa.MotionLimits(joint_rate=1.0),
-            },
-            "duration must be greater than 0.8 s",
-        ),
-    ],
-)
-def test_wrong_input_is_named(changed, message):
-    with pytest.raises(fa.InputError) as error:
-        call(**changed)
-    assert message in str(error.value)
-    assert str(error.value).startswith("optimal_motion: ")
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"torque": -1.0}, "torque must be a number greater than 0"),
-        ({"joint_angle": (1.0, 0.5)}, "joint_angle must be a pair"),
-        ({"joint_angle": 1.0}, "joint_angle must be a pair"),
-        ({"joint_angle": ([0.0, 0.0], [1.0, 1.0, 1.0])}, "joint_angle must be a pair"),
-        ({"obstacles": [(0.0, 1.0)]}, "obstacles[0] must be a Wall or a RoundWall"),
-        ({"obstacles": fa.Wall((0, 0), (0, 1))}, "obstacles must be a list of surfaces"),
-        ({"clearance": -1.0}, "clearance must be at least 0"),
-        (
-            {"obstacles": [fa.RoundWall((0.0, 0.0), 2.0, inside=True)], "clearance": 2.0},
-            "clearance must be less than the radius of the circle around the arm, 2 m",
-        ),
-    ],
-)
-def test_wrong_limits_are_named(given, message):
-    with pytest.raises(fa.InputError) as error:
-        fa.MotionLimits(**given)
-    assert f"MotionLimits: {message}" in str(error.value)
-
-
-def test_all_wrong_limits_are_listed_together():
-    with pytest.raises(fa.InputError) as error:
-        fa.MotionLimits(torque=0.0, joint_rate="fast", clearance=-1.0)
-    assert len(error.value.problems) == 3
-
-
 def test_too_short_a_duration_is_an_error_with_the_last_iterate():
     short = 0.5 * move().duration
     with pytest.raises(fa.OptimizationError, match="objective='time' finds") as error:
@@ -222,6 +152,7 @@ def test_a_feasible_iterate_that_is_no_solution_names_fast_modes(monkeypatch):
         call()
 
 
+@pytest.mark.thorough
 def test_guess_selects_the_side_of_an_obstacle():
     """The tip of a rigid arm passes a post in its way on the side of the guess."""
     rigid = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=0.5)] * 2)
@@ -252,18 +183,21 @@ def unresolved():
     return fa.optimal_motion(*call, duration=1.2, intervals=12, modes=1)
 
 
+@pytest.mark.thorough
 def test_modes_that_are_not_resolved_rest_in_the_simulation():
     motion = unresolved()
     assert motion.remaining.tip_error < 1e-3 * 1.8
     assert motion.remaining.joint_error < 1e-6
 
 
+@pytest.mark.thorough
 def test_a_missed_goal_is_reported(monkeypatch):
     monkeypatch.setattr(optimal, "corrected", lambda task, plan: plan)
     with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*Limit the torque_rate"):
         unresolved()
 
 
+@pytest.mark.thorough
 def test_joints_without_inertia_reach_their_goal():
     """Their angles follow modes that are faster than the default intervals resolve.
 

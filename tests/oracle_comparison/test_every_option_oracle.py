@@ -57,6 +57,7 @@ def assert_close(found, exact, mass):
     assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
 
 
+@pytest.mark.sampled("1000", "1007", "1012", "1018", "1023", "1029")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_accelerations(seed):
     b, oracle, q, qd = case(seed)
@@ -91,6 +92,7 @@ def prescribed_accelerations(b):
     return b.arm.unpadded(work.acceleration)
 
 
+@pytest.mark.sampled("1000", "1007", "1014", "1022", "1029")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_prescribed_joints_and_reactions(seed):
     """Accelerations of the other joints, required torques, and the reactions of all joints."""
@@ -152,6 +154,7 @@ def test_energy_with_springs_and_stops(seed):
     np.testing.assert_allclose(b.arm.tip(b.q), oracle.tip(q), rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_every_option_is_drawn():
     arms = [case(seed)[0] for seed in SEEDS]
     joints = [joint for b in arms for joint in b.arm.spec.joints]

@@ -56,6 +56,7 @@ def condition(mass):
     return np.linalg.cond(mass / np.outer(scale, scale)), scale
 
 
+@pytest.mark.sampled("0", "11", "22", "32", "43")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_accelerations(seed):
     """Error and result are compared as kinetic energy, so that metres and radians have equal
@@ -71,6 +72,7 @@ def test_accelerations(seed):
     assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
 
 
+@pytest.mark.sampled("100", "102", "104", "105", "107", "109")
 @pytest.mark.parametrize("seed", range(100, 110))
 def test_accelerations_of_reduced_links(seed):
     """The oracle takes the reduced shapes of the links as its basis."""
@@ -83,6 +85,7 @@ def test_accelerations_of_reduced_links(seed):
     assert np.linalg.norm(scale * (found - exact)) < limit * np.linalg.norm(scale * exact)
 
 
+@pytest.mark.sampled("0", "9", "17", "26", "34", "43")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_mass_matrix(seed):
     d = drawn(seed)
@@ -93,6 +96,7 @@ def test_mass_matrix(seed):
     np.testing.assert_allclose(d.arm.mass_matrix(d.q) / scale, exact / scale, rtol=0, atol=1e-13)
 
 
+@pytest.mark.sampled("0", "8", "16", "26", "34", "42")
 @pytest.mark.parametrize("seed", FEWER)
 def test_bias_force(seed):
     """Velocity products, gravity, stiffness and damping."""
@@ -121,6 +125,7 @@ def test_energy_and_tip(seed):
     np.testing.assert_allclose(d.arm.tip_velocity(d.q, d.qd), velocity, rtol=0, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_random_arms_have_every_kind_of_option():
     arms = [case(seed)[0].arm for seed in SEEDS]
     assert len(arms) >= 40

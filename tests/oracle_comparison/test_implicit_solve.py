@@ -1,6 +1,7 @@
 """The recursion with a diagonal added to the mass matrix, against dense algebra: (R.27), (R.28)."""
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -97,6 +98,7 @@ def test_zero_diagonal_gives_forward_dynamics(seed):
     assert np.linalg.norm(scale * (x - wanted)) <= limit * np.linalg.norm(scale * wanted)
 
 
+@pytest.mark.thorough
 def test_fine_mesh_keeps_its_accuracy():
     """The residual inertia of 64 elements is 1e-6 of the link's, so differences would lose
     digits."""

@@ -52,6 +52,7 @@ def sections(b, seed):
             yield Section(link, one.length * k / 13)
 
 
+@pytest.mark.thorough_cases("1201")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_lagrange_equations_beyond_a_section(seed):
     """Both theories, all options."""
@@ -66,6 +67,7 @@ def test_lagrange_equations_beyond_a_section(seed):
         assert np.all(abs(error) < ROUNDING * scale(b, motion)), (section, error, exact)
 
 
+@pytest.mark.sampled("1202", "1208", "1215")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_newtons_law_beyond_a_section(seed):
     """For the linear theory, and for the forces of the second-order one, which move points as

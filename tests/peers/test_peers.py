@@ -19,6 +19,7 @@ from peers.arms import PENDULUM, TABLE_ONE, Case, distance
 from peers.flexarm_arm import tip
 
 REASON = "the other programs come with an extra: pip install 'flexarm[peers]'"
+pytestmark = pytest.mark.thorough
 
 
 def peer(package: str, name: str) -> Any:

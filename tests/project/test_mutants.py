@@ -94,7 +94,7 @@ def test_endless_loop_and_waiting_differ(
     """A limit on processor time does not depend on what else the machine does."""
     from mutants import __main__ as command
 
-    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "messages").mkdir(parents=True)
     (tmp_path / "tests" / "test_line.py").write_text(f"def test():\n    {line}\n")
     monkeypatch.setattr(command, "_WAITING", waiting)
     found, _, seconds = command.run_tests(Group((), ("test_line.py",)), tmp_path, limit)

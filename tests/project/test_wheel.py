@@ -79,11 +79,13 @@ def test_wheel_is_for_every_platform(wheel: Path) -> None:
     assert wheel.name == f"flexarm-{version('flexarm')}-py3-none-any.whl"
 
 
+@pytest.mark.thorough
 def test_installed_command_starts(environment: Path, tmp_path: Path) -> None:
     printed = run(environment / "flexarm", "--version", cwd=tmp_path)
     assert printed == f"flexarm {version('flexarm')}\n"
 
 
+@pytest.mark.thorough
 def test_installed_package_reads_its_library(environment: Path, tmp_path: Path) -> None:
     code = "import flexarm; print(flexarm.__file__)"
     package = Path(run(environment / "python", "-c", code, cwd=tmp_path).strip()).parent

@@ -45,9 +45,12 @@ def pythons(*, experimental: bool) -> set[str]:
     return set(matrix["python"])
 
 
-def test_workflow_runs_for_every_change() -> None:
+def test_workflow_runs_for_every_change_and_all_tests_every_night() -> None:
     # YAML 1.1 reads the key `on` as true.
-    assert set(WORKFLOW[True]) == {"push", "pull_request"}
+    assert set(WORKFLOW[True]) == {"push", "pull_request", "schedule"}
+    # `make` takes it from the environment.
+    assert WORKFLOW["env"]["ALL"] == "${{ github.event_name == 'schedule' && '1' || '' }}"
+    assert "\nALL ?=\n" in MAKEFILE
 
 
 @pytest.mark.parametrize("job", WORKFLOW["jobs"])
@@ -97,8 +100,13 @@ def test_windows_runs_the_commands_of_the_chore() -> None:
     """Windows has no make, so its commands must equal the recipe of the chore."""
     recipe = MAKEFILE.partition("\nsuite:")[2].partition("\n\n")[0]
     recipe = recipe.replace("$(BIN)/", "").replace("$(WORKERS)", "2")
+    recipe = recipe.replace('$(TESTS) \\\n\t\t$(if $(ALL),,-m "not thorough")', '-m "not thorough"')
     for line in commands("windows")[1:]:
         assert line in recipe
+    assert [step.get("if") for step in WORKFLOW["jobs"]["windows"]["steps"][-2:]] == [
+        "${{ ! env.ALL }}",
+        "${{ env.ALL }}",
+    ]
     assert commands("windows")[0] == 'python -m pip install --editable ".[dev]"'
     assert set(WORKFLOW["jobs"]["windows"]["strategy"]["matrix"]["python"]) == pythons(
         experimental=False

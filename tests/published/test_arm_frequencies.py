@@ -52,6 +52,14 @@ def test_finite_element_meshes_to_all_digits(case):
     np.testing.assert_allclose(found, case["rad_per_s"], rtol=1e-9)
 
 
+@pytest.mark.sampled(
+    "elbow_degrees=0 joints=['locked', 'locked']",
+    "elbow_degrees=0 joints=['free', 'locked']",
+    "elbow_degrees=0 joints=['free', 'free']",
+    "elbow_degrees=90 joints=['locked', 'locked']",
+    "elbow_degrees=90 joints=['locked', 'free']",
+    "elbow_degrees=90 joints=['free', 'free']",
+)
 @pytest.mark.parametrize("case", ARM["exact"], ids=label)
 def test_frequencies_converge_with_fourth_order(case):
     exact = np.array(case["rad_per_s"])

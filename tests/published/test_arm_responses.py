@@ -14,6 +14,7 @@ DATA = json.loads(
 )
 
 
+@pytest.mark.thorough_cases("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_slewing_step(theory):
     """The step of hub torque is so small that the theories agree and angles are linear."""

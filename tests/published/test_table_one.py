@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 START = (np.pi / 4, -np.pi / 2)
 
 
 def arm(elements: tuple[int, int], modes: int | None = None, **options) -> fa.Arm:
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "modes": modes}
-    links = [
-        fa.Link(length=length, elements=count, **rod)
-        for length, count in zip((1.4142, 1.0), elements, strict=True)
-    ]
-    return fa.Arm(links=links, **options)
+    return table_one_arm(elements=elements, modes=modes, **options)
 
 
 def torque(t: float) -> np.ndarray:

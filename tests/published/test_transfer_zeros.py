@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint
 from flexarm.simulation.inversion.zero_dynamics import rest_end
 
 DATA = Path(__file__).parents[1] / "data"
@@ -148,6 +148,7 @@ def first_sign_change(function, stations):
     return brentq(function, stations[k - 1], stations[k])
 
 
+@pytest.mark.thorough
 def test_turning_station_of_a_mesh_is_within_its_first_element():
     """All points of a beam except its root are non-minimum phase; a mesh agrees beyond that
     station."""
@@ -164,6 +165,7 @@ def test_turning_station_of_a_mesh_is_within_its_first_element():
     assert parts[-1] < 1.0
 
 
+@pytest.mark.sampled("4")
 @pytest.mark.parametrize("count", [4, 8, 16])
 def test_turning_station_of_a_number_of_modes(count):
     """(S.10): the sum of the first modes has its first root at tan z = z over the last wave

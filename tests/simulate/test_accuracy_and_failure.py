@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import RungeKutta4
 from flexarm.simulation.run.tolerance import fastest_frequency
-from paper_arms import table_one_arm
 
 
 def torque(t):
@@ -105,53 +105,6 @@ def test_partial_result_can_be_written(tmp_path):
     with pytest.raises(fa.SimulationError) as caught:
         fa.simulate(arm, 5.0, torque=torque, integrator="rk4", step=0.01)
     caught.value.result.to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
-
-
-@pytest.mark.parametrize(
-    ("options", "name"),
-    [
-        ({"duration": 0.0}, "duration"),
-        ({"duration": -1.0}, "duration"),
-        ({"duration": np.nan}, "duration"),
-        ({"duration": "long"}, "duration"),
-        ({"rate": 0.0}, "rate"),
-        ({"rtol": 0.0}, "rtol"),
-        ({"atol": -1e-9}, "atol"),
-        ({"step": 0.0}, "step"),
-        ({"step": np.inf}, "step"),
-        ({"integrator": "euler"}, "integrator"),
-        ({"initial": np.zeros(3)}, "initial"),
-        ({"initial": np.full(8, np.nan)}, "initial"),
-        ({"initial_rate": np.zeros(7)}, "initial_rate"),
-        ({"tip_force": [1.0, np.nan]}, "tip_force"),
-    ],
-    ids=lambda value: str(value)[:40],
-)
-def test_wrong_arguments_are_named(options, name):
-    arguments = {"duration": 1.0, **options}
-    with pytest.raises(fa.InputError, match=rf"simulate: {name}"):
-        fa.simulate(table_one_arm(), **arguments)
-
-
-def test_unknown_integrator_lists_the_known_ones():
-    with pytest.raises(fa.InputError, match="'auto', 'rk4', 'dormand_prince_8'"):
-        fa.simulate(table_one_arm(), 1.0, integrator="ode45")
-
-
-@pytest.mark.parametrize(
-    ("gone", "instead"),
-    [
-        ("dormand_prince_5", "dormand_prince_8"),
-        ("kennedy_carpenter_4", "kennedy_carpenter_5"),
-    ],
-)
-def test_removed_integrator_names_its_replacement(gone, instead):
-    arm = table_one_arm()
-    with pytest.raises(fa.InputError, match=f"was removed; use '{instead}'"):
-        fa.simulate(arm, 1.0, integrator=gone)
-    q = arm.rest([0.0, 0.0])
-    with pytest.raises(fa.InputError, match=f"was removed; use '{instead}'"):
-        fa.step_jacobian(arm, q, q, [0.0, 0.0], 1e-3, method=gone)
 
 
 def test_run_starts_at_the_start_of_the_motion():

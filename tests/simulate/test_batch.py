@@ -26,8 +26,6 @@ DURATION, RATE = 0.03, 500.0
 STARTS = np.array([ARM.rest([0.1 * k, 0.4 - 0.05 * k]) for k in range(9)])
 TORQUES = np.random.default_rng(4).normal(size=(9, 15, 2))
 SHORT = {"duration": DURATION, "rate": RATE}
-#: Attributes of a dataset that depend on the time of computing.
-TIMED = ("wall_seconds",)
 
 
 def same(left, right):
@@ -250,11 +248,6 @@ def test_a_factor_that_fails_is_the_failure_of_each_run(stations):
             )
 
 
-def test_impossible_numbers_of_a_later_run_are_refused():
-    with pytest.raises(fa.InputError, match=r"^simulate_batch: run 2: payload\.mass must be at l"):
-        fa.simulate_batch(ARM, parameters={"payload.mass": [0.1, 0.2, -0.3]}, **SHORT)
-
-
 @pytest.mark.parametrize(
     ("torque", "reason"),
     [(broken, "no more data"), (lambda t: [0.0], "must be numbers of shape (2,)")],
@@ -298,6 +291,7 @@ def test_only_the_requested_samples_are_stored():
     }
 
 
+@pytest.mark.thorough
 def test_memory_is_that_of_the_dataset_and_of_one_run():
     runs, samples = 40, 20_000
     reductions = {"peak": fa.Reduction("peak", "tip")}
@@ -335,55 +329,3 @@ def test_a_file_keeps_a_batch(tmp_path):
     batch = fa.simulate_batch(ARM, parameters=parameters, initial=STARTS[1], **SHORT)
     fa.write_result(batch, tmp_path / "batch.nc")
     assert fa.read_result(tmp_path / "batch.nc").identical(batch)
-
-
-PD = fa.JointPD(1.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"initial": STARTS, "torque": TORQUES[:4]}, "torque must have one item for each of the 9"),
-        ({"initial": STARTS[:, :4]}, "initial must be numbers of shape (any, 6), got"),
-        ({"initial": np.zeros((0, 6))}, "initial must not be empty"),
-        ({"parameters": {"payload.weight": [1.0]}}, "parameters must be the path of a number"),
-        ({"parameters": {"payload.mass": [1.0, -2.0]}}, "run 1"),
-        ({"parameters": {"payload.mass": 1.0}}, "parameters['payload.mass'] must be numbers"),
-        ({"seeds": [1]}, "seeds requires hardware"),
-        ({"seeds": [0.5], "hardware": fa.Hardware(), "controller": PD}, "seeds must be whole"),
-        ({"seeds": [[1], [2, 3]], "hardware": fa.Hardware(), "controller": PD}, "seeds must be"),
-        ({"hardware": fa.Hardware()}, "hardware requires a controller"),
-        ({"torque": [[0.0, 0.0]] * 15, "controller": PD}, "torque cannot be combined with a con"),
-        ({"controller": []}, "controller must not be empty"),
-        ({"controller": [PD, 3]}, "controller must have the method reset"),
-        ({"channels": "tip"}, "channels must be a list"),
-        ({"channels": ["tipp"]}, "Did you mean 'tip'"),
-        ({"channels": ["strain"]}, "channels has 'strain', which the runs do not have"),
-        ({"channels": ["torque_command"]}, "there is no controller"),
-        ({"channels": ["bristle_deflection"]}, "there is no friction with bristles"),
-        ({"reductions": {"tip": fa.Reduction("peak", "tip")}}, "names of their own"),
-        ({"reductions": {"x": "peak"}}, "reductions['x'] must be a Reduction"),
-        ({"stride": 0}, "stride must be a whole number"),
-        ({"threads": 0}, "threads must be a whole number"),
-        ({"plant": 3}, "plant must be an Arm or a list of them"),
-        ({"plant": fa.Arm(links=[fa.Link(length=1.0, **ROD)])}, "plant must have the number of j"),
-        ({"rtoll": 1e-3}, "Did you mean 'rtol'"),
-        ({"integrator": "euler"}, "integrator must be one of"),
-        ({"torque": lambda t: [0.0]}, "must be numbers of shape (2,)"),
-        (
-            {"parameters": {"payload.mass": [0.1, 0.2]}, "events": [fa.joint_event(ARM, 1, 0.5)]},
-            "events[0] cannot be combined with parameters. It was created for one arm.",
-        ),
-    ],
-)
-def test_wrong_arguments(options, message):
-    with pytest.raises(fa.InputError) as raised:
-        fa.simulate_batch(ARM, **SHORT, **options)
-    assert message in str(raised.value)
-
-
-def test_arms_of_different_structure():
-    with pytest.raises(fa.InputError, match="of the first arm"):
-        fa.simulate_batch([ARM, ARM.rigid()], **SHORT)
-    with pytest.raises(fa.InputError, match="must not be an empty list"):
-        fa.simulate_batch([], **SHORT)

@@ -42,6 +42,14 @@ CONTROLLERS = {
 }
 
 
+@pytest.mark.sampled(
+    "motion-joint_pd",
+    "rest-joint_pd",
+    "motion-computed_torque",
+    "rest-computed_torque",
+    "motion-lqg",
+    "rest-lqg",
+)
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("reference", [MOTION, None], ids=["motion", "rest"])
 def test_every_controller(reference, name, executed):
@@ -55,6 +63,7 @@ def test_every_controller(reference, name, executed):
     compare(batch, (0, 8, 10), **{key: lambda k, v=value: v for key, value in own.items()})
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # of motors at their limits
 @settings(max_examples=5)
 @given(runs=st.lists(st.integers(0, 10), min_size=1, max_size=14), threads=st.integers(1, 3))

@@ -99,22 +99,3 @@ def test_all_samples_count():
     sparse = fa.simulate_batch(ARM, stride=7, **HOW, **rms)
     assert sparse.sizes["time"] == 3
     np.testing.assert_array_equal(sparse["rms"], dense["rms"])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("pek", "tip"), "kind must be one of 'peak'"),
-        (("peak", "tips"), "channel must be the name of a channel of results, got 'tips'"),
-        (("peak", ["tip", "torque"]), "channel must be the name of a channel, got"),
-        ((max, []), "channel must be the name of a channel, or a list of them"),
-        (("peak", "tip", -1.0), "after must be at least 0"),
-        (("settling", "tip"), "band is required by settling"),
-        (("settling", "tip", 0.0, 0.0), "band must be greater than 0"),
-        (("peak", "tip", 0.0, 1.0), "band applies to settling only"),
-    ],
-)
-def test_wrong_arguments(arguments, message):
-    with pytest.raises(fa.InputError) as raised:
-        fa.Reduction(*arguments)
-    assert message in str(raised.value)

@@ -72,14 +72,6 @@ def test_functions_of_q_and_qd_warn_once_for_all_joints():
         fa.simulate_separated(arm, fa.joint_motion(arm, [0.0, 0.5], [0.2, 0.6], 1.0))
 
 
-def test_change_that_adds_bristles_is_refused():
-    plain = {**NUMBERS, "bristle_damping": 0.0, "bristle_stiffness": None}
-    arm = turning(numbers=plain)
-    change = fa.Change("joints[0].friction.bristle_stiffness", at=0.1, to=5000.0)
-    with pytest.raises(InputError, match="bristle_stiffness"):
-        fa.simulate(arm, 0.2, torque=[[0.0]] * 2, changes=[change])
-
-
 def test_derivatives_by_the_numbers_of_bristles():
     numbers = RUBBING
     torque = 1.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 0.5, 51))[:, None]
@@ -130,19 +122,6 @@ def test_identification_of_bristles():
         assert found[path] == pytest.approx(true[key], rel=5e-3)
     with pytest.raises(InputError, match="'prediction_error' cannot be combined with bristles"):
         fa.identify(turning(), {"bench": record}, free, method="prediction_error")
-
-
-@pytest.mark.parametrize("name", ["rk4", "gauss_6", "generalized_alpha", "cowell_4"])
-def test_other_integrators_refuse_bristles(name):
-    with pytest.raises(InputError, match=f"'{name}' cannot be combined with bristles .*'kennedy_"):
-        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, integrator=name, step=1e-4)
-
-
-def test_fixed_step_and_gradient_refuse_bristles():
-    with pytest.raises(InputError, match="step cannot be combined with bristles"):
-        fa.simulate(turning(), 0.1, torque=[[0.0]] * 2, step=1e-4)
-    with pytest.raises(InputError, match="the gradient cannot be combined with bristles"):
-        fa.goal_gradient(turning(), 0.1, torque=[[0.0]] * 2, weights={"joint_angle": [[1.0]]})
 
 
 def test_functions_of_the_rate_have_the_steady_state():

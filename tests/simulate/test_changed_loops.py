@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import flexarm as fa
+from arms import chain
 from flexarm.cli.main import app
 from random_arms import random_spec
 
@@ -16,14 +17,8 @@ ENCODER = fa.Hardware([fa.Instrument("joint_angle", rate_cutoff=40.0, delay=0.00
 
 
 def one_link(hub=0.5, **payload):
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=400.0,
-        mass_per_length=1.0,
-        modes=2,
-        damping=fa.ModalDamping(ratio=0.005),
-    )
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=hub)], payload=fa.Payload(**payload))
+    rod = {"flexural_rigidity": 400.0, "mass_per_length": 1.0, "modes": 2, "damping": 0.005}
+    return chain([1.0], [hub], payload=fa.Payload(**payload), **rod)
 
 
 LAW = fa.JointPD(60.0, 10.0)
@@ -70,6 +65,7 @@ def test_combined_changes_are_examined_in_their_order():
     assert text.split(":")[1] == warned(one_link(second, mass=0.4))[0][0].split(":")[1]
 
 
+@pytest.mark.thorough
 def test_change_at_an_event_and_along_a_table():
     arm = one_link()
     event = fa.joint_event(arm, 1, 0.02, name="gate")
@@ -116,6 +112,7 @@ run: {{duration: 2.0, rate: 100}}
         assert ("the sampled loop is unstable after the change" in result.stderr) == expected
 
 
+@pytest.mark.thorough
 def test_warnings_agree_with_the_growth_on_random_arms():
     """Growth: of the joint rate within the last 1.5 s of the run."""
     rng = np.random.default_rng(2)

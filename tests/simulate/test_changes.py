@@ -9,7 +9,7 @@ import pytest
 from scipy.special import airy
 
 import flexarm as fa
-from changing_arms import INERTIA, LENGTH, MASS, moving, rigid_link, two_links, with_payload
+from arms import INERTIA, LENGTH, MASS, changing_link, changing_links, moving, with_payload
 from oracles.lagrangian import LagrangianOracle
 
 pytestmark = [
@@ -44,7 +44,7 @@ class TestMomentum:
             fa.Change("payload.mass", at=0.5, to=MASS + 1.0),
             fa.Change("payload.mass", at=0.8, to=MASS),
         ]
-        run = fa.simulate(rigid_link(), 1.0, initial_rate=[0.5], changes=changes, rate=100.0)
+        run = fa.simulate(changing_link(), 1.0, initial_rate=[0.5], changes=changes, rate=100.0)
         after = 0.5 * INERTIA / (INERTIA + LENGTH**2)
         rates = run.joint_rate.values[:, 0]
         np.testing.assert_allclose(rates[:51], 0.5, rtol=1e-12)  # the sample at 0.5 s is before
@@ -62,14 +62,14 @@ class TestMomentum:
 
     def test_a_moving_mass_brings_its_momentum(self):
         change = fa.Change("payload.mass", to=MASS + 1.0, velocity=(5.0, 3.0))
-        run = fa.simulate(rigid_link(), 0.1, initial_rate=[0.5], changes=[change], rate=100.0)
+        run = fa.simulate(changing_link(), 0.1, initial_rate=[0.5], changes=[change], rate=100.0)
         wanted = (INERTIA * 0.5 + LENGTH * 3.0) / (INERTIA + LENGTH**2)  # vx is along the link
         np.testing.assert_allclose(run.joint_rate.values[1:, 0], wanted, rtol=1e-12)
 
     @pytest.mark.parametrize("theory", ["linear", "second_order"])
     @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.05)])
     def test_momentum_of_a_flexible_arm_is_that_of_the_oracle(self, theory, offset):
-        arm = two_links(offset, theory=theory)
+        arm = changing_links(offset, theory=theory)
         for path, number in (("mass", 0.7), ("inertia", 0.05)):
             spec = with_payload(arm, **{path: number})
             q, qd, rates, _ = at_start(arm, fa.Change(f"payload.{path}", to=number))
@@ -80,7 +80,7 @@ class TestMomentum:
 
     @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.05)])
     def test_a_mass_that_moves_with_the_payload_changes_no_rate(self, offset):
-        arm = two_links(offset)
+        arm = changing_links(offset)
         q, qd = moving(arm)
 
         def centre(t):
@@ -95,12 +95,12 @@ class TestMomentum:
         np.testing.assert_allclose(rates, qd, rtol=0, atol=1e-7)
 
     def test_a_dropped_mass_changes_no_rate(self):
-        q, qd, rates, run = at_start(two_links(), fa.Change("payload.mass", to=0.0))
+        q, qd, rates, run = at_start(changing_links(), fa.Change("payload.mass", to=0.0))
         np.testing.assert_allclose(rates, qd, rtol=0, atol=1e-9)
         np.testing.assert_allclose(run.q.values[-1], q, rtol=0, atol=1e-14)
 
     def test_prescribed_joints_keep_their_rates(self):
-        arm = two_links()
+        arm = changing_links()
         turn = fa.joint_motion(arm, [0.4, 0.0], [1.2, 0.0], 1.0)
         change = fa.Change("payload.mass", at=0.2, to=1.0)
         q = arm.rest([0.4, 0.9])
@@ -112,7 +112,7 @@ class TestMomentum:
 
 
 def test_a_rigidity_step_multiplies_the_strain_energy():
-    arm = two_links()
+    arm = changing_links()
     change = fa.Change("links[0].flexural_rigidity", at=0.2, factor=0.5)
     q, qd = moving(arm)
     run = fa.simulate(arm, 0.4, initial=q, initial_rate=qd, changes=[change], rate=1000.0)
@@ -149,7 +149,7 @@ class TestFunctionsOfTime:
 
     def run(self, course, interval):
         change = fa.Change("joints[0].stiffness", **course, interval=interval)
-        arm = rigid_link(stiffness=self.STIFFNESS)
+        arm = changing_link(stiffness=self.STIFFNESS)
         return fa.simulate(arm, 3.0, initial=[0.3], changes=[change], rate=50.0, rtol=1e-10)
 
     @pytest.mark.parametrize(
@@ -168,6 +168,7 @@ class TestFunctionsOfTime:
         assert errors[1] < 2e-4
         assert 3.5 < errors[0] / errors[1] < 4.5
 
+    @pytest.mark.thorough
     def test_default_interval(self):
         change = fa.Change("joints[0].stiffness", to=lambda t: 40.0 - 10.0 * t)
         run = self.run({"to": change.to}, change.interval)
@@ -177,7 +178,7 @@ class TestFunctionsOfTime:
         assert run.change_to.item() == pytest.approx(10.0, abs=0.06)
 
     def test_friction_that_grows(self):
-        arm = rigid_link(friction=fa.Friction(coulomb=0.0, viscous=0.1))
+        arm = changing_link(friction=fa.Friction(coulomb=0.0, viscous=0.1))
         change = fa.Change("joints[0].friction.viscous", to=lambda t: 0.1 + 0.4 * t)
         run = fa.simulate(arm, 2.0, initial_rate=[1.0], changes=[change], rate=50.0)
         t = run.time.values
@@ -188,7 +189,7 @@ class TestFunctionsOfTime:
     def test_mass_that_is_added_steadily_at_rest(self):
         """Rain into a bucket: the angular momentum of a free link remains."""
         change = fa.Change("payload.mass", to=lambda t: MASS + 0.5 * t)
-        run = fa.simulate(rigid_link(), 2.0, initial_rate=[1.0], changes=[change], rate=50.0)
+        run = fa.simulate(changing_link(), 2.0, initial_rate=[1.0], changes=[change], rate=50.0)
         t = run.time.values[1:]
         # A sample at the end of an interval has the mass of its middle.
         wanted = INERTIA / (INERTIA + 0.5 * LENGTH**2 * (t - 0.005))
@@ -198,7 +199,7 @@ class TestFunctionsOfTime:
         table = fa.Change("payload.mass", to=([0.0, 0.5, 0.5, 1.0], [MASS, MASS, 1.2, 1.2]))
         step = fa.Change("payload.mass", at=0.5, to=1.2)
         runs = [
-            fa.simulate(rigid_link(), 1.0, initial_rate=[0.5], changes=[change], rate=100.0)
+            fa.simulate(changing_link(), 1.0, initial_rate=[0.5], changes=[change], rate=100.0)
             for change in (table, step)
         ]
         np.testing.assert_array_equal(*(run.q.values for run in runs))

@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
+from arms import chain
 from oracles.rigid_double_pendulum import RigidDoublePendulum
 
 LENGTH, MASS = (0.8, 0.6), (0.9, 0.5)
@@ -21,12 +22,8 @@ def rigid_arm():
 
 
 def flexible_arm(**options):
-    links = [
-        fa.Link(length=0.8, flexural_rigidity=40.0, mass_per_length=0.5, elements=1),
-        fa.Link(length=0.6, flexural_rigidity=25.0, mass_per_length=0.4, elements=1),
-    ]
-    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
-    return fa.Arm(links=links, joints=joints, **options)
+    rod = {"flexural_rigidity": [40.0, 25.0], "mass_per_length": [0.5, 0.4], "elements": 1}
+    return chain((0.8, 0.6), [0.05, {"hub_inertia": 0.03, "mass": 0.2}], **rod, **options)
 
 
 def test_rigid_loop_equals_an_independent_integration():
@@ -177,11 +174,6 @@ def test_sample_times_that_do_not_divide_the_duration():
     assert result.sizes["time"] == 101
     changes = np.flatnonzero(np.any(np.diff(result.torque.values, axis=0) != 0.0, axis=1)) + 1
     np.testing.assert_array_equal(changes, [30, 60, 90])
-
-
-def test_torque_and_controller_exclude_each_other():
-    with pytest.raises(fa.InputError, match="torque"):
-        fa.simulate(rigid_arm(), 1.0, torque=lambda t: [0.0, 0.0], controller=fa.JointPD(*GAINS))
 
 
 def test_unstable_loop_is_reported_with_its_partial_result():

@@ -49,6 +49,7 @@ def integrated(contact, rate, until, start=0.0):
 # Contact law over time ---------------------------------------------------------------------------
 
 
+@pytest.mark.sampled("law1-4.0", "law3-2.0", "law6-2.5")
 @pytest.mark.parametrize(
     ("law", "rate"),
     [
@@ -226,6 +227,7 @@ def test_contact_with_a_thin_post_is_not_missed(name, speed):
     assert float(result.joint_rate[-1, 0]) == pytest.approx(-speed, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [n for n in FOLLOWING if INTEGRATORS[n].adaptive])
 def test_grazing_contact_with_a_wall_is_not_missed(name):
     """A tip on a circle of 1 m reaches 2 mm into a wall, within 0.13 rad."""
@@ -258,12 +260,6 @@ def test_contact_too_soft_for_the_impact_ends_the_run(stiffness, radius, speed):
     contact = fa.Contact(fa.RoundWall((0.0, 1.0), radius), stiffness)
     with pytest.raises(fa.SimulationError, match="passed through its surface"):
         fa.simulate(rod(), 10.0 / speed, initial_rate=[speed], contacts=[contact])
-
-
-def test_multistep_method_is_rejected_with_contacts():
-    contact = fa.Contact(CEILING, 1e4)
-    with pytest.raises(fa.InputError, match="for an arm with contacts, got 'cowell_4'"):
-        fa.simulate(rod(), 0.1, contacts=[contact], integrator="cowell_4")
 
 
 # Channels of a result ----------------------------------------------------------------------------

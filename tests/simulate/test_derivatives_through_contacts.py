@@ -134,6 +134,15 @@ def test_runs_without_contact_have_no_second_run():
     assert found.attrs["steps"] == fa.simulate(arm, 0.1, **given).attrs["steps"]
 
 
+@pytest.mark.parametrize("rtol", [1e-8, 1e-13])
+def test_second_run_has_another_tolerance_than_a_tightened_run(rtol):
+    """Both runs through a stop were once tightened to 1e-13, so that their difference was zero."""
+    arm = an_arm(damping=0.2)
+    given = {"initial": arm.rest([0.2, 0.3]), "rate": 200.0, "rtol": rtol, "atol": rtol / 100}
+    found = fa.sensitivities(arm, 0.5, ["payload.mass"], channels=["joint_angle"], **given)
+    assert 1e-12 < float(found["relative_error"][0]) < 1e-6
+
+
 def test_an_inaccurate_derivative_warns():
     """With fixed steps no step ends at the contact; half the step gives the estimate."""
     arm = an_arm()

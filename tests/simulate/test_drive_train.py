@@ -45,11 +45,6 @@ def test_torque_of_a_motor():
     assert arm.motor_torque([6.0], [no_load])[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_motors_without_a_winding():
-    with pytest.raises(InputError, match=r"arm\.joints\[0\] has no winding"):
-        bar(0.3).motor_torque([1.0])
-
-
 def test_motors_at_some_of_the_joints():
     link = fa.Link(length=1.0, flexible=False, mass_per_length=0.9)
     joints = [fa.Joint(), fa.Joint(rotor_inertia=ROTOR, gear_ratio=RATIO, winding=WINDING)]
@@ -163,17 +158,6 @@ def test_voltage_in_a_file(tmp_path):
     constant = (0.3 + RATIO**2 * ROTOR) * 1.5 / (RATIO * 0.04) ** 2
     rate = found.joint_rate.sel(time=0.2, method="nearest")
     assert rate[0] == pytest.approx(3.75 * (1.0 - np.exp(-0.2 / constant)), abs=4e-6)
-
-
-def test_supply_voltage_of_the_hardware_is_rejected():
-    arm = motor()
-    motors = fa.Motors(voltage_limit=24.0, torque_constant=3.2, resistance=1.5)
-    controller = fa.JointPD(proportional=20.0, derivative=2.0)
-    motion = fa.joint_motion(arm, [0.0], [0.5], 0.5)
-    with pytest.raises(InputError, match=r"voltage_limit is not supported .* torque_limit"):
-        fa.simulate(
-            arm, 0.5, controller=controller, reference=motion, hardware=fa.Hardware(motors=motors)
-        )
 
 
 def gap(x, backlash):

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import simpson
 
 import flexarm as fa
-from paper_arms import table_one_arm
+from arms import table_one_arm
 
 
 def total_energy(result) -> np.ndarray:
@@ -64,6 +64,7 @@ def test_damping_never_increases_energy() -> None:
     assert energy[-1] < 0.95 * energy[0]
 
 
+@pytest.mark.thorough
 def test_memory_of_a_minute_at_one_kilohertz() -> None:
     """60001 samples of every channel within 200 MB in addition to the imports, in a separate
     process."""

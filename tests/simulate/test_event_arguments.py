@@ -6,57 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import RungeKutta4
-from paper_arms import table_one_arm
-
-
-def first(t, q, qd):
-    return q[0]
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda a: fa.Event(3), "Event: function must be a function of t, q and qd, got 3."),
-        (lambda a: fa.Event(first, ""), "Event: name must be a nonempty text, got ''."),
-        (lambda a: fa.Event(first, 3), "Event: name must be a nonempty text, got 3."),
-        (
-            lambda a: fa.Event(first, "failure"),
-            "name must not be 'duration' or 'failure' \\(other ends of a run\\)",
-        ),
-        (lambda a: fa.Event(first, direction=2), "direction must be -1, 0 or 1, got 2."),
-        (lambda a: fa.Event(first, direction=True), "direction must be -1, 0 or 1, got True."),
-        (lambda a: fa.Event(first, terminal=1), "terminal must be True or False, got 1."),
-        (
-            lambda a: fa.joint_event(a, 3, 0.1),
-            r"joint must be the number of a joint that is not fixed \(1, 2\)",
-        ),
-        (lambda a: fa.joint_event(a, 1, np.nan), "joint_event: angle must be finite"),
-        (lambda a: fa.joint_event(a, 1, "top"), "angle must be a number, 'lower' or 'upper'"),
-        (lambda a: fa.joint_event(a, 1, "upper"), r"be a number \(joint 1 has no limits\)"),
-        (lambda a: fa.tip_event(a, (1.0,), (0, 1)), "tip_event: point must be numbers of shape"),
-        (lambda a: fa.tip_event(a, (1.0, 0), (0, 0)), "normal must have a length greater than 0"),
-        (lambda a: fa.simulate(a, 0.1, events=first), "events must be a list of Event objects"),
-        (lambda a: fa.simulate(a, 0.1, events=[first]), "events must be a list of Event objects"),
-        (
-            lambda a: fa.simulate(a, 0.1, events=[fa.Event(first, "event_2"), fa.Event(first)]),
-            r"events\[1\] repeats the name 'event_2'",
-        ),
-        (
-            lambda a: fa.simulate(a, 0.1, plant=a.rigid(), events=[fa.joint_event(a, 1, 0.0)]),
-            r"events\[0\] was created for another arm",
-        ),
-    ],
-)
-def test_wrong_events_are_rejected(make, message):
-    with pytest.raises(fa.InputError, match=message):
-        make(table_one_arm())
-
-
-def test_all_problems_of_events_are_reported():
-    with pytest.raises(fa.InputError) as caught:
-        fa.Event(None, name="", direction=7, terminal="yes")
-    assert len(caught.value.problems) == 4
 
 
 def test_events_of_an_equal_arm_are_accepted():

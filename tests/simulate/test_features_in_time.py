@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import unit_link
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import sampled_torque
@@ -11,11 +12,6 @@ from flexarm.simulation.histories.samples import sampled_torque
 #: Between two of the points that are evaluated first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062
 FINE = {"rtol": 1e-9, "atol": 1e-11}
-
-
-def unit_link():
-    """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 class Pulse:
@@ -167,12 +163,6 @@ def test_breaks_of_a_plant_are_used():
         ends.append(plant.q[0])
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
     assert abs(ends[0]) > 0.01
-
-
-@pytest.mark.parametrize("breaks", ["soon", [[1.0]], [np.nan]])
-def test_breaks_must_be_a_list_of_times(breaks):
-    with pytest.raises(fa.InputError, match="breaks"):
-        fa.simulate(unit_link(), 1.0, torque=lambda t: [0.0], breaks=breaks)
 
 
 # Features without breaks -------------------------------------------------------------------------

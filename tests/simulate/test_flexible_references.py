@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import ROD, laboratory_arm
+from arms import ROD, laboratory_arm
 
 
 def line(flexible, duration=1.0, profile="quintic"):
@@ -21,6 +21,7 @@ def away(run, motion):
     return np.hypot(*(run.tip.values - motion.tip(run.time.values)).T)
 
 
+@pytest.mark.thorough
 def test_reference_of_the_inversion_is_its_joint_motion(inverse):
     run = fa.simulate(
         inverse.arm, inverse.end, torque=inverse.torque, initial=inverse.initial, rate=500.0
@@ -76,6 +77,7 @@ def test_model_based_control_is_better_than_joint_pd_on_the_papers_line(inverse)
     assert errors[1] < 2e-4
 
 
+@pytest.mark.thorough
 def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
     """(T_1 / T)^4 for a smooth motion, where rigid torques have the square; order 2 the sixth."""
     flexible = laboratory_arm()

@@ -5,9 +5,9 @@ import pytest
 from scipy.signal import cont2discrete
 
 import flexarm as fa
-from flexarm.motion.geometry.kinematics import tip_jacobian
+from arms import chain, laboratory_arm
+from flexarm.motion.geometry.chain import tip_jacobian
 from flexarm.simulation.calls.metrics import metrics_of
-from paper_arms import laboratory_arm
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0
 NORMAL = np.array([-1.0, 0.0])
@@ -16,18 +16,9 @@ POSTURE = np.array([0.9, -1.3])
 
 
 def arm_of(ratio=0.02, **more):
-    links = [
-        fa.Link(
-            length=length,
-            flexural_rigidity=RIGIDITY,
-            mass_per_length=0.6,
-            elements=1,
-            damping=fa.ModalDamping(ratio=ratio),
-        )
-        for length in LENGTHS
-    ]
-    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.5, hub_inertia=0.05)]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.1), **more)
+    rod = {"flexural_rigidity": RIGIDITY, "mass_per_length": 0.6, "elements": 1, "damping": ratio}
+    joints = [0.1, {"mass": 0.5, "hub_inertia": 0.05}]
+    return chain(LENGTHS, joints, payload=0.1, **rod, **more)
 
 
 ARM = arm_of()
@@ -94,6 +85,7 @@ def in_series(*stiffnesses):
     return 1.0 / sum(1.0 / k for k in stiffnesses)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("normal_stiffness", [20.0, 100.0])
 def test_impedance_is_a_spring_in_series_with_links_and_wall(normal_stiffness):
     """(F.9): the designed spring, the links and the wall."""
@@ -113,6 +105,7 @@ def test_impedance_with_measured_force_has_no_steady_error():
     assert settled(controller, 5e-3) == pytest.approx(1.0, rel=1e-4)
 
 
+@pytest.mark.thorough_cases("150.0")
 @pytest.mark.parametrize("stiffness", [50.0, 150.0])
 def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     """(F.12): its own spring, the position loop, the links and the wall."""
@@ -128,11 +121,13 @@ def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     assert force == pytest.approx(-2.0 * away * k, rel=1.5e-2)  # as for the impedance
 
 
+@pytest.mark.thorough
 def test_admittance_without_a_spring_has_no_steady_error():
     controller = fa.Admittance(ARM, damping=100.0)
     assert settled(controller, 5e-3, duration=16.0) == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("away", [-5e-3, 5e-3])
 def test_hybrid_has_no_steady_error(away):
     assert settled(fa.HybridForce(ARM), away) == pytest.approx(1.0, rel=1e-4)
@@ -239,6 +234,7 @@ def sliding():
 
 # On a wall three times as stiff the loop of the soft arm is unstable at the start, where it
 # vibrates for a tenth of a second without friction; sliding along the wall makes it stable.
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.parametrize(
     ("plant", "contact", "limit"),
@@ -299,6 +295,7 @@ def strokes(t):
     return 2.0 * min(max(rise, 0.0), 1.0)
 
 
+@pytest.mark.thorough_cases("AdaptiveForce")
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce])
 def test_tip_presses_lifts_off_and_presses_again(kind):
     """The path is 2 mm before the wall, and 20 mm further away where the force is zero."""
@@ -355,9 +352,3 @@ def test_run_without_a_force_has_no_force_error(sliding):
     motion = reference.motion
     result = fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=motion)
     assert np.isnan(metrics_of(result, arm, motion)["force_error_rms"])
-
-
-def test_unmeasured_force_is_rejected(sliding):
-    arm, reference = sliding
-    with pytest.raises(fa.InputError, match="contacts are missing: HybridForce measures"):
-        fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=reference)

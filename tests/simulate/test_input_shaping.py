@@ -7,21 +7,15 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 STILL = 4.0  # s, after the end of every motion here
 
 
 def one_mode(ratio=0.0):
     """Return a link with a single mode on a joint with a prescribed motion."""
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=20.0,
-        mass_per_length=0.5,
-        elements=2,
-        modes=1,
-        damping=fa.ModalDamping(ratio=ratio) if ratio else None,
-    )
-    return fa.Arm(links=[link])
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2, "modes": 1}
+    return chain([1.0], damping=ratio or None, **rod)
 
 
 def small_move(arm, duration=0.31):
@@ -134,6 +128,7 @@ def test_damped_modes(method):
     assert left < 1e-5
 
 
+@pytest.mark.thorough_cases("0.0")
 @pytest.mark.parametrize("ratio", [0.0, 0.1])
 def test_specified_insensitivity_limits_the_vibration_in_its_range(ratio):
     """The arm vibrates as the sensitivity of the shaper predicts, within the tolerance."""
@@ -169,6 +164,7 @@ def test_two_modes_are_at_rest_after_the_motion():
     assert both < 1e-9 * plain
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
 def test_frequency_that_changes_along_the_motion(profile):
     """A folding elbow raises the lowest frequency by half; impulses follow its phase."""
@@ -242,11 +238,3 @@ def test_free_rotation_in_a_backlash_is_not_a_vibration():
     motion = fa.joint_motion(arm, [0.0], [0.5], 0.8)
     with pytest.raises(fa.InputError, match="got mode 1 with the damping ratio"):
         fa.shaped(motion, arm, "zvdd")
-
-
-def test_gains_of_the_wrong_form_name_the_function():
-    arm = two_links()
-    motion = fa.joint_motion(arm, [0.2, 0.9], [0.8, 0.4], 0.6)
-    text = r"^shaped: joints must be 'locked', 'free' or \[proportional, derivative\].*got 400"
-    with pytest.raises(fa.InputError, match=text):
-        fa.shaped(motion, arm, "zv", joints=[400.0, 100.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from changing_arms import INERTIA, LENGTH, MASS, moving, rigid_link, two_links, with_payload
+from arms import INERTIA, LENGTH, MASS, changing_link, changing_links, moving, with_payload
 from flexarm.integrate import INTEGRATORS
 
 # Rates of the arm with flexible links bend it further than the linear theory allows.
@@ -43,7 +43,7 @@ class TestSamplesAndReadings:
     # For these k the product k * 0.001 is not the number k / 1000.
     @pytest.mark.parametrize("k", [9, 13, 18, 26])
     def test_a_reading_at_the_time_of_a_change_is_before_it(self, k):
-        plant = fa.Plant(rigid_link(), 0.001, changes=[HEAVY.replace(at=k / 1000)])
+        plant = fa.Plant(changing_link(), 0.001, changes=[HEAVY.replace(at=k / 1000)])
         plant.reset(initial_rate=[1.0])
         rates = [plant.step([0.0])["joint_rate"][0] for _ in range(k + 1)]
         np.testing.assert_allclose(rates, [1.0] * k + [AFTER_HEAVY], rtol=1e-12)
@@ -52,7 +52,7 @@ class TestSamplesAndReadings:
         """0.1 * 3 is above 0.3 by rounding, 0.29999999999999993 below."""
         for at in (0.1 * 3, 0.3, 0.29999999999999993):
             change = HEAVY.replace(at=at)
-            run = fa.simulate(rigid_link(), 0.4, initial_rate=[1.0], changes=[change], rate=10.0)
+            run = fa.simulate(changing_link(), 0.4, initial_rate=[1.0], changes=[change], rate=10.0)
             wanted = [1.0] * 4 + [AFTER_HEAVY]
             np.testing.assert_allclose(run.joint_rate.values[:, 0], wanted, rtol=1e-12)
             assert run.change_time.values.tolist() == [at]
@@ -60,7 +60,7 @@ class TestSamplesAndReadings:
     @pytest.mark.parametrize("integrator", INTEGRATORS)
     def test_the_first_sample_is_before_a_change_at_the_start(self, integrator):
         options = {"initial_rate": [1.0], "rate": 100.0, "integrator": integrator}
-        run = fa.simulate(rigid_link(), 0.05, changes=[HEAVY.replace(at=0.0)], **options)
+        run = fa.simulate(changing_link(), 0.05, changes=[HEAVY.replace(at=0.0)], **options)
         np.testing.assert_allclose(
             run.joint_rate.values[:, 0], [1.0] + [AFTER_HEAVY] * 5, rtol=1e-12
         )
@@ -95,10 +95,10 @@ class TestSeveralAtOneTime:
 
     def test_the_last_of_one_number_counts(self):
         up, down = HEAVY, HEAVY.replace(to=MASS)
-        rate, run = rate_after(up, down, arm=rigid_link())
+        rate, run = rate_after(up, down, arm=changing_link())
         assert rate == 1.0
         assert run.change_energy.values.tolist() == [0.0, 0.0]
-        rate, _ = rate_after(down, up, arm=rigid_link())
+        rate, _ = rate_after(down, up, arm=changing_link())
         assert rate == pytest.approx(AFTER_HEAVY, rel=1e-12)
 
     @pytest.mark.parametrize("order", [1, -1])
@@ -148,7 +148,7 @@ class TestMovedInertia:
         assert rate == pytest.approx(1.0, rel=1e-12)
 
     def test_generalised_momentum_of_a_flexible_arm(self):
-        arm = two_links((0.1, 0.05))
+        arm = changing_links((0.1, 0.05))
         q, qd = moving(arm)
         change = fa.Change("payload.offset[1]", to=-0.1)
         # After 1e-15 s the forces of the bent links, below 1e5 N, have no effect.
@@ -170,7 +170,7 @@ class TestEventsInTheJump:
     def test_a_terminal_event_ends_the_run(self, at):
         change = HEAVY.replace(at=at)
         options = {"initial_rate": [1.0], "changes": [change], "events": [self.slow(terminal=True)]}
-        run = fa.simulate(rigid_link(), 0.1, **options)
+        run = fa.simulate(changing_link(), 0.1, **options)
         assert run.ended_by == "slow"
         assert run.event_time.values.tolist() == [at]
         assert run.event_direction.values.tolist() == [-1]
@@ -183,13 +183,13 @@ class TestEventsInTheJump:
 
     def test_direction_is_that_of_the_jump(self):
         events = [self.slow(direction=1)]
-        run = fa.simulate(rigid_link(), 0.1, initial_rate=[1.0], changes=[HEAVY], events=events)
+        run = fa.simulate(changing_link(), 0.1, initial_rate=[1.0], changes=[HEAVY], events=events)
         assert run.event_time.size == 0
 
     def test_a_change_waits_for_an_event_in_the_jump(self):
         brake = fa.Change("joints[0].damping", at="slow", to=1.0)
         run = fa.simulate(
-            rigid_link(), 0.1, initial_rate=[1.0], changes=[HEAVY, brake], events=[self.slow()]
+            changing_link(), 0.1, initial_rate=[1.0], changes=[HEAVY, brake], events=[self.slow()]
         )
         assert run.change_time.values.tolist() == [0.05, 0.05]
         wanted = AFTER_HEAVY * np.exp(-0.05 / (INERTIA + LENGTH**2))

@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 START = (np.pi / 4, -np.pi / 2)
 
 
 def table_one(elements, modes=None, **options):
-    links = [
-        fa.Link(length=length, elements=elements, modes=modes, **ROD) for length in (1.4142, 1.0)
-    ]
-    return fa.Arm(links=links, **options)
+    return table_one_arm(elements=elements, modes=modes, **options)
 
 
 def torque(t):
@@ -110,6 +108,7 @@ def test_number_of_steps_of_a_full_mesh_does_not_grow_with_refinement():
     assert max(steps) < 1.5 * min(steps)
 
 
+@pytest.mark.thorough_cases("32")
 @pytest.mark.parametrize("elements", [8, 32])
 def test_default_tolerances_on_a_full_mesh(elements):
     """1e-6 of the reach, against a run with a tenth of the tolerance."""

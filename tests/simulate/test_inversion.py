@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import table_one_arm
+from arms import table_one_arm
 
 
 def paper_line(arm, **fields):
@@ -19,6 +19,7 @@ def tip_error(arm, motion, torque, initial, duration):
     return np.hypot(*(run.tip.values - motion.tip(run.time.values)).T).max()
 
 
+@pytest.mark.thorough_cases("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
     """A hundredth of the error under rigid torques is documented; a five-hundredth is reached."""
@@ -53,6 +54,7 @@ def test_single_link_under_gravity():
     assert abs(found.initial[0]) > 0.05  # the joint is raised where the link sags
 
 
+@pytest.mark.thorough
 def test_light_damping_does_not_lengthen_the_torques():
     """Zeros of damped vibrations have a small real part, which must not extend the actuation."""
     spans, errors = [], []
@@ -97,17 +99,7 @@ def test_vertical_arm():
     assert np.abs(away).max() < 1e-3
 
 
-def test_unsupported_motions_and_arguments_are_rejected():
-    arm = table_one_arm()
-    with pytest.raises(fa.InputError, match=r"start at 0\.19"):
-        fa.tip_inversion(arm, paper_line(arm, start_time=0.0))
-    with pytest.raises(fa.InputError, match="arm is rigid"):
-        fa.tip_inversion(arm.rigid(), paper_line(arm))
-    straight = fa.joint_motion(arm, [0.2, -0.3], [0.2, 0.3], 1.0, start_time=0.3)
-    with pytest.raises(fa.InputError, match="cannot move the tip"):
-        fa.tip_inversion(arm, straight)
-
-
+@pytest.mark.thorough
 def test_failed_inversion_reports_its_tip_error():
     arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:
@@ -163,6 +155,7 @@ def inverted(name):
     return arm, motion, fa.tip_inversion(arm, motion)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # under rigid torques
 @pytest.mark.parametrize("name", OTHERS)
 def test_tip_error_of_other_arms(name):
@@ -190,6 +183,7 @@ def test_redundant_joint_follows_the_rigid_motion():
     assert min(away[0], away[1]) > 1e-2  # the other two keep the tip on its path
 
 
+@pytest.mark.thorough
 def test_elastic_joints_keep_the_zeros_of_the_links():
     """A spring and a rotor without gear transmit the torque of the motor.
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.model.paths import number_at, with_number
 
 INERTIA = 2.0 / 3.0  # of a rod of 2 kg and 1 m about its end
@@ -78,10 +79,8 @@ def test_sticking_joint_clamps_a_flexible_link():
 
 def rubbing_rods(smoothing_rate, **rubbing):
     """Two flexible rods on heavy hubs with friction, and their torque."""
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
     friction = fa.Friction(coulomb=0.5, smoothing_rate=smoothing_rate, **rubbing)
-    links = [fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05, friction=friction)] * 2)
+    return table_one_arm(joints=[fa.Joint(hub_inertia=0.05, friction=friction)] * 2)
 
 
 def strokes(of, **settings):

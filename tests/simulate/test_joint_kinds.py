@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.cases.results.csv_table import columns
-from flexarm.view.plot.signals import signals_figure
+from flexarm.cases.results.formats import columns
+from flexarm.view.plot.histories import signals_figure
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 LENGTH, INERTIA = 0.8, 0.5 * 0.8**3 / 3  # of a rigid bar of 0.5 kg/m about its end
@@ -168,38 +168,6 @@ def test_motions_include_rigidly_joined_links():
     turning = fa.joint_motion(arm, [0.0, 0.0], [0.5, 1.0], 1.0)
     at_end = arm.tip(arm.rest([0.5, 1.0]))[:2]
     np.testing.assert_allclose(turning.tip(1.0), at_end, rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"fixed": True, "stiffness": 2.0}, "stiffness is not supported for a fixed joint"),
-        (
-            {"fixed": True, "rotor_inertia": 1e-4},
-            "rotor_inertia is not supported for a fixed joint",
-        ),
-        ({"gear_ratio": 50.0}, "gear_ratio requires rotor_inertia"),
-        (
-            {"rotor_inertia": 1e-4, "stiffness": 10.0, "rest_angle": 0.1},
-            "rest_angle must be 0 for an elastic joint",
-        ),
-        ({"gear_ratio": -1.0, "rotor_inertia": 1e-4}, "gear_ratio must be greater than 0"),
-    ],
-)
-def test_contradictory_joints_are_rejected(fields, message):
-    with pytest.raises(fa.ModelError, match=message):
-        fa.Joint(**fields)
-
-
-def test_functions_that_need_motors_reject_arms_without_them():
-    arm = fa.Arm(links=[fa.Link(length=1.0, **ROD)], joints=[fa.Joint(fixed=True)])
-    with pytest.raises(fa.InputError, match="arm has no joint that is not fixed"):
-        fa.joint_motion(arm, [], [], 1.0)
-    hold = fa.PrescribedAngle(lambda t: 0.0, lambda t: 0.0, lambda t: 0.0)
-    with pytest.raises(
-        fa.InputError, match=r"the number of a joint that is not fixed \(there are none\)"
-    ):
-        fa.simulate(arm, 0.1, prescribed={1: hold})
 
 
 SCENARIO = """\

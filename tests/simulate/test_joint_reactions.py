@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import table_one_arm
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}
 JOINTS = [
@@ -13,11 +14,8 @@ JOINTS = [
 
 
 def two_links(theory="linear", **fields):
-    links = [
-        fa.Link(length=1.4142, elements=2, segments=2, **ROD),
-        fa.Link(length=1.0, elements=1, **ROD),
-    ]
-    return fa.Arm(links=links, joints=JOINTS, theory=theory, gravity=(0.0, -9.81), **fields)
+    more = {"segments": [2, 1], "gravity": (0.0, -9.81), "theory": theory}
+    return table_one_arm(joints=JOINTS, **more, **fields)
 
 
 def torque(t):

@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
+from arms import soft_rod
 
 INERTIA = 1.0  # of a rod of 3 kg and 1 m about its end
 STIFFNESS = 2e3
@@ -93,6 +94,7 @@ def test_stop_force_is_never_negative():
     assert released.sum() >= 2  # the case occurs
 
 
+@pytest.mark.thorough
 def test_flexible_arm_between_two_stops_conserves_energy():
     """Over many impacts the sum of bending, stop and kinetic energy is constant."""
     of = arm(flexible=True)
@@ -119,9 +121,7 @@ def test_damped_arm_comes_to_rest_at_its_stop():
 def bouncing(friction=None):
     """Return a soft light rod that a torque pushes against its stop: six impacts in 2 s."""
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=1e4, damping=0.1)
-    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.05, elements=1, modes=1)
-    joint = fa.Joint(hub_inertia=0.1, limits=limits, friction=friction)
-    return fa.Arm(links=[link], joints=[joint])
+    return soft_rod(limits=limits, friction=friction)
 
 
 def pushed(of, **settings):

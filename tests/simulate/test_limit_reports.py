@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
+from controllers import Script
 from random_arms import random_spec
 
 TICK = 0.001
@@ -13,29 +15,8 @@ ENCODER = [fa.Instrument("joint_angle", resolution=2.0 * np.pi / 4096, rate_cuto
 
 
 def one_link(**spec):
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=100.0,
-        mass_per_length=0.5,
-        elements=2,
-        damping=fa.ModalDamping(ratio=0.02),
-    )
-    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)], **spec)
-
-
-class Script:
-    """Commands of a list, one after the other."""
-
-    sample_time, memory = TICK, None
-
-    def __init__(self, rows):
-        self.rows = np.asarray(rows, float)
-
-    def reset(self):
-        pass
-
-    def update(self, t, measurement, reference):
-        return self.rows[min(round(t / TICK), len(self.rows) - 1)]
+    rod = {"flexural_rigidity": 100.0, "mass_per_length": 0.5, "elements": 2, "damping": 0.02}
+    return chain([1.0], [0.05], **rod, **spec)
 
 
 def limited(**motors):
@@ -81,12 +62,12 @@ def test_numbers_of_saturated_motors():
     rows[5:10, 0], rows[20:32, 0], rows[:, 1] = 3.0, -2.5, 1.9
     for delay in (0.0, 0.0025):
         hardware = fa.Hardware(motors=fa.Motors(torque_limit=2.0, delay=delay, time_constant=TICK))
-        run = fa.simulate(arm, 0.04, controller=Script(rows), hardware=hardware)
+        run = fa.simulate(arm, 0.04, controller=Script(rows, TICK), hardware=hardware)
         np.testing.assert_allclose(run.saturation, [17 / 40, 0.0], rtol=1e-9)
         np.testing.assert_allclose(run.longest_saturation, [0.012, 0.0], rtol=1e-9)
         assert run.saturation.attrs["units"] == "1"
         assert run.longest_saturation.attrs["units"] == "s"
-    assert "saturation" not in fa.simulate(arm, 0.04, controller=Script(rows))
+    assert "saturation" not in fa.simulate(arm, 0.04, controller=Script(rows, TICK))
 
 
 def test_a_bounded_limit_gives_no_warning():
@@ -117,6 +98,7 @@ def test_a_motor_too_weak_for_gravity_is_reported():
     assert "torque_limit" not in warned[0]  # a PD has no integral, and no argument for it
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_warnings_agree_with_the_harm_on_random_arms():
@@ -195,6 +177,10 @@ def test_joint_stops():
     assert run.stop_hits[0] == np.sum(np.diff((abs(angle) > 0.5).astype(int)) > 0) >= 2
     assert np.isnan([run.stop_depth[1], run.stop_hits[1]]).all()
     assert not warned
+    # Most impacts are shorter than the time between two samples.
+    for rate in (10.0, 4.0):
+        rare = fa.simulate(arm, 3.0, initial_rate=arm.rest([2.0, 0.0]), rate=rate)
+        assert rare.stop_hits[0] == run.stop_hits[0]
     joints = [fa.Joint(limits=limits.replace(stiffness=10.0)), fa.Joint(damping=5.0)]
     soft = fa.Arm(links=[link, link], joints=joints)
     _, warned = texts(soft, 3.0, initial_rate=arm.rest([2.0, 0.0]))
@@ -214,6 +200,7 @@ def test_depth_of_contacts():
     assert len(warned) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")
 def test_batches_have_the_numbers_of_single_runs():
     arm = one_link()

@@ -154,16 +154,3 @@ def test_load_with_a_controller():
     load = fa.Load(1, (0.0, 5.0), frame="link")
     result = fa.simulate(arm, 3.0, controller=controller, reference=hold, loads=[load], rate=100)
     assert result.joint_angle.values[-1, 0] == pytest.approx(0.1, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"loads": [fa.Load(1, (0.0, 1.0), factor=lambda t: float("nan"))]},
-        {"base_acceleration": lambda t: (1.0, 2.0, 3.0)},
-        {"base_acceleration": (1.0, 2.0, 3.0)},
-    ],
-)
-def test_wrong_functions_are_rejected(fields):
-    with pytest.raises(fa.InputError, match="simulate:"):
-        fa.simulate(clamped(), 0.1, **fields)

@@ -157,15 +157,3 @@ def test_misspelled_requirement_has_a_suggestion(arm, read):
         fa.simulate(arm, 0.01, controller=Own(read))
     assert "no instrument measures 'joint_angel'" in str(e.value)
     assert "Did you mean 'joint_angle'?" in str(e.value)
-
-
-def test_misspelled_names_of_other_arguments_have_suggestions():
-    arm = arm_of(2)
-    with pytest.raises(fa.InputError, match=r"Did you mean 'joint_angle'\?"):
-        fa.Instrument("joint_angel")
-    with pytest.raises(fa.InputError, match=r"Did you mean 'joint_angle'\?"):
-        fa.LQG(arm, measured={"joint_angel": 1e-4})
-    with pytest.raises(fa.InputError, match=r"Did you mean 'payload.mass'\?"):
-        fa.Adaptive(arm, 1.0, 1.0, 1.0, parameters=["payload.mas"])
-    with pytest.raises(fa.InputError, match=r"Did you mean 'payload.mass'\?"):
-        fa.Adaptive(arm, 1.0, 1.0, 1.0, bounds={"payload.mas": (0.0, 1.0)})

@@ -36,6 +36,9 @@ def assert_same(one, other):
         np.testing.assert_array_equal(getattr(one, name)(TIMES), getattr(other, name)(TIMES))
 
 
+@pytest.mark.thorough_cases(
+    "{}-options0", "{method: ei, tolerance: 0.1, modes: [2], joints: free}-None"
+)
 @pytest.mark.parametrize(
     ("keys", "options"),
     [

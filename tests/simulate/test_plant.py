@@ -9,6 +9,7 @@ import pytest
 from numba import typeof
 
 import flexarm as fa
+from arms import two_rods
 from flexarm.arm.bending import theory_error
 from flexarm.simulation.run.validity import BendingWatch
 
@@ -16,14 +17,11 @@ from flexarm.simulation.run.validity import BendingWatch
 TICK = 2.0**-9
 LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
 START = [0.2, -0.4]
-WALL = fa.Wall((3.0, 0.0), (-1.0, 0.0))
 
 
 @pytest.fixture(scope="module")
 def arm():
-    gauges = [fa.Gauge(station=0.1, distance=0.005)]
-    links = [fa.Link(length=0.8, gauges=gauges, **LINK), fa.Link(length=0.6, **LINK)]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03)])
+    return two_rods(gauged=1)
 
 
 @pytest.fixture(scope="module")
@@ -165,55 +163,9 @@ def test_memory_does_not_grow(arm):
     plant = fa.Plant(arm, TICK, NOISY)
     for _ in range(50):
         plant.step([0.1, 0.0])
-    acting = plant._schedule.acting
+    acting = plant._loop.acting
     assert len(acting._since) == len(acting._target) == 1
     assert len(acting._waiting) <= 2
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"arm": "arm"}, "arm must be an Arm"),
-        ({"sample_time": 0.0}, "sample_time must be greater than 0"),
-        ({"sample_time": np.nan}, "sample_time"),
-        ({"hardware": fa.Motors()}, "hardware must be a Hardware object"),
-        ({"integrator": "euler"}, "integrator must be one of"),
-        ({"rtol": -1.0}, "rtol must be greater than 0"),
-        ({"duration": -1.0}, "duration must be greater than 0"),
-        ({"tip_force": [1.0]}, "tip_force"),
-        ({"loads": [fa.Load(3, (0, 1))]}, "link"),
-        ({"base_acceleration": lambda t: [0, 0]}, "duration is required with loads or a base"),
-        (
-            {"loads": [fa.Load(1, (0, 1), factor=np.sin)]},
-            "duration is required with loads or a base",
-        ),
-        (
-            {"loads": [fa.Load(3, (0, 1))]},
-            r"^Plant: Load\.link must be the number of a link, 1 to 2",
-        ),
-        ({"contacts": [fa.Contact(WALL, 1e4, link=3)]}, r"^Plant: Contact\.link must be the num"),
-        ({"contacts": [WALL]}, "^Plant: contacts must be a list of Contact objects"),
-        ({"integrator": "euler"}, "^Plant: integrator"),
-        (
-            {"loads": [fa.Load(2, (0, 1), factor=lambda t: "full")], "duration": 1.0},
-            r"^Plant: Load\.factor\(",
-        ),
-        ({"base_acceleration": ([0.0, 1.0], [1.0]), "duration": 1.0}, "^Plant: base_accelera"),
-        ({"base_acceleration": lambda t: [t], "duration": 1.0}, "^Plant: base_acceleration"),
-        (
-            {"hardware": fa.Hardware([fa.Instrument(fa.Sensor("position", 3))])},
-            r"^Plant: Sensor\.link must be the number of a link, 1 to 2",
-        ),
-        (
-            {"hardware": fa.Hardware([fa.Instrument("tip", sample_time=0.0003)])},
-            "multiple of the controller's sample time",
-        ),
-    ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
-)
-def test_wrong_arguments_are_rejected(arm, arguments, message):
-    with pytest.raises(fa.InputError, match=message):
-        fa.Plant(**{"arm": arm, **arguments})
 
 
 def test_wrong_torques_and_starts_change_nothing(arm):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import ROD, table_one_arm
+from arms import ROD, table_one_arm
 
 
 def swing(amplitude, omega, phase=0.0):
@@ -102,48 +102,3 @@ def test_prescribed_joint_of_an_arm_with_segments():
     result = fa.simulate(arm, 0.5, prescribed={2: swing(0.5, 6.0)}, rate=100)
     exact = 0.5 * np.sin(6.0 * result.time.values)
     np.testing.assert_allclose(result.joint_angle.values[:, 1], exact, atol=2e-8)
-
-
-@pytest.mark.parametrize("joint", [0, 3, "elbow"])
-def test_unknown_joint_is_rejected(joint):
-    with pytest.raises(
-        fa.InputError, match=r"prescribed must be the number of a joint that is not fixed \(1, 2\)"
-    ):
-        fa.simulate(table_one_arm(), 0.1, prescribed={joint: swing(1.0, 1.0)})
-
-
-def test_prescribed_joints_cannot_be_combined_with_a_controller():
-    arm = table_one_arm()
-    motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 1.0], 0.1)
-    controller = fa.JointPD([1.0, 1.0], [1.0, 1.0], 1e-3)
-    with pytest.raises(fa.InputError, match="prescribed cannot be combined with a controller"):
-        fa.simulate(
-            arm, 0.1, controller=controller, reference=motion, prescribed={1: swing(1.0, 1.0)}
-        )
-
-
-def test_rate_that_is_not_the_derivative_is_rejected():
-    """0.5 sin 3t has the rate 1.5 cos 3t."""
-    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
-    wrong = fa.PrescribedAngle(
-        lambda t: 0.5 * np.sin(3 * t), lambda t: 1.4 * np.cos(3 * t), lambda t: -4.2 * np.sin(3 * t)
-    )
-    with pytest.raises(fa.InputError, match=r"prescribed\[1\].rate must be the derivative"):
-        fa.simulate(arm, 1.0, prescribed={1: wrong})
-
-
-@pytest.mark.parametrize(
-    ("prescribed", "message"),
-    [({1: 0.3}, "be a PrescribedAngle or a motion"), ([0.3], "be a mapping of joint numbers")],
-)
-def test_wrong_motions_are_rejected(prescribed, message):
-    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
-    with pytest.raises(fa.InputError, match=message):
-        fa.simulate(arm, 1.0, prescribed=prescribed)
-
-
-@pytest.mark.parametrize("loads", [fa.Load(1, (0, 1)), None, [{"link": 1}]])
-def test_wrong_loads_are_rejected(loads):
-    arm = fa.Arm(links=[fa.Link(length=1.0, mass_per_length=1.0, flexible=False)])
-    with pytest.raises(fa.InputError, match="loads must be a list of Load objects"):
-        fa.simulate(arm, 1.0, loads=loads)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulation.real_time.clock import SampleTimes
-from flexarm.simulation.real_time.partners import OwnController
-from flexarm.simulation.real_time.plant_side import PlantLoop
+from arms import chain
+from flexarm.simulation.real_time.loops import PlantLoop
+from flexarm.simulation.real_time.partners import OwnController, SampleTimes
 
 H = 0.001
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.6}
@@ -25,17 +25,8 @@ SENT = READINGS | dict.fromkeys(("reference_angle", "reference_rate", "reference
 
 
 def arm():
-    gauge = fa.Gauge(station=0.05, distance=0.005)
-    return fa.Arm(
-        links=[
-            fa.Link(length=1.4, elements=2, gauges=[gauge], **ROD),
-            fa.Link(length=1.0, elements=1, **ROD),
-        ],
-        joints=[
-            fa.Joint(hub_inertia=0.1),
-            fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
-        ],
-    )
+    joints = [0.1, {"mass": 0.5, "hub_inertia": 0.02, "housing_inertia": 0.02}]
+    return chain((1.4, 1.0), joints, gauge=(0.05, 0.005), gauged=1, elements=[2, 1], **ROD)
 
 
 def controller():

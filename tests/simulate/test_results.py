@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
+from arms import unit_link
 from flexarm.simulation.run.channels import CHANNELS
 
 #: Channels of runs with contacts; torque_command is that of closed loops.
@@ -119,6 +120,7 @@ def test_result_contains_its_arm(result, arm, tmp_path):
     assert fa.load_arm(path).spec == arm.spec
 
 
+@pytest.mark.thorough
 def test_netcdf_round_trip(result, tmp_path):
     path = tmp_path / "run.nc"
     result.to_netcdf(path, engine="h5netcdf")
@@ -194,16 +196,13 @@ def test_rates_are_the_derivatives_of_their_channels(arm):
         assert abs(gained - mean).max() < 0.01 * abs(slopes).max(), name
 
 
-def one_link():
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
-
-
+@pytest.mark.thorough
 @settings(max_examples=60)
 @given(st.integers(1, 400), st.sampled_from([1.0, 3.0, 10.0, 30.0, 44.1, 100.0, 1000.0, 1 / 3]))
 def test_samples_are_at_multiples_of_the_period_despite_rounding(count, rate):
     """Durations are sums of periods, as in a loop of a user."""
     duration = float(np.sum([1.0 / rate] * count))
-    result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
+    result = fa.simulate(unit_link(), duration, initial_rate=[1.0], rate=rate)
     assert result.sizes["time"] == count + 1
     np.testing.assert_allclose(result.time, np.arange(count + 1) / rate, rtol=1e-13)
     np.testing.assert_allclose(result.joint_angle[:, 0], result.time, rtol=1e-12)
@@ -214,7 +213,7 @@ def test_samples_are_at_multiples_of_the_period_despite_rounding(count, rate):
     [(1.0, 1000.0, 1001), (0.25, 10.0, 3), (0.05, 10.0, 1), (1 / 3, 30.0, 11), (2.0, 0.3, 1)],
 )
 def test_last_sample_is_within_the_duration(duration, rate, count):
-    result = fa.simulate(one_link(), duration, initial_rate=[1.0], rate=rate)
+    result = fa.simulate(unit_link(), duration, initial_rate=[1.0], rate=rate)
     assert result.sizes["time"] == count
     np.testing.assert_allclose(result.joint_angle[:, 0], np.arange(count) / rate, rtol=1e-12)
 
@@ -244,7 +243,7 @@ def test_equal_calls_give_equal_digits(arm):
 
 
 def test_rigid_arms_and_arms_without_gauges():
-    result = fa.simulate(one_link(), 0.01, rate=100.0)
+    result = fa.simulate(unit_link(), 0.01, rate=100.0)
     assert "strain" not in result
     assert "gauge" not in result.dims
     assert "bending_moment" not in result

@@ -10,21 +10,16 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 TICK = 0.002
 ANGLES = np.array([0.3, 0.8])
 
 
 def arm():
-    rod = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
-    gauge = fa.Gauge(station=0.0, distance=0.005)
-    return fa.Arm(
-        links=[
-            fa.Link(length=0.8, damping=fa.ModalDamping(ratio=0.01), gauges=[gauge], **rod),
-            fa.Link(length=0.6, damping=fa.ModalDamping(ratio=0.01), gauges=[gauge], **rod),
-        ],
-        joints=[fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.05, mass=0.2)],
-    )
+    rod = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1, "damping": 0.01}
+    joints = [0.05, {"hub_inertia": 0.05, "mass": 0.2}]
+    return chain((0.8, 0.6), joints, gauge=(0.0, 0.005), **rod)
 
 
 def sampled_plant(model_arm):

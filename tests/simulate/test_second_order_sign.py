@@ -49,6 +49,7 @@ def test_energy_is_conserved_after_a_sudden_torque():
     np.testing.assert_allclose(total, total[0], rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_fine_mesh_agrees_with_a_coarse_one():
     """All 128 modes per link."""
     fine, coarse = (run(table_one_arm(elements=k), 0.002) for k in (64, 8))
@@ -56,6 +57,7 @@ def test_fine_mesh_agrees_with_a_coarse_one():
     np.testing.assert_allclose(fine.tip.values, coarse.tip.values, rtol=0, atol=2e-5)
 
 
+@pytest.mark.sampled("0.02-8", "1.0-8")
 @pytest.mark.parametrize("elements", [8, 64])
 @pytest.mark.parametrize("deflection", [0.02, 0.2, 1.0])
 def test_mass_matrix_is_positive(elements, deflection):

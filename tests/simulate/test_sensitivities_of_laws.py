@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from controllers import Law
 
 pytestmark = pytest.mark.compiled
 LINK = fa.Link(length=1.0, mass_per_length=1.0, flexural_rigidity=1e3)
@@ -11,31 +12,21 @@ ARM = fa.Arm(links=[LINK], gravity=(0.0, 0.0)).rigid()
 FIXED = {"integrator": "rk4", "step": 1e-3, "rate": 100.0}
 
 
-class Law(fa.Controller):
-    """Torque by a function of the measurement."""
-
-    sample_time = 0.01
-    memory = ()
-
-    def __init__(self, torque):
-        self.torque = torque
-
-    def update(self, t, measurement, reference):
-        return [self.torque(measurement)]
+def of_reading(torque):
+    """Return a controller whose torque is a function of the readings."""
+    return Law(lambda readings, inputs: [torque(readings)])
 
 
 class ConditionalIntegral(fa.Controller):
     sample_time = 0.01
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum = 0.0
+    def initial_memory(self, readings, inputs):
+        return {"sum": 0.0}
 
-    def update(self, t, measurement, reference):
-        error = measurement.joint_angle[0] - 0.3
-        if abs(error) < 0.01:
-            self.sum = self.sum + error
-        return [-5.0 * error - measurement.joint_rate[0] - 50.0 * self.sum]
+    def step(self, memory, readings, inputs):
+        error = readings.joint_angle[0] - 0.3
+        total = memory["sum"] + (error if abs(error) < 0.01 else 0.0)
+        return {"sum": total}, [-5.0 * error - readings.joint_rate[0] - 50.0 * total]
 
 
 def damped(measurement):
@@ -77,11 +68,11 @@ def test_a_branch_that_few_samples_take():
 def test_faults_of_instruments(kind, size):
     fault = fa.InstrumentFault(kind, size, start=0.1)
     read = [fa.Instrument("joint_angle", faults=[fault]), fa.Instrument("joint_rate")]
-    given = {"controller": Law(damped), "hardware": fa.Hardware(instruments=read)}
+    given = {"controller": of_reading(damped), "hardware": fa.Hardware(instruments=read)}
     assert slope("initial_rate[0]", **given) == pytest.approx(by_rate(**given), rel=1e-7)
 
 
-RATE_ALONE = Law(lambda measurement: -measurement.joint_rate[0])
+RATE_ALONE = of_reading(lambda measurement: -measurement.joint_rate[0])
 
 
 def test_the_rate_of_a_limited_angle():
@@ -106,12 +97,12 @@ def test_a_rate_above_the_limit_of_its_angle():
 )
 def test_corners_and_rounding(torque):
     with pytest.raises(fa.InputError, match="be differentiable"):
-        slope("initial[0]", Law(torque), rate=0.01)
+        slope("initial[0]", of_reading(torque), rate=0.01)
 
 
 def test_a_corner_that_no_parameter_reaches():
     """The rate is zero at the start, where the law has a corner in it, whatever the angle is."""
-    law = Law(lambda m: -5.0 * m.joint_angle[0] - 0.5 * abs(m.joint_rate[0]))
+    law = of_reading(lambda m: -5.0 * m.joint_angle[0] - 0.5 * abs(m.joint_rate[0]))
     plain = slope("initial[0]", law, angle=0.3, rate=0.0)
     step = 1e-6
     ends = [
@@ -126,7 +117,7 @@ def test_a_corner_that_no_parameter_reaches():
 
 @pytest.mark.parametrize("limit", [0.3, 1.45])
 def test_a_torque_limit_within_a_law_is_no_rounding(limit):
-    law = Law(lambda m: float(np.clip(damped(m), -limit, limit)))
+    law = of_reading(lambda m: float(np.clip(damped(m), -limit, limit)))
     given = {"controller": law, "angle": 0.2}
     assert slope("initial_rate[0]", **given) == pytest.approx(by_rate(**given), rel=1e-6)
 
@@ -138,7 +129,9 @@ def test_a_dead_band_is_no_rounding():
         error = measurement.joint_angle[0] - 0.3
         return -5.0 * np.sign(error) * max(0.0, abs(error) - 1e-3)
 
-    assert slope("initial[0]", Law(torque), angle=0.3, rate=0.0) == pytest.approx(1.0, abs=1e-12)
+    assert slope("initial[0]", of_reading(torque), angle=0.3, rate=0.0) == pytest.approx(
+        1.0, abs=1e-12
+    )
 
 
 class Surface:

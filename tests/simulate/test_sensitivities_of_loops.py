@@ -8,10 +8,11 @@ import pytest
 
 import flexarm as fa
 from central_differences import differences
+from controllers import Law, Plain
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.kernels.layout import ArmConstants
-from flexarm.linear.step_derivatives.complex_step import stepper_of
-from flexarm.linear.step_derivatives.formulas import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at
+from flexarm.linear.step_derivatives.step_jacobian import stepper_of
 from flexarm.model.paths import number_at, number_paths, with_number
 from random_arms import random_spec
 
@@ -114,13 +115,11 @@ def agrees(arm, duration, path, given, step=2e-3, **more):
 
 
 FIXED = {"integrator": "rk4", "step": SAMPLE_TIME / 8, "rate": 1.0 / SAMPLE_TIME}
-#: Controllers whose update is not a smooth function of declared memory and readings, with a text of
-#: the message.
-REFUSED = dict.fromkeys(
-    ("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "declare its memory"
-)
+#: Controllers without a step that can be linearised, with a text of the message.
+REFUSED = dict.fromkeys(("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "have a step")
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_controller_against_differences_or_with_a_reason(name):
     arm = two_links()
@@ -134,6 +133,7 @@ def test_every_controller_against_differences_or_with_a_reason(name):
     agrees(arm, 0.06, "initial[0]", {**given, "initial": arm.rest([0.25, -0.4])}, step=1e-5)
 
 
+@pytest.mark.thorough_cases("2")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_random_arms(seed):
     arm = fa.Arm(random_spec(np.random.default_rng(seed), links=2, elements=2))
@@ -172,15 +172,18 @@ def test_instruments_and_motors():
 def test_other_channels_as_readings():
     class TipSpring(fa.Controller):
         sample_time = SAMPLE_TIME
-        memory = ()
 
-        def update(self, t, measurement, reference):
-            x, y = measurement.tip
-            return [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * measurement.joint_rate[1]]
+        def planned(self, t, reference):
+            return {}
+
+        def step(self, memory, readings, inputs):
+            x, y = readings.tip
+            return memory, [-3.0 * np.sin(y) * x, 2.0 * x * y - 0.1 * readings.joint_rate[1]]
 
     arm = two_links()
     read = [fa.Instrument("tip"), fa.Instrument("joint_rate")]
-    given = {"controller": TipSpring(), "hardware": fa.Hardware(instruments=read), **FIXED}
+    given = {"hardware": fa.Hardware(instruments=read), **FIXED}
+    given["controller"] = TipSpring()
     given["initial"] = arm.rest([0.2, 0.4])
     agrees(arm, 0.1, "links[0].mass_per_length", given)
     agrees(arm, 0.1, "initial[1]", given)
@@ -206,6 +209,7 @@ def test_first_angles_without_a_reference():
     agrees(arm, 0.1, "initial[0]", given)
 
 
+@pytest.mark.thorough
 def test_a_start_that_a_controller_stores_without_declaring_it():
     arm = two_links()
     given = {"controller": example("lqg"), "initial": arm.rest([0.3, 0.1]), **FIXED}
@@ -219,30 +223,26 @@ class Own(fa.Controller):
     """A law of a user; subclasses say how it goes on."""
 
     sample_time = SAMPLE_TIME
-    memory = ("sum",)
 
-    def reset(self):
-        self.sum, self.hidden = np.zeros(2), np.zeros(2)
+    def initial_memory(self, readings, inputs):
+        return {"sum": np.zeros(2)}
 
-    def update(self, t, measurement, reference):
-        self.sum = self.sum + 0.1 * np.tanh(measurement.joint_angle)
-        damping = [0.8, 0.3] * np.tanh(measurement.joint_rate)
-        return -np.sin(measurement.joint_angle) - damping - 0.1 * self.sum * np.cos(self.sum)
+    def step(self, memory, readings, inputs):
+        total = memory["sum"] + 0.1 * np.tanh(readings.joint_angle)
+        damping = [0.8, 0.3] * np.tanh(readings.joint_rate)
+        torque = -np.sin(readings.joint_angle) - damping - 0.1 * total * np.cos(total)
+        return {"sum": total}, torque
 
 
 class Undeclared(Own):
-    memory = ()
+    hidden = np.zeros(2)
 
-    def update(self, t, measurement, reference):
-        self.hidden = self.hidden + measurement.joint_angle
-        return -0.1 * self.hidden
+    def step(self, memory, readings, inputs):
+        self.hidden = self.hidden + readings.joint_angle
+        return memory, -0.1 * self.hidden
 
 
-class Switching(Own):
-    memory = ()
-
-    def update(self, t, measurement, reference):
-        return -0.1 * np.sign(measurement.joint_rate)
+SWITCHING = Law(lambda readings, inputs: -0.1 * np.sign(readings.joint_rate), SAMPLE_TIME)
 
 
 def test_a_controller_of_the_user():
@@ -255,8 +255,8 @@ def test_a_controller_of_the_user():
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"controller": Undeclared()}, "more than its memory and readings"),
-        ({"controller": Switching(), "initial": None}, "be differentiable"),
+        ({"controller": Undeclared()}, "more than its memory, readings"),
+        ({"controller": SWITCHING, "initial": None}, "be differentiable"),
         (
             {"hardware": fa.Hardware(instruments=[fa.Instrument("joint_angle", resolution=1e-3)])},
             r"instruments\[0\].resolution is not supported",
@@ -280,30 +280,10 @@ def test_what_has_no_derivative_is_named(changes, text):
         fa.sensitivities(arm, 0.02, **given | changes)
 
 
-def test_a_law_that_does_not_declare_its_memory():
-    class Plain:
-        sample_time = SAMPLE_TIME
-
-        def reset(self):
-            pass
-
-        def update(self, t, measurement, reference):
-            return -measurement.joint_angle
-
-    with pytest.raises(fa.InputError, match="declare its memory"):
-        fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=Plain())
-
-
-def test_readings_at_the_limit_of_their_instrument():
-    limited = fa.Hardware(
-        instruments=[fa.Instrument("joint_angle", limit=0.3), fa.Instrument("joint_rate")]
-    )
-    arm = two_links()
-    with pytest.raises(fa.InputError, match="limit is reached by joint_angle"):
-        fa.sensitivities(
-            arm, 0.1, ["links[1].mass_per_length"], controller=example("joint_pd"),
-            initial=arm.rest([0.5, 0.0]), hardware=limited, **FIXED,
-        )  # fmt: skip
+def test_a_controller_without_a_step():
+    plain = Plain(lambda t, measurement, reference: -measurement.joint_angle, SAMPLE_TIME)
+    with pytest.raises(fa.InputError, match="have a step"):
+        fa.sensitivities(two_links(), 0.02, ["links[1].mass_per_length"], controller=plain)
 
 
 def test_more_than_eight_parameters_equal_single_ones():

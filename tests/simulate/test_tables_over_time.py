@@ -5,6 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from arms import unit_link
 from flexarm.arm.actions.environment import Environment
 from flexarm.simulation.histories.loads import load_history
 
@@ -12,11 +13,6 @@ ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 FINE = {"rtol": 1e-10, "atol": 1e-12}
 #: Rounding of sums of numbers of size one.
 ROUNDING = 1e-12
-
-
-def bar():
-    """A rigid bar with a moment of inertia of 1 kg m^2 about its joint."""
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 def rod(**fields):
@@ -30,7 +26,7 @@ def history(arm, *loads, base=None):
 class TestFactors:
     def test_values_between_and_beyond_the_times(self):
         table = ([0.2, 0.4, 0.4, 0.8], [1.0, 2.0, -1.0, 3.0])
-        found = history(bar(), fa.Load(1, (0.0, 1.0), factor=table))
+        found = history(unit_link(), fa.Load(1, (0.0, 1.0), factor=table))
         times = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9, 1.0])
         exact = [1.0, 1.0, 1.0, 1.5, -1.0, 0.0, 1.0, 3.0, 3.0, 3.0]
         np.testing.assert_allclose(found.at(times)[:, 0], exact, atol=ROUNDING)
@@ -40,14 +36,14 @@ class TestFactors:
 
     def test_integrator_stops_at_bends_and_jumps_only(self):
         table = ([0.0, 0.25, 0.5, 0.5, 0.75], [0.0, 1.0, 2.0, 2.0, 3.0])
-        assert history(bar(), fa.Load(1, (0.0, 1.0), factor=table)).stops.tolist() == [0.75]
+        assert history(unit_link(), fa.Load(1, (0.0, 1.0), factor=table)).stops.tolist() == [0.75]
         for still in (([0.3], [2.0]), ([0.3, 0.6], [2.0, 2.0])):
-            found = history(bar(), fa.Load(1, (0.0, 1.0), factor=still))
+            found = history(unit_link(), fa.Load(1, (0.0, 1.0), factor=still))
             assert found.stops.size == 0
             assert found.at(np.array([0.0, 0.5, 1.0]))[:, 0].tolist() == [2.0, 2.0, 2.0]
 
     def test_table_that_begins_before_the_run(self):
-        found = history(bar(), fa.Load(1, (0.0, 1.0), factor=([-1.0, 3.0], [0.0, 4.0])))
+        found = history(unit_link(), fa.Load(1, (0.0, 1.0), factor=([-1.0, 3.0], [0.0, 4.0])))
         np.testing.assert_allclose(
             found.at(np.array([0.0, 0.5, 1.0]))[:, 0], [1.0, 1.5, 2.0], atol=ROUNDING
         )
@@ -55,7 +51,7 @@ class TestFactors:
     def test_momentum_after_a_ramp_and_a_jump(self):
         """Moment over inertia, integrated by hand."""
         load = fa.Load(1, moment=2.0, factor=([0.1, 0.3, 0.3, 0.4], [0.0, 1.0, 3.0, 0.0]))
-        result = fa.simulate(bar(), 0.6, loads=[load], rate=10)
+        result = fa.simulate(unit_link(), 0.6, loads=[load], rate=10)
         rates = result.joint_rate.values[:, 0]
         area = [0.0, 0.0, 0.025, 0.1, 0.25, 0.25, 0.25]  # of the factor, at tenths of a second
         # The right side is piecewise linear, so every method is exact.
@@ -114,9 +110,9 @@ class TestFactors:
 
     def test_failing_function_is_reported_by_its_name(self):
         with pytest.raises(fa.InputError, match=r"simulate: Load.factor\(.*\) must be"):
-            fa.simulate(bar(), 0.1, loads=[fa.Load(1, (0.0, 1.0), factor=lambda t: "much")])
+            fa.simulate(unit_link(), 0.1, loads=[fa.Load(1, (0.0, 1.0), factor=lambda t: "much")])
         with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\(.*\)\[1\] must be"):
-            fa.simulate(bar(), 0.1, base_acceleration=lambda t: (0.0, np.inf))
+            fa.simulate(unit_link(), 0.1, base_acceleration=lambda t: (0.0, np.inf))
 
 
 class TestBase:
@@ -137,7 +133,7 @@ class TestBase:
     @pytest.mark.parametrize("table", [([0, 1], [1.0, 2.0]), ([1, 0], [[0, 1], [0, 1]])])
     def test_wrong_tables_are_rejected(self, table):
         with pytest.raises(fa.InputError, match=r"simulate: base_acceleration\.(values|times)\["):
-            fa.simulate(bar(), 0.1, base_acceleration=table)
+            fa.simulate(unit_link(), 0.1, base_acceleration=table)
 
 
 class TestAngles:
@@ -168,12 +164,12 @@ class TestAngles:
 
     def test_free_ends_must_cover_the_run(self):
         given = fa.PrescribedAngle.table([0.0, 0.5, 1.0], [0.0, 0.1, 0.0], ends="free")
-        fa.simulate(bar(), 1.0, prescribed={1: given}, rate=10)
+        fa.simulate(unit_link(), 1.0, prescribed={1: given}, rate=10)
         with pytest.raises(fa.InputError, match=r"cover the run from 0 to its end .* got 0 to 1\."):
-            fa.simulate(bar(), 1.01, prescribed={1: given}, rate=10)
+            fa.simulate(unit_link(), 1.01, prescribed={1: given}, rate=10)
         late = fa.PrescribedAngle.table([0.1, 0.5, 1.0], [0.0, 0.1, 0.0], ends="free")
         with pytest.raises(fa.InputError, match=r"cover the run from 0 to .* got 0\.1 to 1"):
-            fa.simulate(bar(), 1.0, prescribed={1: late}, rate=10)
+            fa.simulate(unit_link(), 1.0, prescribed={1: late}, rate=10)
 
     def test_constant_angle(self):
         given = fa.PrescribedAngle.hold(0.4)

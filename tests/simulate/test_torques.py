@@ -7,16 +7,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
+from arms import unit_link
 from constant_torques import parabolas
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import find_kinks, sampled_torque
 from strategies import between
-
-
-def unit_link():
-    """Return one rigid link with an inertia of 1 kg m^2 about its joint: acceleration is torque."""
-    return fa.Arm(links=[fa.Link(length=1.0, mass_per_length=3.0, flexible=False)])
 
 
 def end_of(result):
@@ -110,22 +106,6 @@ def test_spline_does_not_oscillate_at_a_kink():
     np.testing.assert_allclose(
         history.at(fine)[:, 0], 1.0 - 2.0 * abs(fine - 0.5), rtol=0, atol=1e-13
     )
-
-
-@pytest.mark.parametrize(
-    ("values", "interpolation", "name"),
-    [
-        (np.zeros((5, 1)), "quintic", "torque_interpolation"),
-        (np.zeros((5, 2)), "cubic", "torque"),
-        (np.zeros(5), "hold", "torque"),
-        (np.zeros((3, 1)), "linear", "torque"),
-        (np.full((5, 1), np.nan), "cubic", "torque"),
-        (np.zeros((0, 1)), "hold", "torque"),
-    ],
-)
-def test_wrong_samples_are_rejected(values, interpolation, name):
-    with pytest.raises(fa.InputError, match=f"simulate: {name}"):
-        fa.simulate(unit_link(), 1.0, torque=values, rate=4.0, torque_interpolation=interpolation)
 
 
 @pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
@@ -252,12 +232,6 @@ def test_vectorized_function_is_called_once_for_many_times():
     plain = function_history(lambda t: [np.sin(t), np.cos(t)], 2.0, 2, 1e-8)
     times = np.linspace(0, 2, 50)
     np.testing.assert_allclose(history.at(times), plain.at(times), rtol=0, atol=1e-14)
-
-
-@pytest.mark.parametrize("answer", [1.0, [1.0, 2.0], [np.nan], None, "1"], ids=str)
-def test_wrong_values_of_functions_are_reported(answer):
-    with pytest.raises(fa.InputError, match=r"simulate: torque\("):
-        fa.simulate(unit_link(), 1.0, torque=lambda t: answer)
 
 
 @pytest.mark.parametrize("row", [np.zeros(1), [0.0]], ids=["array", "list"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import laboratory_arm
+from arms import chain, laboratory_arm
 
 GAIN = [30.0, 8.0]
 NAMES = [
@@ -23,12 +23,9 @@ LIMIT = 3.0
 
 
 def make_arm():
-    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.6, "elements": 1}
-    damping = fa.ModalDamping(ratio=0.005)
-    links = [fa.Link(length=length, damping=damping, **rod) for length in (1.0, 0.8)]
+    rod = {"flexural_rigidity": 600.0, "mass_per_length": 0.6, "elements": 1, "damping": 0.005}
     elbow = fa.Joint(mass=0.5, hub_inertia=0.05, housing_inertia=0.05)
-    joints = [fa.Joint(hub_inertia=0.2), elbow]
-    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.4))
+    return chain((1.0, 0.8), [0.2, elbow], payload=0.4, **rod)
 
 
 ARM = make_arm()
@@ -96,6 +93,7 @@ def times_as_believed(controller):
     return errors[:, 1] / errors[:, 0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("made", [adaptive, sliding_mode, network])
 def test_errors_grow_at_most_threefold_with_twice_the_payload_and_softer_links(made):
     assert np.all(times_as_believed(made()) <= LIMIT)
@@ -107,6 +105,7 @@ def test_errors_of_computed_torque_grow_more():
     assert np.all(times_as_believed(plain) > LIMIT)
 
 
+@pytest.mark.thorough
 def test_errors_of_sliding_mode_at_the_end_of_its_range_grow_more():
     """The layer and the bounds cover the payload only: joint errors are 6 times as large."""
     careless = fa.SlidingMode(

@@ -5,23 +5,16 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 
 HIGHEST = 19806.0  # rad/s, of ``hubbed`` stretched out
 
 
 def hubbed(damping=0.0):
     """Return two links of small elements with all modes, whose joints have little inertia."""
-    links = [
-        fa.Link(
-            length=0.7,
-            flexural_rigidity=1000.0,
-            mass_per_length=0.54,
-            elements=2,
-            damping=fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=damping),
-        )
-        for _ in range(2)
-    ]
-    return fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.1)])
+    rod = {"flexural_rigidity": 1000.0, "mass_per_length": 0.54, "elements": 2}
+    rod["damping"] = fa.RayleighDamping(mass_coefficient=0.0, stiffness_coefficient=damping)
+    return chain((0.7, 0.7), [0.1, 0.1], **rod)
 
 
 def run(arm, duration, torque, **settings):
@@ -83,11 +76,7 @@ def test_step_too_long_for_the_damping_is_shortened():
 
 def spun():
     """Two light links."""
-    links = [
-        fa.Link(length=0.6, flexural_rigidity=60.0, mass_per_length=0.5, elements=1)
-        for _ in range(2)
-    ]
-    return fa.Arm(links=links)
+    return chain((0.6, 0.6), flexural_rigidity=60.0, mass_per_length=0.5, elements=1)
 
 
 def test_motion_too_fast_for_the_step_is_stopped():

@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.integrate import DormandPrince8
-from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.calls.preparation import integrator_of
 from random_arms import random_spec
 
 #: Fall of a rigid rod of 1 m from the horizontal for one second, under 9.81 m/s^2: its tip (m).
@@ -76,7 +76,7 @@ def test_work_of_random_arms_is_near_that_of_the_best_method(power):
         duration = float(10.0 ** rng.uniform(-3.0, 1.5 if power >= 4 else 0.3))
         arm, settings = drawn(seed, 10.0**power)
         settings |= {"rate": 10.0 / duration, "progress": False}
-        choice = integrator_of(arm, duration, "auto", None, settings)
+        choice = integrator_of(arm, duration=duration, **settings)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", fa.LargeDeflectionWarning)
             try:
@@ -118,6 +118,7 @@ def test_an_hour_of_a_slow_arm_and_of_a_stiff_one():
     assert result.tip.values[-1, 1] == pytest.approx(-1.0, abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_hopeless_runs_are_refused_with_the_remedy():
     arm = rod(1e10)
     for name in ("dormand_prince_8", "rk4"):
@@ -162,5 +163,5 @@ def test_loops_and_plants_follow_no_vibration_that_turns_often_in_a_sample():
 def test_check_recommends_the_integrator_of_the_run():
     for rigidity, name in ((1e8, "kennedy_carpenter_5"), (100.0, "dormand_prince_8")):
         arm = rod(rigidity)
-        choice = integrator_of(arm, 1.0, "auto", None, {})
+        choice = integrator_of(arm, duration=1.0)
         assert choice.integrator.name == name == fall(arm).integrator

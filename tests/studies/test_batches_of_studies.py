@@ -6,7 +6,7 @@ from small_study import PD, READING, content
 
 import flexarm as fa
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.studies import batches
+from flexarm.cases.studies import execution
 from flexarm.cases.studies.execution import RECORDED, Executor
 from flexarm.model import StudySpec, file_text
 from flexarm.simulation.batch import lanes
@@ -59,13 +59,14 @@ def executor(**changes):
     return Executor(PreparedStudy(StudySpec(**content(**changes))))
 
 
+@pytest.mark.thorough_cases("diverging", "gains", "drives")
 @pytest.mark.parametrize("changes", VARIED.values(), ids=VARIED)
 def test_chunks_do_not_change_numbers(changes, monkeypatch):
     study = executor(**changes)
     whole = study.outcomes(0, 12)
-    monkeypatch.setattr(batches, "_MEMORY", 5000)  # of three runs or less
+    monkeypatch.setattr(execution, "_MEMORY", 5000)  # of three runs or less
     parts = [study.outcomes(k, min(k + 5, 12)) for k in range(0, 12, 5)]
-    monkeypatch.setattr(batches, "_SHARED", ())  # no argument fits: each run by `simulate`
+    monkeypatch.setattr(execution, "_SHARED", ())  # no argument fits: each run by `simulate`
     alone = study.outcomes(0, 12)
     for name in whole._fields:
         expected = getattr(alone, name)
@@ -102,7 +103,7 @@ def test_numbers_equal_those_of_a_scenario():
 def test_samples_are_simulated_in_lanes(monkeypatch):
     """Two drives on two plants, 12 runs each."""
     calls, runs = [], []
-    together, outcome = batches.simulate_batch, lanes.Lanes._outcome
+    together, outcome = execution.simulate_batch, lanes.Lanes._outcome
 
     def counted(*given, **named):
         calls.append(len(named["plant"]))
@@ -113,7 +114,7 @@ def test_samples_are_simulated_in_lanes(monkeypatch):
         runs.extend(found.runs)
         return found
 
-    monkeypatch.setattr(batches, "simulate_batch", counted)
+    monkeypatch.setattr(execution, "simulate_batch", counted)
     monkeypatch.setattr(lanes.Lanes, "_outcome", executed)
     drives = {"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}
     executor(drives=drives, plants={"one": {}, "two": {"mass_factor": 1.5}}).outcomes(0, 12)
@@ -165,7 +166,7 @@ def test_long_samples_are_measured_once(seconds, compiling, runs, monkeypatch):
 
 
 def test_single_samples_are_not_executed_in_lanes(monkeypatch):
-    monkeypatch.delattr(batches, "simulate_batch")  # a call raises
+    monkeypatch.delattr(execution, "simulate_batch")  # a call raises
     found = executor(drives={"PD": PD}).outcomes(3, 4)
     assert found.failure.item() == ""
 

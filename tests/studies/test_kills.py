@@ -13,6 +13,8 @@ from small_study import files_of
 import flexarm as fa
 from flexarm.cases.studies import workers
 
+pytestmark = pytest.mark.thorough
+
 dask = pytest.importorskip("dask", reason="it comes with the extra: pip install 'flexarm[cluster]'")
 pytest.importorskip("distributed", reason="it comes with the same extra")
 

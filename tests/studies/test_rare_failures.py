@@ -6,7 +6,7 @@ from scipy.stats import norm
 from small_study import content
 
 import flexarm as fa
-from flexarm.cases.studies.subset import subset_probability
+from flexarm.cases.studies.rare import subset_probability
 
 #: Failures with known probabilities: performance, number of variables, probability.
 CASES = {
@@ -49,6 +49,7 @@ def carrying():
     return content(vary=vary, samples=None, rare_failures={"samples": 200, "seed": 1})
 
 
+@pytest.mark.thorough
 def test_probability_of_an_arm_is_that_of_the_payload_which_reaches_the_limit():
     """The error of the tip falls with the payload: exact is the probability of less payload."""
     study = fa.Study(carrying())
@@ -62,7 +63,7 @@ def test_probability_of_an_arm_is_that_of_the_payload_which_reaches_the_limit():
     assert 0.2 < found["variation"] < 0.8
     assert found["runs"] < 1000
     often = {"tip_error_peak": float(errors[2])}
-    assert study.rare_failures(often).identical(study.rare_failures(often))
+    assert study.rare_failures(often).identical(study.rare_failures(often, workers=2))
 
 
 def test_wrong_arguments_are_refused():

@@ -33,6 +33,7 @@ def test_interval_contains_the_quantile_as_often_as_it_says(quantile):
     assert 0.88 < np.mean(inside) < 0.98
 
 
+@pytest.mark.thorough
 def test_a_study_ends_at_the_same_sample_for_all_chunks_and_interruptions(tmp_path):
     """With 64 samples the median is known within 2.5 %, with 128 within 1.9 %."""
     table = study().run(workers=1, chunk=7)
@@ -65,6 +66,7 @@ def test_a_study_ends_at_the_same_sample_for_all_chunks_and_interruptions(tmp_pa
     assert study().verify(second) == []
 
 
+@pytest.mark.thorough
 def test_two_processes_end_at_the_same_sample(tmp_path):
     table = study().run(tmp_path / "store.zarr", workers=2, chunk=20)
     assert table.sizes["sample"] == 128
@@ -78,12 +80,3 @@ def test_samples_that_do_not_suffice_give_a_warning():
     assert table.sizes["sample"] == 70
     with pytest.warns(fa.AccuracyWarning, match=r"70 samples do not determine the 0.999 quantile"):
         study(70, quantile=0.999).run(workers=1)
-
-
-def test_wrong_rules_are_refused():
-    with pytest.raises(
-        fa.InputError, match=r"samples\.stop\.metric must be one of 'tip_error_rms'"
-    ):
-        study(metric="tip_error")
-    with pytest.raises(fa.InputError, match=r"samples\.stop cannot be combined with a grid"):
-        study(None, method="grid")

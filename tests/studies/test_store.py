@@ -143,6 +143,7 @@ def test_verify_finds_changed_numbers(study, copied):
         study.verify(copied, 12)
 
 
+@pytest.mark.sampled("3")
 @pytest.mark.parametrize("chunk", [5, 3])
 def test_folder_of_another_study_is_used_anew(chunk, study, tmp_path):
     """In one process: a worker keeps no store whose folder was deleted and created again."""

@@ -159,6 +159,7 @@ def test_each_sample_has_its_own_noise_on_request():
     assert not np.intersect1d(seeds["tip_error_rms"].values, own).size
 
 
+@pytest.mark.thorough
 def test_comparison_in_processes_has_the_same_numbers(monkeypatch):
     monkeypatch.setattr(processes, "WORTH", 0.0)
     drives = {"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}
@@ -173,11 +174,6 @@ def test_comparison_in_processes_has_the_same_numbers(monkeypatch):
     assert np.ptp(here["tip_error_rms"].values.ravel()) > 0.0
     # The computing time of a controller differs from run to run.
     assert there.drop_vars("controller_time").equals(here.drop_vars("controller_time"))
-
-
-def test_run_study_refuses_samples():
-    with pytest.raises(fa.InputError, match="has samples, which run_study does not run"):
-        fa.run_study(StudySpec(**content()))
 
 
 def test_local_workers_do_not_need_the_port_of_another_cluster(recwarn):

@@ -70,13 +70,6 @@ def test_limit_of_a_metric_without_values_is_refused():
     assert found["failure_rate"].item() == 1.0
 
 
-def test_wrong_tables_are_refused():
-    with pytest.raises(fa.InputError, match="must be a table of a study"):
-        fa.study_statistics(xr.Dataset())
-    with pytest.raises(fa.InputError, match="has no varied numbers"):
-        fa.sensitivity_indices(table(range(3)))
-
-
 def test_ratios_are_relative_to_the_nominal_runs():
     given = table(range(1, 12))
     nominal = table([4.0]).isel(sample=0).drop_vars("failure")

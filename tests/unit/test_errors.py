@@ -80,24 +80,3 @@ def test_check_array_returns_a_float_copy():
     assert array.tolist() == [1.0, 2.0, 3.0]
     assert check_array("x", [[1, 2]], (-1, 2)).shape == (1, 2)
     assert check_array("x", 2, ()) == 2.0
-
-
-@pytest.mark.parametrize(
-    ("value", "shape", "message"),
-    [
-        ([1, 2], (3,), "x must be numbers of shape (3,), got numbers of shape (2,)."),
-        ([1, 2], (-1, 3), "x must be numbers of shape (any, 3), got numbers of shape (2,)."),
-        ([1, np.nan], (2,), "x[1] must be finite, got nan."),
-        ([[1, 2], [-np.inf, 0]], (2, 2), "x[1, 0] must be finite, got -inf."),
-        (np.inf, (), "x must be finite, got inf."),
-        (True, (), "x must be a number, got True."),
-        ("1", (), "x must be a number, got '1'."),
-        (None, (2,), "x must be numbers of shape (2,), got nothing."),
-        ([1j], (1,), "x must be numbers of shape (1,), got [1j]."),
-        ([[1], [2, 3]], (2, 2), "x must be numbers of shape (2, 2), got [[1], [2, 3]]."),
-    ],
-)
-def test_check_array_rejects_wrong_values(value, shape, message):
-    with pytest.raises(InputError) as caught:
-        check_array("x", value, shape)
-    assert str(caught.value) == message

@@ -3,10 +3,13 @@
 import inspect
 import pickle
 
+import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.base.errors import InputError, Problem, check_array, public_call, public_call_as
+from flexarm.base.errors import InputError, check_array, public_call, public_call_as
+from flexarm.model import RunSpec
+from flexarm.model.quantities import Count, Flag, Number
 
 
 @public_call
@@ -21,10 +24,28 @@ def drawn(factor):
 
 
 @public_call
-def located(factor):
-    if factor < 0.0:
-        raise InputError(Problem("x", "is wrong", where="file:3"), Problem("y", "is wrong"))
-    return scaled("no")
+def rounded(value: Number, digits: "Count | None" = None, *, strict: Flag = False) -> float:
+    return round(value, digits)
+
+
+def test_arguments_are_validated_and_converted_by_their_types():
+    assert rounded(np.float64(2.345), digits=np.int64(1)) == 2.3
+    assert rounded(2.7, None) == 3.0
+    for call, text in (
+        (lambda: rounded("2"), "value must be a number, got '2'."),
+        (lambda: rounded(2.0, 0), "digits must be a whole number from 1 to 1000000, got 0."),
+        (lambda: rounded(2.0, digits=1.5), "digits must be a whole number"),
+        (lambda: rounded(2.0, strict=1), "strict must be True or False, got 1."),
+    ):
+        with pytest.raises(InputError, match=rf"^rounded: {text}"):
+            call()
+
+
+def test_files_and_functions_have_the_same_rule_of_a_tolerance():
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)])
+    for call in (lambda: fa.simulate(arm, 1.0, rtol=5), lambda: RunSpec(duration=1.0, rtol=5)):
+        with pytest.raises(InputError, match=r"rtol must be less than 1, got 5\."):
+            call()
 
 
 class Base:
@@ -71,14 +92,6 @@ def test_problem_gets_the_name_of_the_call(call, where):
     (problem,) = caught.value.problems
     assert problem.where == where
     assert caught.value.args == caught.value.problems
-
-
-def test_location_is_kept_and_the_inner_call_names_its_own_argument():
-    with pytest.raises(InputError) as caught:
-        located(-1.0)
-    assert [problem.where for problem in caught.value.problems] == ["file:3", "located"]
-    with pytest.raises(InputError, match=r"^scaled: factor must be a number, got 'no'\.$"):
-        located(1.0)
 
 
 def test_link_of_an_arm_is_named_by_its_index():

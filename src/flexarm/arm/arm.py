@@ -59,11 +59,7 @@ class Energy(NamedTuple):
 
 
 def _warn_of_tables(spec: ArmSpec) -> None:
-    """Warn of tables whose points are too few for a smooth taper.
-
-    Warns:
-        AccuracyWarning: if linear interpolation changes the first frequency by more than 0.5 %.
-    """
+    """Warn of tables whose points are too few for a smooth taper."""
     coarse = [
         f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, linear "
         f"interpolation between them changes the first frequency by about {100.0 * error:.1f} %. "
@@ -305,7 +301,7 @@ class Arm(Dynamics):
 
 
 def _copy_of(spec: ArmSpec) -> Arm:
-    """Return the arm of a pickled description."""
+    """Return the arm of a pickled description, without the warnings of a call by the user."""
     return Arm(spec)
 
 

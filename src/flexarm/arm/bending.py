@@ -41,12 +41,7 @@ _KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default
 
 
 class BendingErrors:
-    """Estimate of the errors of an arm's states.
-
-    Args:
-        arm: the arm.
-        theory: the theory whose error is estimated; that of the arm by default.
-    """
+    """Estimate of the errors of an arm's states by its own theory, or by another one."""
 
     def __init__(self, arm: Arm, theory: str | None = None) -> None:
         self._linear = (arm.spec.theory if theory is None else theory) == "linear"
@@ -102,11 +97,9 @@ class BendingErrors:
     def surely_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return whether a bound, much faster than the estimate, excludes large errors.
 
-        Args:
-            eta: modal coordinates of all bodies (..., n, m), or the largest value of each.
-
-        The sum of the errors of all links is at most the shortening of all pieces, and eta^T G eta
-        is at most the sum of eta^2 times the row sums of abs(G).
+        ``eta`` (..., n, m) are modal coordinates, or the largest value of each. The sum of the
+        errors of all links is at most the shortening of all pieces, and eta^T G eta is at most the
+        sum of eta^2 times the row sums of abs(G).
         """
         # Runs that fail contain states of any size: unlike other products, einsum does not warn.
         bound = np.einsum("...ij,...ij,ij->...", eta, eta, self._rows)
@@ -121,13 +114,6 @@ class BendingErrors:
 
 #: Cached estimates for each arm's own theory.
 _of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
-
-
-def _own_errors(arm: Arm) -> BendingErrors:
-    errors = _of_arms.get(arm)
-    if errors is None:
-        errors = _of_arms[arm] = BendingErrors(arm)
-    return errors
 
 
 class _LargestDeflection(NamedTuple):
@@ -148,12 +134,10 @@ def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDefle
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
-    """Describe the largest error of an arm's theory; return an empty text if it is small.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
-    found = _description(arm, _own_errors(arm), states)
+    """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
+    if arm not in _of_arms:
+        _of_arms[arm] = BendingErrors(arm)
+    found = _description(arm, _of_arms[arm], states)
     if not found:
         return ""
     fact, link, error = found
@@ -168,11 +152,7 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
 
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:
-    """Describe the error of linear deviations, which is always that of the linear theory.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
+    """Describe the error of linear deviations, always that of the linear theory; "" if small."""
     found = _description(arm, BendingErrors(arm, "linear"), states)
     if not found:
         return ""
@@ -209,11 +189,7 @@ def bending_warning(arm: Arm, q: FloatArray) -> str:
 
 
 def warn_of_bending(arm: Arm, q: FloatArray) -> None:
-    """Warn once for a call that returns or uses bent states, unless a caller collects warnings.
-
-    Args:
-        q: (dof,), or (samples, dof).
-    """
+    """Warn once of bent q (dof,) or (samples, dof), unless a caller collects warnings."""
     warn_of_first([bending_warning(arm, q)])
 
 

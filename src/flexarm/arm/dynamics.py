@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions.environment import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
 from flexarm.arm.assembly.coordinates import Coordinates
-from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.arm.assembly.scratch import Pool, Scratch, is_finite, is_plain
+from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
 from flexarm.base.errors import check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
@@ -59,11 +58,7 @@ class Dynamics(Coordinates):
         third: ArrayLike,
         shape: tuple[int, ...],
     ) -> None:
-        """Check q, qd and a third vector, and copy them to the kernels' arrays.
-
-        Raises:
-            InputError: if an argument has the wrong shape or is not finite.
-        """
+        """Check q, qd and a third vector, and copy them to the kernels' arrays."""
         vector = self._vector
         plain = is_plain(q, vector) and is_plain(qd, vector) and is_plain(third, shape)
         if not (plain and scratch.fill(q, qd, third)):  # type: ignore[arg-type]
@@ -214,8 +209,7 @@ class Dynamics(Coordinates):
     def _unpadded_square(self, matrix: FloatArray) -> FloatArray:
         """Return the matrix (dof, dof) of a kernels' array (n, 1 + m, n, 1 + m)."""
         kept, size = self.assembly.coordinates, self.assembly.bodies * (1 + self.assembly.modes)
-        found: FloatArray = matrix.reshape(size, size)[np.ix_(kept, kept)]
-        return found
+        return np.asarray(matrix.reshape(size, size)[np.ix_(kept, kept)])
 
     @public_call
     def stiffness_matrix(

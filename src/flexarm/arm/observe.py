@@ -35,11 +35,7 @@ class Observed(NamedTuple):
 def channels_of(
     arm: Arm, states: FloatArray, names: Collection[str] | None = None
 ) -> dict[str, FloatArray]:
-    """Compute channels from states (samples, 2, n, 1 + m).
-
-    Args:
-        names: of the channels; those that need more than the states are missing. None: all.
-    """
+    """Compute all or some channels from states (samples, 2, n, 1 + m), if these suffice."""
     if len(states) <= _CHUNK:
         return _chunk(arm, states, names)
     chunks = [_chunk(arm, states[k : k + _CHUNK], names) for k in range(0, len(states), _CHUNK)]
@@ -74,10 +70,7 @@ def contact_values(
 def contact_forces(
     arm: Arm, contacts: Contacts, states: FloatArray, kernels: KernelView | None = None
 ) -> FloatArray:
-    """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes.
-
-    Arguments as in ``contact_values``.
-    """
+    """Return the forces (samples, contacts, 2) of contacts on the arm, N, world axes."""
     return contact_values(arm, contacts, states, kernels)[..., FORCE : FORCE + 2]
 
 
@@ -135,11 +128,7 @@ def with_energies(names: Collection[str] | None) -> bool:
 def named_channels(
     arm: Arm, states: FloatArray, observed: Observed, names: Collection[str] | None
 ) -> dict[str, FloatArray]:
-    """Return the channels of states (samples, 2, n, 1 + m) from their observed quantities.
-
-    Args:
-        names: as in ``channels_of``.
-    """
+    """Return channels of states (samples, 2, n, 1 + m) from their observed quantities."""
     assembly = arm.assembly
     poses, tips, energy, strains = observed
     joints, links = assembly.joint_body, assembly.link_body

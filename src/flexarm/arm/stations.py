@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexarm.arm.actions.loads import SAME_PLACE, loads_inboard, parts_of
-from flexarm.arm.assembly.assemble import FloatArray, IntArray
+from flexarm.arm.assembly.assemble import FloatArray, IntArray, move_masses
 from flexarm.arm.assembly.coordinates import Coordinates
-from flexarm.arm.assembly.hub_radius import move_masses
-from flexarm.arm.beams.parts import PartConstants, inverse_inertia, part_constants
-from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.arm.beams.parts import (
+    PartConstants,
+    inverse_inertia,
+    part_constants,
+    shortening_matrices,
+)
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels.layout import (
     ArmConstants,
@@ -31,19 +34,14 @@ MOST_STATIONS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """One section on each link, and the constants of the links' parts inboard of it.
+    """One section on each link, and the constants of the links' parts inboard of it."""
 
-    Attributes:
-        stations: the sections, (links,) in total.
-        constants: constants of bodies that end at their section; those of bodies without a section
-            are meaningless.
-        sizes: sizes of these constants.
-        reach: (n,) m from the root of each body's piece to its section; 0 without a section.
-    """
-
-    stations: Stations
+    stations: Stations  # the sections, (links,) in total
+    #: Constants of bodies that end at their section; those of bodies without a section are
+    #: meaningless
     constants: ArmConstants
-    sizes: Sizes
+    sizes: Sizes  # sizes of these constants
+    #: (n,) m from the root of each body's piece to its section; 0 without a section
     reach: FloatArray
 
 

@@ -49,9 +49,6 @@ def check_kind(name: str, value: object, kind: type[T], what: str = "", hint: st
     Args:
         what: description of the class with its article; its name by default.
         hint: a sentence that explains how to create an instance.
-
-    Raises:
-        InputError: if the value is not an instance of ``kind``.
     """
     if isinstance(value, kind):
         return value
@@ -61,22 +58,14 @@ def check_kind(name: str, value: object, kind: type[T], what: str = "", hint: st
 
 
 def check_list_of(name: str, value: object, kind: type[T]) -> list[T]:
-    """Return a list of objects of a class, from a list or a tuple.
-
-    Raises:
-        InputError: if the value is not a list or tuple, or an item is not an instance of ``kind``.
-    """
+    """Return a list of objects of a class, from a list or a tuple."""
     if isinstance(value, list | tuple) and all(isinstance(item, kind) for item in value):
         return list(value)
     raise InputError(Problem(name, f"be a list of {kind.__name__} objects", shown(value)))
 
 
 def check_positive(name: str, value: object, unit: str = "") -> float:
-    """Return a finite number greater than zero; ``unit`` is its unit in the message.
-
-    Raises:
-        InputError: if the value is not a number, not finite, or not greater than 0.
-    """
+    """Return a finite number greater than zero; ``unit`` is its unit in the message."""
     if type(value) is float and _SMALLEST <= value < math.inf:
         return value
     rule = f"be greater than 0 {unit}".rstrip()
@@ -84,11 +73,7 @@ def check_positive(name: str, value: object, unit: str = "") -> float:
 
 
 def check_nonnegative(name: str, value: object, most: float = math.inf) -> float:
-    """Return a finite number from zero to ``most``.
-
-    Raises:
-        InputError: if the value is not a number, not finite, negative, or too large.
-    """
+    """Return a finite number from zero to ``most``."""
     number = check_number(name, value, lambda number: number >= 0.0, "be at least 0")
     if number > most:
         raise InputError(Problem(name, f"be at most {most:g}", shown(value)))
@@ -98,22 +83,29 @@ def check_nonnegative(name: str, value: object, most: float = math.inf) -> float
 def check_number(
     name: str, value: object, fits: Callable[[float], bool] = lambda number: True, rule: str = ""
 ) -> float:
-    """Return a finite number that fits a condition; ``rule`` is the condition in the message.
-
-    Raises:
-        InputError: if the value is not a number, not finite, or does not fit.
-    """
+    """Return a finite number that fits a condition; ``rule`` is the condition in the message."""
     number = float(check_array(name, value, ()))
     if not fits(number):
         raise InputError(Problem(name, rule, shown(value)))
     return number
 
 
+def check_between_0_and_1(name: str, value: object) -> float:
+    """Return a number greater than 0 and less than 1."""
+    rule = "be greater than 0 and less than 1"
+    return check_number(name, value, lambda number: 0.0 < number < 1.0, rule)
+
+
+def check_tolerance(name: str, value: object) -> float:
+    """Return a number greater than 0 and less than 1, such as a relative tolerance."""
+    number = check_positive(name, value)
+    if number >= 1.0:
+        raise InputError(Problem(name, "be less than 1", shown(value)))
+    return number
+
+
 def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
     """Return relative joint angles (joints,), rad.
-
-    Raises:
-        InputError: if the value does not have that shape, or is not finite.
 
     Warns:
         ImplausibleValueWarning: if the angles look like degrees, see `about_degrees`.
@@ -168,11 +160,7 @@ def check_each(
 
 
 def check_direction(name: str, value: object) -> NDArray[np.float64]:
-    """Return the unit vector (2,) of a direction that is given with any length but zero.
-
-    Raises:
-        InputError: if the value is not a pair of finite numbers, or both are zero.
-    """
+    """Return the unit vector (2,) of a direction that is given with any length but zero."""
     vector = check_array(name, value, (2,))
     length = math.hypot(*vector)
     if not length > 0.0:
@@ -189,11 +177,7 @@ def as_list(value: object) -> list[Any] | None:
 
 
 def check_count(name: str, value: object, least: int = 1, most: int = 10**6) -> int:
-    """Return a whole number from ``least`` to ``most``.
-
-    Raises:
-        InputError: if the value is not an integer, or out of that range.
-    """
+    """Return a whole number from ``least`` to ``most``."""
     import numpy as np
 
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
@@ -204,11 +188,7 @@ def check_count(name: str, value: object, least: int = 1, most: int = 10**6) -> 
 
 
 def check_flag(name: str, value: object) -> bool:
-    """Return a truth value, from a Python or NumPy bool.
-
-    Raises:
-        InputError: if the value has another type, for example a number or text.
-    """
+    """Return a truth value, from a Python or NumPy bool."""
     import numpy as np
 
     if isinstance(value, bool | np.bool_):
@@ -217,11 +197,7 @@ def check_flag(name: str, value: object) -> bool:
 
 
 def check_choice(name: str, value: object, choices: Collection[str]) -> str:
-    """Return the value if it is one of the allowed words.
-
-    Raises:
-        InputError: if the value is not among ``choices``.
-    """
+    """Return the value if it is one of the allowed words."""
     if isinstance(value, str) and value in choices:
         return value
     rule = "be one of " + ", ".join(map(repr, choices))
@@ -266,22 +242,14 @@ def check_path(name: str, value: object) -> Path:
 def check_function(
     name: str, value: object, what: str = "a function of time"
 ) -> Callable[..., Any]:
-    """Return a callable object that is not a class.
-
-    Raises:
-        InputError: if the value cannot be called.
-    """
+    """Return a callable object that is not a class."""
     if callable(value) and not isinstance(value, type):
         return value
     raise InputError(Problem(name, f"be {what}", shown(value)))
 
 
 def check_mapping(name: str, value: object, what: str) -> Mapping[Any, Any]:
-    """Return a dictionary or another mapping; ``what`` describes its items in the message.
-
-    Raises:
-        InputError: if the value is not a mapping.
-    """
+    """Return a dictionary or another mapping; ``what`` describes its items in the message."""
     if isinstance(value, Mapping):
         return value
     raise InputError(Problem(name, f"be a mapping of {what}", shown(value)))
@@ -298,9 +266,6 @@ def check_last_axes(
     Args:
         last: lengths of the last axes.
         axes: number of axes; None: any number.
-
-    Raises:
-        InputError: if the value does not consist of numbers, or its shape differs.
     """
     import numpy as np
 
@@ -333,9 +298,6 @@ def check_numbers(
 
     Args:
         rule: condition on the argument, for the message.
-
-    Raises:
-        InputError: if the value does not consist of real numbers, or contains NaN.
     """
     import numpy as np
 
@@ -346,11 +308,7 @@ def check_numbers(
 
 
 def check_limits(name: str, value: object) -> NDArray[np.float64]:
-    """Return a positive number, or one per joint; infinity means no limit.
-
-    Raises:
-        InputError: if a value is not a number, not positive, or NaN.
-    """
+    """Return a positive number, or one per joint; infinity means no limit."""
     import numpy as np
 
     rule = "be a number greater than 0, or one for each joint"
@@ -361,11 +319,7 @@ def check_limits(name: str, value: object) -> NDArray[np.float64]:
 
 
 def check_times(name: str, value: object) -> NDArray[np.float64]:
-    """Return a time or times as a float64 array of any shape; infinite ones are allowed.
-
-    Raises:
-        InputError: if the value does not consist of real numbers, or contains NaN.
-    """
+    """Return a time or times as a float64 array of any shape; infinite ones are allowed."""
     return check_numbers(name, value, "be a time or an array of times")
 
 

@@ -215,7 +215,7 @@ def public_call(function: Callable[P, R]) -> Callable[P, R]:
     of a method contains the class of its object: ``Arm.tip``. Other decorators are above this one.
     A problem that has a place keeps it: a line of a file, or the public call within this one whose
     argument is wrong. The reasons are in decision 0026. A number beyond the range of floats is a
-    problem of the arguments.
+    problem of the arguments. Arguments whose type has a `Rule` are validated and converted by it.
     """
     return _named(function, "")
 
@@ -227,13 +227,26 @@ def public_call_as(place: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
     names = _keywords(function)
+    rules: list[tuple[str, int, Callable[[str, Any], Any]]] | None = None
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        nonlocal rules
         try:
             if kwargs and names is not None and not kwargs.keys() <= names:
                 raise unknown_arguments(kwargs, names)
-            return function(*args, **kwargs)
+            if rules is None:  # at the first call, so that the import does not wait
+                rules = _rules(function)
+            if not rules:
+                return function(*args, **kwargs)
+            values: list[Any] = list(args)
+            named: dict[str, Any] = kwargs
+            for name, index, check in rules:
+                if name in named:
+                    named[name] = check(name, named[name])
+                elif index < len(values):
+                    values[index] = check(name, values[index])
+            return function(*values, **named)
         except InputError as error:
             error.at(place or _place(function, args))
             raise
@@ -243,6 +256,39 @@ def _named(function: Callable[P, R], place: str) -> Callable[P, R]:
             raise InputError(Problem("the arguments", rule, where=where)) from error
 
     return call
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Rule of the arguments whose type is annotated with it, see `flexarm.model.quantities`.
+
+    Attributes:
+        check: function from name and value of an argument to the converted value; it raises an
+            `InputError` for a value that the rule does not permit.
+    """
+
+    check: Callable[[str, Any], Any]
+
+    def or_none(self, name: str, value: Any) -> Any:
+        """Return None for None, and else the converted value."""
+        return None if value is None else self.check(name, value)
+
+
+def _rules(function: Callable[..., object]) -> list[tuple[str, int, Callable[[str, Any], Any]]]:
+    """Return name, index and check of each argument whose type has a rule."""
+    plain: Any = inspect.unwrap(function)
+    code, rules = plain.__code__, []
+    for name, annotation in plain.__annotations__.items():
+        kind, optional = annotation, ""
+        if isinstance(annotation, str):  # a name, or one of another type
+            word, optional, _ = annotation.partition(" | None")
+            kind = plain.__globals__.get(word)
+        for rule in getattr(kind, "__metadata__", ()):
+            if isinstance(rule, Rule):
+                index = code.co_varnames.index(name)
+                index = index if index < code.co_argcount else sys.maxsize  # by keyword only
+                rules.append((name, index, rule.or_none if optional else rule.check))
+    return rules
 
 
 def unknown_arguments(names: Iterable[str], known: Collection[str]) -> ArgumentError:

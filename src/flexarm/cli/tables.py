@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -11,6 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from flexarm.base.errors import printable
+
+if TYPE_CHECKING:
+    from flexarm.cases.results.formats import Savable
 
 
 class _Screen(Console):
@@ -24,6 +28,19 @@ class _Screen(Console):
 def console() -> Console:
     """Return the standard output without highlighting of numbers."""
     return _Screen(highlight=False, markup=False, emoji=False)
+
+
+def print_line(text: object) -> None:
+    """Print a line or a table that is as wide as its content."""
+    console().print(text, soft_wrap=True)
+
+
+def save_figure(figure: Savable, path: Path, content: str = "plot") -> None:
+    """Write a figure, and print its content and its path."""
+    from flexarm.cases.results import write_figure
+
+    write_figure(figure, path)
+    print_line(f"{content} in {path}")
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:

@@ -8,21 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.integrate.base import FloatArray
-from flexarm.model.identification.filters import Filter
+from flexarm.model.identification.records import Filter
 
 
 class Path:
     """Treatment of one channel of a record, the same for measured and simulated values.
 
     Delay and filters with ``recorded`` act on simulated values only, because the record contains
-    them. Then gaps of the record are filled by straight lines in both, so that the remaining
-    filters have the same effect on both.
-
-    Args:
-        times: (samples,) s, uniform.
-        valid: (samples,) whether the record has the sample.
-        delay: s.
-        filters: in their order.
+    them. Then gaps of the record (not ``valid``) are filled by straight lines in both, so that the
+    remaining filters have the same effect on both.
     """
 
     def __init__(
@@ -80,13 +74,7 @@ def _filtered(item: Filter, values: FloatArray, rate: float) -> FloatArray:
 
 
 def without_phase(values: FloatArray, cutoff: float, rate: float, order: int) -> FloatArray:
-    """Return values (samples,) after a Butterworth low-pass filter forwards and backwards.
-
-    Args:
-        cutoff: Hz, below half the rate.
-        rate: of the values, Hz.
-        order: of the filter; the two passes together have twice this order and no phase shift.
-    """
+    """Filter values (samples,) by Butterworth's low-pass of ``order`` forwards and backwards."""
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(order, cutoff, fs=rate, output="sos")

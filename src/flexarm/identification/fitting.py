@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm.base.errors import InputError
-from flexarm.identification.derivatives import output_derivatives
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Space
+from flexarm.identification.space import Case, Space, initial_argument
 from flexarm.integrate.base import FloatArray
+from flexarm.simulation.derivatives.sensitivities import sensitivities
 
 #: Rounds in which the noise of channels is estimated anew, and the change that ends them.
 _ROUNDS, _SETTLED = 6, 0.03
@@ -31,14 +35,8 @@ Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
 class FitProblem:
     """Residuals of all records and of priors, as functions of scaled changes of the parameters.
 
-    Args:
-        known: standard deviation of the noise of channels by label, in addition to those that the
-            records give.
-
-    Attributes:
-        noise: standard deviation of each channel by its label, SI units.
-        fixed: channels whose noise is given.
-        failure: reason of the last failed run, or empty.
+    ``noise`` is the standard deviation of each channel by its label, SI units; it is given, by the
+    records or as ``known``, for those in ``fixed``. ``failure`` is that of the last failed run.
     """
 
     def __init__(
@@ -80,11 +78,7 @@ class FitProblem:
         return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
 
     def prepare(self, vector: FloatArray) -> None:
-        """Return to the first guess of the noise, before a fit that starts at ``vector``.
-
-        Raises:
-            FitFailure: if the arm cannot be simulated there.
-        """
+        """Return to the first guess of the noise, before a fit that starts at ``vector``."""
         self.noise = dict(self._guess)
 
     def restore(self, fit: Fit) -> None:
@@ -161,13 +155,7 @@ class FitProblem:
         return np.concatenate([*blocks, priors])
 
     def derivatives(self, vector: FloatArray) -> list[FloatArray]:
-        """Return the derivatives (samples, channels, acting parameters) of each record.
-
-        They are kept for the last vector, because new weights do not change them.
-
-        Raises:
-            FitFailure: if the runs near ``vector`` fail.
-        """
+        """Return the derivatives (samples, channels, acting parameters) of each record, kept."""
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         every = []
@@ -181,11 +169,7 @@ class FitProblem:
         return every
 
     def whitened(self, record: int, values: FloatArray) -> FloatArray:
-        """Return residuals of a record, or derivatives of them, in standard deviations.
-
-        Args:
-            values: (samples, channels) or (samples, channels, n).
-        """
+        """Return values (samples, channels) or (samples, channels, n) in standard deviations."""
         run = self.runs[record]
         weights = np.array([self.noise[label.text] for label in run.labels])
         return np.asarray(values / weights.reshape(-1, *(1,) * (values.ndim - 2)))
@@ -193,10 +177,7 @@ class FitProblem:
     def tune(
         self, vector: FloatArray, outputs: list[FloatArray], robust: bool
     ) -> tuple[list[FloatArray], float]:
-        """Estimate the noise; return the outputs with it, and its largest relative change.
-
-        ``robust``: 1.4826 times the median of the magnitudes of the residuals, instead of the RMS.
-        """
+        """Estimate the noise; return the outputs with it, and its largest relative change."""
         old, self.noise = self.noise, self.noise_of(outputs, robust)
         return outputs, max((abs(self.noise[t] / old[t] - 1.0) for t in old), default=0.0)
 
@@ -215,10 +196,7 @@ class FitProblem:
         return Fit(vector, cost, outputs, dict(self.noise), self.evaluations, converged)
 
     def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
-        """Return the noise of each channel: the RMS of its residuals in all records.
-
-        ``robust``: 1.4826 times the median of their magnitudes.
-        """
+        """Return the RMS of each channel's residuals, or ``robust`` 1.4826 times their median."""
         residuals: dict[str, list[FloatArray]] = {}
         signals: dict[str, float] = {}
         for run, found in zip(self.runs, outputs, strict=True):
@@ -245,36 +223,23 @@ class FitFailure(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of one start.
+    """Result of one start."""
 
-    Attributes:
-        vector: (parameters,) estimates.
-        cost: minus the logarithm of the likelihood without constants: comparable between starts.
-        outputs: of each record.
-        noise: standard deviation by channel.
-        evaluations: number of runs of all records, without those for derivatives.
-        converged: whether the fit ended at a minimum, before the limit of iterations, with noise
-            that no longer changes.
-        torque_noise: (joints,) of prediction errors, N m, or None.
-        gains: of the filters of prediction errors, one for each record.
-    """
-
-    vector: FloatArray
+    vector: FloatArray  # (parameters,) estimates
+    #: Minus the logarithm of the likelihood without constants: comparable between starts
     cost: float
-    outputs: list[FloatArray]
-    noise: dict[str, float]
-    evaluations: int
+    outputs: list[FloatArray]  # of each record
+    noise: dict[str, float]  # standard deviation by channel
+    evaluations: int  # number of runs of all records, without those for derivatives
+    #: Whether the fit ended at a minimum, before the limit of iterations, with noise that no longer
+    #: changes
     converged: bool
-    torque_noise: FloatArray | None = None
-    gains: tuple[Any, ...] = ()
+    torque_noise: FloatArray | None = None  # (joints,) of prediction errors, N m, or None
+    gains: tuple[Any, ...] = ()  # of the filters of prediction errors, one for each record
 
 
 def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
-    """Fit from a vector of parameters, with the noise of the channels estimated in between.
-
-    Raises:
-        FitFailure: if the arm of the start cannot be simulated.
-    """
+    """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
     problem.evaluations = 0
     problem.prepare(problem.vector(scaled))
@@ -370,3 +335,155 @@ def random_start(space: Space, random: np.random.Generator) -> FloatArray:
             vector[k] += 0.4 * slot.scale * random.standard_normal()
         vector[k] = min(max(vector[k], lower[k]), upper[k])
     return vector
+
+
+#: Step of central differences, as a fraction of the scale of a parameter: the error of the
+#: difference, which grows with its square, stays below that of the runs divided by it.
+_STEP = 1e-4
+#: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
+_FEWEST_IN_LOOP = 3
+#: Numbers that determine the torque of a current or voltage.
+_OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
+#: Numbers of the arm that only outputs depend on.
+_OF_OUTPUTS = re.compile(r"links\[\d+\]\.gauges\[")
+_DISTANCE = re.compile(r"links\[(\d+)\]\.gauges\[(\d+)\]\.distance")
+_REFUSED = re.compile(r"parameters\[(\d+)\]")
+
+
+def output_derivatives(
+    run: RecordRun, space: Space, record: int, vector: FloatArray, places: NDArray[np.intp]
+) -> FloatArray | str:
+    """Return derivatives (samples, channels, places), or the reason why the run fails.
+
+    They are those of ``sensitivities`` where it supports the run and the number, else central
+    differences. ``record`` is its index in ``space``; ``places`` are indices in ``vector``.
+    """
+    derivatives = np.zeros((run.times.size, len(run.labels), len(places)))
+    exact = _exact_places(run, space, places)
+    try:
+        exact = _by_duals(run, space.case(record, vector), space, places, exact, derivatives)
+    except FlexarmError as error:
+        return str(error)
+    others = [k for k in range(len(places)) if k not in exact]
+    if not others:
+        return derivatives
+    return _by_differences(run, space, record, vector, places, others, derivatives)
+
+
+def _exact_places(run: RecordRun, space: Space, places: NDArray[np.intp]) -> list[int]:
+    """Return the indices of the places by which ``sensitivities`` may differentiate."""
+    if not run.differentiable:
+        return []
+    if run.record.controller is not None and len(places) < _FEWEST_IN_LOOP:
+        return []
+    paths = [space.slots[place].path for place in places]
+    driven = run.record.input in ("current", "voltage")
+    return [
+        k
+        for k, path in enumerate(paths)
+        if not (driven and _OF_MOTORS.match(path)) and not _OF_OUTPUTS.match(path)
+    ]
+
+
+def _by_duals(
+    run: RecordRun,
+    case: Case,
+    space: Space,
+    places: NDArray[np.intp],
+    exact: Sequence[int],
+    derivatives: FloatArray,
+) -> list[int]:
+    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``places``."""
+    exact = list(exact)
+    while exact:
+        paths = [space.slots[places[k]].path for k in exact]
+        paths = [initial_argument(path) or path for path in paths]
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FlexarmWarning)
+                # Without a second run: derivatives better than the runs are not needed.
+                found = sensitivities(
+                    Arm(case.spec),
+                    parameters=paths,
+                    error_estimate=False,
+                    progress=False,
+                    **run.arguments(case),
+                )
+        except InputError as error:
+            refused = [_REFUSED.match(problem.name) for problem in error.problems]
+            wrong = {int(match[1]) for match in refused if match}
+            if not wrong:
+                if run.record.controller is None:
+                    raise
+                return []  # a loop that is not differentiable, such as one that rounds
+            exact = [k for j, k in enumerate(exact) if j not in wrong]
+            continue
+        channels = {name: np.moveaxis(found[name].values, 0, -1) for name in run.channels}
+        derivatives[..., exact] = run.changes(channels)
+        return exact
+    return []
+
+
+def _by_differences(
+    run: RecordRun,
+    space: Space,
+    record: int,
+    vector: FloatArray,
+    places: NDArray[np.intp],
+    chosen: Sequence[int],
+    derivatives: FloatArray,
+) -> FloatArray | str:
+    """Fill the derivatives by central differences, or return why the run at ``vector`` fails.
+
+    They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
+    that no step goes in that direction.
+    """
+    lower, upper = space.bounds
+    cases: list[Case] = [space.case(record, vector)]
+    steps: list[tuple[int, float]] = []
+    readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
+    for k in chosen:
+        place = places[k]
+        if readings[k] is not None and vector[place] != 0.0:
+            continue
+        for sign in (1.0, -1.0):
+            moved = vector.copy()
+            moved[place] += sign * _STEP * space.scale[place]
+            moved[place] = min(max(moved[place], lower[place]), upper[place])
+            change = moved[place] - vector[place]
+            if change == 0.0:
+                continue
+            try:
+                cases.append(space.case(record, moved))
+            except InputError:  # a limit of several numbers together
+                continue
+            steps.append((k, change))
+    center, *others = run.simulate(cases)
+    if isinstance(center, str):
+        return center
+    for k in chosen:
+        column, value = readings[k], vector[places[k]]
+        if column is not None and value != 0.0:
+            # A strain is proportional to the distance of its gauge.
+            derivatives[:, column, k] = center[:, column] / value
+            continue
+        ends = [
+            (change, outputs)
+            for (j, change), outputs in zip(steps, others, strict=True)
+            if j == k and not isinstance(outputs, str)
+        ]
+        if len(ends) == 1:
+            ends.append((0.0, center))
+        if ends:
+            (high, after), (low, before) = ends
+            derivatives[..., k] = (after - before) / (high - low)
+    return derivatives
+
+
+def _column_of(run: RecordRun, path: str) -> int | None:
+    """Return the index of the output that is proportional to the number at a path, or None."""
+    match = _DISTANCE.fullmatch(path)
+    if match is None or not run.proportional:
+        return None
+    text = f"strain_{run.gauge_number(int(match[1]), int(match[2]))}"
+    return next((k for k, label in enumerate(run.labels) if label.text == text), None)

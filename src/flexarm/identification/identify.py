@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from flexarm.arm.arm import Arm
+from flexarm.arm.arm import Arm, described_arm
 from flexarm.base.arguments import (
     check_choice,
     check_count,
@@ -30,6 +32,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.cases.scenario.file_errors import problems_at
 from flexarm.identification.assessment import (
     fits_by_channel,
     fits_of,
@@ -44,8 +47,8 @@ from flexarm.identification.fitting import (
     fit_from,
     random_start,
 )
-from flexarm.identification.prediction.predicted_run import PredictedRun
-from flexarm.identification.prediction.problem import PredictionProblem
+from flexarm.identification.prediction import PredictedRun, PredictionProblem
+from flexarm.identification.reading import record_of_file
 from flexarm.identification.record import (
     MeasuredRecord,
     Records,
@@ -56,11 +59,18 @@ from flexarm.identification.record import (
 from flexarm.identification.result import Identification
 from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
 from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification.study import locate_identification
+from flexarm.model.wording import path_of
+from flexarm.simulation.run.settings import (
+    MethodSettings,
+    RunSettings,
+    settings_of,
+    with_keywords,
+)
 
 #: Losses of residuals, from SciPy.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -76,6 +86,7 @@ _SAME_RATE = 1e-6
 
 
 @public_call
+@with_keywords(MethodSettings)
 def identify(
     arm: Arm,
     records: Records,
@@ -90,11 +101,9 @@ def identify(
     torque_noise: ArrayLike | None = None,
     iterations: int = 200,
     contacts: Sequence[Contact] = (),
-    integrator: str | Integrator = "auto",
-    step: float | None = None,
-    rtol: float = 1e-7,
-    atol: float | None = None,
     progress: bool | None = None,
+    settings: RunSettings | None = None,
+    **keywords: Unpack[MethodSettings],
 ) -> Identification:
     """Estimate parameters of an arm from measured records by weighted least squares.
 
@@ -130,7 +139,7 @@ def identify(
             which the noise is estimated anew. Those of the beginnings of long records, which are
             fitted first, are limited separately.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
-        integrator, step, rtol, atol: of all runs, as in ``simulate``.
+        integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
 
@@ -174,8 +183,10 @@ def identify(
         if record.coarse:
             warn_caller(f"{name}: {record.coarse}", AccuracyWarning)
     parameters = check_free(free)
-    options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
-    options |= {} if step is None else {"step": step}
+    method_of_runs = settings_of(settings, keywords, identify)
+    options: dict[str, Any] = {
+        name: getattr(method_of_runs, name) for name in ("integrator", "step", "rtol", "atol")
+    }
     options |= {"contacts": touching} if touching else {}
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun
@@ -317,11 +328,7 @@ def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None
 def _best(
     problem: FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
 ) -> tuple[list[float], Fit]:
-    """Return the costs of all starts, NaN for those that failed, and the best fit.
-
-    Raises:
-        SimulationError: if all starts fail.
-    """
+    """Return the costs of all starts, NaN for those that failed, and the best fit."""
     costs: list[float] = []
     best: Fit | None = None
     for k in range(count):
@@ -348,11 +355,7 @@ def _predicted(
     best: Fit,
     iterations: int,
 ) -> FloatArray:
-    """Return the outputs of a record that was not fitted.
-
-    Raises:
-        SimulationError: if it cannot be simulated.
-    """
+    """Return the outputs of a record that was not fitted."""
     own = [parameter for parameter in free if parameter.per_record]
     space = Space(arm, motors, own, {run.name: run.record})
     problem = _problem(space, [run], None, best.noise, best.torque_noise)
@@ -386,3 +389,45 @@ def _watch(progress: bool | None) -> Watch | None:
         print(f"evaluation {evaluation}: {squares:.6g}; fit {text}", file=sys.stderr, flush=True)
 
     return show
+
+
+class PreparedIdentification:
+    """Identification of a file, with its records read; errors are listed with their lines."""
+
+    def __init__(self, path: Path) -> None:
+        self.study, self._where = locate_identification(path)
+        self.arm = described_arm(self.study.arm)
+        self._folder = path.parent
+        self._records = self._read("records")
+        self._validation = self._read("validation")
+
+    def _read(self, key: str) -> dict[str, MeasuredRecord]:
+        found = {}
+        for name, description in getattr(self.study, key).items():
+            with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
+                found[name] = record_of_file(description, self._folder / description.file)
+        return found
+
+    def run(self, progress: bool | None = None) -> Identification:
+        """Estimate the parameters, with the errors of ``identify``."""
+        study, fit = self.study, self.study.fit
+        try:
+            return identify(
+                self.arm,
+                self._records,
+                list(study.free),
+                validation=self._validation,
+                motors=study.motors,
+                progress=progress,
+                **dict(fit),
+            )
+        except InputError as error:
+            raise InputError(*map(self._in_file, error.problems)) from None
+
+    def _in_file(self, problem: Problem) -> Problem:
+        """Return a problem with its key and its line if its place is a record."""
+        for key in ("records", "validation"):
+            if problem.where in getattr(self.study, key):
+                name = f"{key}.{problem.where}.{problem.name}"
+                return replace(problem, name=name, where=self._where(path_of(name)))
+        return problem

@@ -26,15 +26,11 @@ _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 
 class Label(NamedTuple):
-    """One number of a channel at a time.
+    """One number of a channel at a time."""
 
-    Attributes:
-        channel: name of the channel.
-        part: number of the joint, link or gauge, counted from 1, or the axis "x" or "y"; empty for
-            a channel of one number.
-    """
-
-    channel: str
+    channel: str  # name of the channel
+    #: Number of the joint, link or gauge, counted from 1, or the axis "x" or "y"; empty for a
+    #: channel of one number
     part: int | str
 
     @property
@@ -57,11 +53,7 @@ def label_of(text: str) -> Label | None:
 
 
 def check_label(name: str, text: str) -> Label:
-    """Return the label of a name.
-
-    Raises:
-        InputError: if no channel has it.
-    """
+    """Return the label of a name; InputError if no channel has it."""
     label = label_of(text)
     if label is None:
         channel = MEASURED.get(text)
@@ -82,11 +74,7 @@ def split_unit(header: str) -> tuple[str, str]:
 
 
 def factor_of(name: str, unit: str, si: str) -> float:
-    """Return the factor from a unit to the SI unit of a channel.
-
-    Raises:
-        InputError: if the unit is unknown or of another quantity.
-    """
+    """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
     known = UNITS[si]
     if unit not in known:
         rule = f"be a unit of its channel ({', '.join(known)})"
@@ -132,11 +120,7 @@ def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarr
 
 
 def place_of(arm: Arm, label: Label) -> int:
-    """Return the index of a label in the last axis of its channel.
-
-    Raises:
-        InputError: if the arm has no such joint, link or gauge.
-    """
+    """Return the index of a label in the last axis of its channel; InputError if there is none."""
     dims = MEASURED[label.channel].dims
     if not dims:
         return 0

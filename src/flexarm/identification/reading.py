@@ -1,21 +1,25 @@
-"""Reading of measured records: channel map, units, gaps and resampling."""
+"""Reading of measured records: tables in files, channel map, units, gaps and resampling."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm.base.arguments import check_path
+from flexarm.base.arguments import check_path, library_missing
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
     Problem,
     nearest,
     public_call,
+    shown,
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
@@ -30,7 +34,6 @@ from flexarm.identification.labels import (
     split_unit,
 )
 from flexarm.identification.record import FEWEST, MeasuredRecord
-from flexarm.identification.tables import Table, attributes_of, read_table
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
@@ -120,26 +123,22 @@ def record_of_file(
     reference: Reference | None = None,
     hardware: Hardware | None = None,
 ) -> MeasuredRecord:
-    """Read the record of a description from a file; the path in the description is not used.
-
-    Raises:
-        InputError: as ``read_record``.
-    """
-    table = read_table(file, description.encoding, description.skip)
+    """Read the record of a description from a file; the path in the description is not used."""
+    table = _read_table(file, description.encoding, description.skip)
     names = {split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
     times = _times(description, table, names)
     times, columns = _uniform(description, times, columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = dataset_of(times, columns).assign_attrs(attributes_of(file))
+    data = dataset_of(times, columns).assign_attrs(_attributes_of(file))
     return MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
 
 
 def _columns(
-    description: RecordFile, table: Table, names: Mapping[str, str]
+    description: RecordFile, table: _Table, names: Mapping[str, str]
 ) -> dict[Label, FloatArray]:
     """Return the measured columns in SI units; none of them is without numbers."""
     columns: dict[Label, FloatArray] = {}
@@ -167,7 +166,7 @@ def _columns(
     return columns
 
 
-def _header(place: str, name: str, table: Table, names: Mapping[str, str]) -> str:
+def _header(place: str, name: str, table: _Table, names: Mapping[str, str]) -> str:
     if name in table:
         return name
     if name in names:
@@ -176,7 +175,7 @@ def _header(place: str, name: str, table: Table, names: Mapping[str, str]) -> st
     raise InputError(Problem(place, f"names the column {name!r}, which is missing", hint=hint))
 
 
-def _times(description: RecordFile, table: Table, names: Mapping[str, str]) -> FloatArray:
+def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> FloatArray:
     """Return the times (samples,) of the file, s."""
     if description.sample_time is not None:
         length = max(column.size for column in table.values())
@@ -196,11 +195,7 @@ def _times(description: RecordFile, table: Table, names: Mapping[str, str]) -> F
 
 
 def _increasing(times: FloatArray) -> FloatArray:
-    """Return times that increase; equal intervals replace those that a file has rounded.
-
-    Raises:
-        InputError: if the times do not increase, even without their rounding.
-    """
+    """Return times that increase; equal intervals replace those that a file has rounded."""
     uniform = np.linspace(times[0], times[-1], times.size)
     interval = (times[-1] - times[0]) / max(times.size - 1, 1)
     unit = _last_digit(times)
@@ -236,11 +231,7 @@ def _last_digit(times: FloatArray) -> float:
 def _uniform(
     description: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
 ) -> tuple[FloatArray, dict[Label, FloatArray]]:
-    """Return uniform times from 0 and the columns at them.
-
-    Raises:
-        InputError: if a column has another length than the time, or too few samples remain.
-    """
+    """Return uniform times from 0 and the columns at them."""
     for label, column in columns.items():
         if column.size != times.size:
             rule = f"have {times.size} samples as the time"
@@ -304,3 +295,234 @@ def _interpolated(
     near = np.minimum(np.abs(grid - known[after]), np.abs(grid - known[after - 1]))
     result[wide & (near > 1e-6 * typical)] = np.nan
     return result
+
+
+#: Columns (samples,) by name.
+_Table = dict[str, NDArray[np.float64]]
+#: Cells of a line of units for a column without a unit.
+_UNITLESS = ("", "-", "1")
+#: Beginning of a date and time of ISO 8601.
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def _read_table(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
+    """Return the columns of a file of measurements.
+
+    An array of several columns becomes ``name[0]``, ``name[1]``, ...; the fields of structures are
+    joined by dots. A column of times of ISO 8601 becomes seconds from its first one. ``skip`` is
+    the number of lines before the header of a text file.
+    """
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        rule = f"have one of the suffixes {', '.join(_READERS)}"
+        raise InputError(Problem("path", rule, repr(path.name)))
+    if not path.is_file():
+        rule = "which is not a file" if path.exists() else "which does not exist"
+        raise InputError(Problem("path", f"is {str(path)!r}, {rule}"))
+    try:
+        return _csv(path, encoding, skip) if read is _csv else read(path)
+    except InputError:
+        raise
+    except Exception as error:  # damaged files raise anything, depending on the damage
+        rule = f"{path.name!r} cannot be read: {type(error).__name__}: {error}"
+        raise InputError(Problem("path", " ".join(rule.split())[:300])) from None
+
+
+def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
+    """Return the columns of a text file; a line of units after the header names their units."""
+    import pandas as pd
+
+    lines = _text_of(path, encoding).splitlines()[skip:]
+    lines = [line for line in lines if line.strip() and line.lstrip()[0] != "#"]
+    if not lines:
+        rule = f"{path.name!r} has no lines" + (f" after the first {skip}" if skip else "")
+        raise InputError(Problem("path", rule))
+    mark = next((mark for mark in ";\t," if mark in lines[0]), None)
+    decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
+    cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
+    units: list[str] = []
+    numeric = [any(_is_number(cell, decimal) for cell in row) for row in cells]
+    if numeric == [False, False, True]:
+        units = [cell.strip('"[]() ') for cell in cells[1]]
+        del lines[1]
+    frame = pd.read_csv(
+        StringIO("\n".join(lines)),
+        sep=mark or r"\s+",
+        comment="#",
+        skipinitialspace=True,
+        decimal=decimal,
+    )
+    if len(units) == len(frame.columns):
+        frame.columns = [
+            f"{name} [{unit}]" if unit not in _UNITLESS and not split_unit(name)[1] else name
+            for name, unit in zip(map(str, frame.columns), units, strict=True)
+        ]
+    return _of_frame(frame)
+
+
+def _text_of(path: Path, encoding: str) -> str:
+    """Return the text of a file in an encoding."""
+    try:
+        return path.read_text("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
+    except LookupError:
+        hint = "Common ones are utf-8, latin-1 and utf-16."
+        raise InputError(
+            Problem("encoding", "be the name of an encoding", repr(encoding), hint)
+        ) from None
+    except UnicodeError:
+        with path.open("rb") as file:
+            other = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "latin-1"
+        hint = f"Try encoding={other!r}."
+        raise InputError(
+            Problem("path", f"{path.name!r} is not a text in {encoding}", hint=hint)
+        ) from None
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    try:
+        float(text.strip('"').replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _parquet(path: Path) -> _Table:
+    import pandas as pd
+
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise library_missing("pyarrow", "identify") from None
+    return _of_frame(pd.read_parquet(path))
+
+
+def _of_frame(frame: Any) -> _Table:
+    """Return the columns of numbers of a table; text in them is missing, with a warning."""
+    import pandas as pd
+
+    table: _Table = {}
+    for name in frame:
+        instants = _instants(frame[name])
+        if instants is not None:
+            table[str(name).strip()] = instants
+            continue
+        numbers = pd.to_numeric(frame[name], errors="coerce")
+        text = frame[name][numbers.isna() & frame[name].notna()]
+        if text.size and numbers.notna().any():  # a column of text alone may be a remark
+            some = f"text in {text.size} of {numbers.size} cells, such as {shown(text.iloc[0])}"
+            warn_caller(f"column {name!r} has {some}; they count as missing.", FlexarmWarning)
+        table[str(name).strip()] = np.asarray(numbers, dtype=np.float64)
+    return table
+
+
+def _instants(column: Any) -> NDArray[np.float64] | None:
+    """Return dates and times of a column in seconds from the first one; None for other columns."""
+    import pandas as pd
+
+    if column.dtype.kind != "M":
+        if pd.api.types.is_numeric_dtype(column) or not _DATE.match(str(column.iloc[0])):
+            return None
+        column = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
+    return np.asarray((column - column.iloc[0]).dt.total_seconds(), dtype=np.float64)
+
+
+def _netcdf(path: Path) -> _Table:
+    import xarray as xr
+
+    with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
+        arrays = {str(name): dataset[name] for name in dataset.variables}
+        columns: _Table = {}
+        for name, array in arrays.items():
+            if array.dtype.kind not in "iuf" or array.ndim == 0:
+                continue
+            unit = str(array.attrs.get("units", ""))
+            rows = np.asarray(array.values, dtype=np.float64).reshape(array.shape[0], -1)
+            labels = _labels(array)
+            for label, column in zip(labels, rows.T, strict=True):
+                columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
+    return columns
+
+
+def _attributes_of(path: Path) -> dict[str, Any]:
+    """Return the attributes of a dataset in NetCDF; empty for other formats."""
+    import xarray as xr
+
+    if _READERS[path.suffix.lower()] is not _netcdf:
+        return {}
+    with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
+        return dict(dataset.attrs)
+
+
+def _labels(array: Any) -> list[str]:
+    """Return the suffixes of the columns of a variable, as in a CSV file of a result."""
+    labels = [""]
+    for dimension in array.dims[1:]:
+        index = array[dimension].values if dimension in array.coords else []
+        numbered = len(index) == 0 or dimension == "gauge"
+        own = range(1, array.sizes[dimension] + 1) if numbered else index
+        labels = [f"{label}_{item}" for label in labels for item in own]
+    return labels
+
+
+def _engine(path: Path) -> str:
+    with path.open("rb") as file:
+        return "h5netcdf" if file.read(8) == _HDF5 else "scipy"
+
+
+def _mat(path: Path) -> _Table:
+    with path.open("rb") as file:
+        head = file.read(520)
+    # MATLAB writes 512 bytes of its own before the HDF5 content of version 7.3.
+    if _HDF5 in (head[:8], head[512:520]):
+        return _mat_73(path)
+    from scipy.io import loadmat
+
+    content = loadmat(path, simplify_cells=True)
+    return _flat((name, value) for name, value in content.items() if not name.startswith("__"))
+
+
+def _mat_73(path: Path) -> _Table:
+    import h5py
+
+    def items(group: Any, before: str) -> Iterator[tuple[str, Any]]:
+        for name, item in group.items():
+            if name.startswith("#"):
+                continue
+            if isinstance(item, h5py.Group):
+                yield from items(item, f"{before}{name}.")
+            elif item.dtype.kind in "iuf" and "MATLAB_empty" not in item.attrs:
+                yield f"{before}{name}", np.asarray(item).T  # MATLAB orders by columns
+
+    with h5py.File(path, "r") as file:
+        return _flat(items(file, ""))
+
+
+def _flat(items: Iterator[tuple[str, Any]]) -> _Table:
+    """Return the columns of arrays and nested structures."""
+    table: _Table = {}
+    for name, value in items:
+        if isinstance(value, Mapping):
+            table |= _flat((f"{name}.{key}", inner) for key, inner in value.items())
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" or array.ndim == 0 or array.size < 2:
+            continue
+        array = array.astype(np.float64)
+        if array.ndim == 2 and 1 in array.shape:
+            array = array.ravel()
+        if array.ndim == 1:
+            table[name] = array
+        elif array.ndim == 2:
+            table |= {f"{name}[{k}]": column for k, column in enumerate(array.T)}
+    return table
+
+
+#: Readers by suffix.
+_READERS: dict[str, Callable[[Path], _Table]] = {
+    ".csv": _csv,
+    ".txt": _csv,
+    ".mat": _mat,
+    ".nc": _netcdf,
+    ".parquet": _parquet,
+}

@@ -206,11 +206,7 @@ Records = (
 
 
 def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
-    """Return records by name, from a record, a dataset over time, a list or a dictionary of them.
-
-    Raises:
-        InputError: if the value is not a record, or a list or dictionary of them.
-    """
+    """Return records by name, from a record, a dataset over time, or a list or dictionary."""
     if isinstance(given, MeasuredRecord | xr.Dataset):
         given = [given]
     if isinstance(given, list | tuple):
@@ -227,11 +223,7 @@ def check_records(name: str, given: Any) -> dict[str, MeasuredRecord]:
 
 
 def check_some_records(given: Any) -> dict[str, MeasuredRecord]:
-    """Return the argument ``records``, which must not be empty.
-
-    Raises:
-        InputError: as ``check_records``, or if there is no record.
-    """
+    """Return the argument ``records``, which must not be empty."""
     records = check_records("records", given)
     if not records:
         raise InputError(Problem("records", "must not be empty"))
@@ -239,11 +231,7 @@ def check_some_records(given: Any) -> dict[str, MeasuredRecord]:
 
 
 def check_inputs(records: Mapping[str, MeasuredRecord]) -> None:
-    """Raise if nothing drives the joints of a record that does not state this.
-
-    Raises:
-        InputError: if there are such records; it lists all of them.
-    """
+    """Raise if nothing drives the joints of a record that does not state this."""
     problems = [
         Problem("input", _MISSING, hint='Give "none" if nothing drives the joints.', where=name)
         for name, record in records.items()

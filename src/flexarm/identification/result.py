@@ -1,7 +1,8 @@
-"""Result of an identification: estimates, their uncertainty, fit, tests, and the arm."""
+"""Result of an identification: estimates, their uncertainty, fit, tests; its dataset."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,9 +15,10 @@ from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call, shown, suggestion
 from flexarm.base.notebook import html_table
 from flexarm.base.writing.places import AnyPath
-from flexarm.identification.storage import restored, stored
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
+from flexarm.model.file_format.content import content_of
+from flexarm.model.file_format.files import arm_spec_of_text, file_text
 from flexarm.simulation.calls.result import package_version
 
 #: Probability below which a test of residuals fails.
@@ -88,7 +90,7 @@ class Identification:
     @public_call
     def to_dataset(self) -> xr.Dataset:
         """Return the whole result as one dataset, for ``write_result`` and ``report``."""
-        return stored(self)
+        return _stored(self)
 
     @classmethod
     @public_call
@@ -98,7 +100,7 @@ class Identification:
         Raises:
             InputError: if the dataset does not contain an identification.
         """
-        return cls(**restored(check_kind("dataset", dataset, xr.Dataset)))
+        return cls(**_restored(check_kind("dataset", dataset, xr.Dataset)))
 
     @public_call
     def write(self, path: AnyPath) -> None:
@@ -144,11 +146,7 @@ class Identification:
 
 
 def number_of(parameters: xr.Dataset, path: object, column: str) -> float:
-    """Return a number of a table of parameters.
-
-    Raises:
-        InputError: if no parameter has this path.
-    """
+    """Return a number of a table of parameters; InputError if no parameter has this path."""
     names = parameters["parameter"].values.tolist()
     if path not in names:
         hint = suggestion(str(path), names)
@@ -201,3 +199,104 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+#: Attribute of such a dataset, and the tables of a result.
+_KIND = "identification"
+_TABLES = ("parameters", "initial", "fit", "validation")
+
+
+def _stored(found: Identification) -> xr.Dataset:
+    """Return an identification as one dataset."""
+    tables = {name: getattr(found, name) for name in _TABLES}
+    tables |= {f"record_{k}": table for k, table in enumerate(found.histories.values())}
+    # NetCDF has no names of nothing.
+    kept = {
+        name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
+        for name, table in tables.items()
+    }
+    parts: list[xr.Dataset] = [
+        table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
+        for name, table in kept.items()
+        if table.data_vars
+    ]
+    attributes: dict[str, Any] = {
+        "undetermined": list(found.undetermined),
+        "noise": dict(found.noise),
+        "starts": list(found.starts),
+        "converged": found.converged,
+        "method": found.method,
+        "torque_noise": None if found.torque_noise is None else found.torque_noise.tolist(),
+        "histories": list(found.histories),
+        "arms": {name: file_text(arm.spec) for name, arm in found.arms.items()},
+        "motors": None if found.motors is None else content_of(found.motors),
+    }
+    return xr.merge(parts).assign_attrs(
+        flexarm_version=found.flexarm_version,
+        arm=file_text(found.arm.spec),
+        **{_KIND: json.dumps(attributes)},
+    )
+
+
+def _restored(dataset: xr.Dataset) -> dict[str, Any]:
+    """Return the fields of an identification from its dataset."""
+    if _KIND not in dataset.attrs:
+        raise InputError(Problem("dataset", "does not contain an identification"))
+    try:
+        given = json.loads(dataset.attrs[_KIND])
+        names = given.pop("histories")
+        fields: dict[str, Any] = {
+            "parameters": _table(dataset, "parameters"),
+            "fit": _table(dataset, "fit"),
+        }
+        nothing = slice(0, 0)
+        fields["initial"] = _table(dataset, "initial") or fields["parameters"].isel(
+            parameter=nothing, other=nothing
+        )
+        fields["validation"] = _table(dataset, "validation") or fields["fit"].isel(record=nothing)
+        fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
+        noise, motors = given["torque_noise"], given["motors"]
+        return {
+            **fields,
+            **given,
+            "undetermined": tuple(given["undetermined"]),
+            "starts": tuple(given["starts"]),
+            "torque_noise": None if noise is None else np.array(noise),
+            "motors": None if motors is None else Motors(**motors),
+            "flexarm_version": dataset.attrs["flexarm_version"],
+            "arm": _arm(dataset.attrs["arm"]),
+            "arms": {name: _arm(text) for name, text in given["arms"].items()},
+        }
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        rule = f"contains a damaged identification: {type(error).__name__}"
+        raise InputError(Problem("dataset", rule)) from None
+
+
+def is_identification(value: object) -> bool:
+    """Return whether a value is the dataset of an identification."""
+    return isinstance(value, xr.Dataset) and _KIND in value.attrs
+
+
+def _history(dataset: xr.Dataset, record: int) -> xr.Dataset:
+    """Return the history of a record, with ``driven`` also if it has no inputs."""
+    table = _table(dataset, f"record_{record}")
+    if "driven" in table:
+        return table
+    nothing = np.zeros((table.sizes["time"], 0))
+    return table.assign(driven=(("time", "input"), nothing)).assign_coords(input=[])
+
+
+def _arm(text: str) -> Arm:
+    return Arm(arm_spec_of_text(text, "result"))
+
+
+def _table(dataset: xr.Dataset, name: str) -> xr.Dataset:
+    """Return the table whose variables have the prefix of a name."""
+    own = [str(key) for key in dataset.variables if str(key).startswith(f"{name}.")]
+    table = dataset[own].drop_attrs()
+    for key in own:
+        table[key].attrs = dict(dataset[key].attrs)
+    names: Mapping[str, str] = {
+        str(key): str(key).removeprefix(f"{name}.") for key in {*table.variables, *table.dims}
+    }
+    return table.rename(names)

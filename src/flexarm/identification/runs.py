@@ -25,7 +25,7 @@ from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
 from flexarm.simulation.batch.run import simulate_batch
-from flexarm.simulation.calls.choice import integrator_of
+from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import PrescribedAngle
@@ -41,20 +41,13 @@ _LONG, _RUNS = 3e7, 10.0
 class RecordRun:
     """Simulations of an arm that reproduce one record.
 
-    Args:
-        name: of the record.
-        arm: the arm before estimation; a controller uses it as its model.
-        options: arguments of ``simulate`` for every run, such as ``integrator``.
+    The arm is that before estimation; a controller uses it as its model.
 
     Attributes:
-        labels: the compared channels.
+        labels: the compared channels. channels: their names.
         measured: (samples, channels) values of the record, filtered; where samples are missing
             they have no meaning.
         valid: (samples, channels) whether the record has the sample.
-        channels: names of the compared channels.
-
-    Raises:
-        InputError: if the record does not fit the arm; all problems are listed.
     """
 
     def __init__(
@@ -116,10 +109,7 @@ class RecordRun:
 
     @property
     def proportional(self) -> bool:
-        """Whether a strain is proportional to the distance of its gauge.
-
-        A controller that reads the strain moves the arm differently if the distance changes.
-        """
+        """Whether a strain is proportional to its gauge's distance: no controller reads it."""
         return self.record.controller is None
 
     def arguments(self, case: Case) -> dict[str, Any]:
@@ -345,10 +335,9 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         if phase <= _UNRESOLVED:
             continue
         arguments = run.arguments(case)
-        duration, integrator = arguments.pop("duration"), arguments.pop("integrator", "auto")
-        step = arguments.pop("step", None)
+        del arguments["channels"]  # which only batches have
         try:
-            work = integrator_of(arm, duration, integrator, step, arguments).work
+            work = integrator_of(arm, **arguments).work
         except InputError:  # a hopeless run
             work = np.inf
         work *= _RUNS * (1 + len(space.slots))

@@ -29,18 +29,12 @@ _INITIAL = re.compile(r"initial\.(qd?)\[(\d+)\]$")
 
 
 class Case(NamedTuple):
-    """What a vector of parameters means for a record.
+    """What a vector of parameters means for a record."""
 
-    Attributes:
-        spec: the arm.
-        motors: of records with a current as input, or None.
-        q, qd: (dof,) added to the initial state.
-    """
-
-    spec: ArmSpec
-    motors: Motors | None
-    q: FloatArray
-    qd: FloatArray
+    spec: ArmSpec  # the arm
+    motors: Motors | None  # of records with a current as input, or None
+    q: FloatArray  # (dof,) added to the initial state
+    qd: FloatArray  # (dof,) added to the initial state
 
 
 @dataclass(frozen=True)
@@ -73,16 +67,7 @@ class Slot:
 
 
 class Space:
-    """Vectors of parameters and their meaning.
-
-    Args:
-        arm, motors: with the values from which the estimation starts.
-        free: the parameters.
-        records: by name.
-
-    Raises:
-        InputError: if a path is not one of a number, repeats, or its start is outside its bounds.
-    """
+    """Vectors of the free parameters, from the values of the arm and motors, and their meaning."""
 
     def __init__(
         self,
@@ -176,11 +161,7 @@ class Space:
         return np.array(found, dtype=np.intp)
 
     def case(self, record: int | None, vector: FloatArray) -> Case:
-        """Return the meaning of a vector for a record; None: without values of single records.
-
-        Raises:
-            ModelError: if the arm is not possible.
-        """
+        """Return the meaning of a vector for a record; None: without values of single records."""
         spec, motors = self._arm.spec, self._motors
         state = {"q": np.zeros(self._arm.dof), "qd": np.zeros(self._arm.dof)}
         for slot, value in zip(self.slots, vector.tolist(), strict=True):
@@ -236,10 +217,7 @@ def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> l
 
 
 def _modes(arm: Arm) -> list[tuple[int, float, float]]:
-    """Return place in q, typical amplitude and frequency (rad/s) of the lowest modes.
-
-    All modes of a link have the same typical energy.
-    """
+    """Return place in q, frequency (rad/s) and amplitude of equal energy of the lowest modes."""
     found = []
     for piece in arm.assembly.pieces:
         shapes = piece.shapes
@@ -281,11 +259,7 @@ def in_words(path: str) -> str:
 
 
 def check_free(value: object) -> list[FreeParameter]:
-    """Return free parameters, from a list of paths and ``FreeParameter`` objects.
-
-    Raises:
-        InputError: if the value is not such a list, or empty.
-    """
+    """Return free parameters, from a list of paths and ``FreeParameter`` objects."""
     items = list(value) if isinstance(value, list | tuple) else []
     if not items or not all(isinstance(item, str | FreeParameter) for item in items):
         rule = "be a list of paths and FreeParameter objects"

@@ -37,17 +37,11 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
 
 
 class Column(NamedTuple):
-    """Residuals of one channel of a record, weighted, and their derivatives.
+    """Residuals of one channel of a record, weighted, and their derivatives."""
 
-    Attributes:
-        residuals: (samples,), zero where missing.
-        derivatives: (samples, parameters) of the residuals, zero where missing.
-        valid: (samples,) whether the record has the sample.
-    """
-
-    residuals: FloatArray
-    derivatives: FloatArray
-    valid: NDArray[np.bool_]
+    residuals: FloatArray  # (samples,), zero where missing
+    derivatives: FloatArray  # (samples, parameters) of the residuals, zero where missing
+    valid: NDArray[np.bool_]  # (samples,) whether the record has the sample
 
 
 def pair_sums(values: FloatArray, lags: int) -> FloatArray:
@@ -82,11 +76,7 @@ def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS)
     """Return the probability of correlations as large as those of residuals, if they were white.
 
     The test of Ljung and Box; below 0.01 the residuals contain something that the model lacks. NaN
-    without residuals.
-
-    Args:
-        residuals: (samples,)
-        valid: (samples,) whether the record has the sample.
+    without residuals. ``valid`` (samples,) states whether the record has the sample.
     """
     from scipy.stats import chi2
 
@@ -106,11 +96,6 @@ def independence(
 
     Residuals that depend on past inputs (0 to ``lags`` samples) give a small value, residuals that
     are correlated over time for another reason do not. NaN without residuals or input.
-
-    Args:
-        residuals: (samples,)
-        valid: (samples,) whether the record has the sample.
-        signal: (samples,) of the input.
     """
     from scipy.stats import chi2
 
@@ -136,12 +121,8 @@ def cross_correlation(
 ) -> tuple[FloatArray, float]:
     """Return correlations (lags + 1,) of residuals with a signal, and their standard deviation.
 
-    Args:
-        residuals: (samples,), zero where missing.
-        valid: (samples,) whether the record has the sample.
-        signal: (samples,) of an input; at lag k that of k samples before.
-
-    The deviation is that without a relation, with the correlation over time of both.
+    The deviation is that without a relation, with the correlation over time of both. At lag k the
+    signal is that of k samples before.
     """
     residuals, signal = centred(residuals, valid), signal - signal.mean()
     size = float(np.linalg.norm(residuals) * np.linalg.norm(signal))
@@ -164,10 +145,7 @@ def information(columns: Sequence[Column]) -> FloatArray:
 
 
 def coloured_information(columns: Sequence[Column]) -> FloatArray:
-    """Return the covariance of the gradient of the fit with residuals that are not white.
-
-    For white residuals it equals ``information``.
-    """
+    """Return the covariance of the fit's gradient; ``information`` if the residuals are white."""
     from scipy.signal import fftconvolve
 
     total = np.zeros((columns[0].derivatives.shape[1],) * 2)
@@ -198,10 +176,7 @@ def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
 
 
 def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
-    """Return the covariance of the estimates.
-
-    Args:
-        priors: (parameters,) information of priors: one over their variances, or zero.
+    """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
 
     A parameter without information has an infinite variance, and a combination of others without
     information a very large one.
@@ -255,16 +230,9 @@ def undetermined(
     """Return the combinations of parameters that the data do not determine.
 
     The criterion is the relative standard deviation of ``covariance_of``, without the priors of
-    the physical parameters.
-
-    Args:
-        priors: as for ``covariance_of``; those of the physical parameters are not used.
-        scale: (parameters,) changes that count as 100 %.
-        physical: (parameters,) whether a number is a parameter, not part of an initial state.
-
-    Returns:
-        The places of the parameters of each combination, the most important one first, and the
-        relative standard deviation of the combination, at least 0.5.
+    the physical parameters; ``scale`` (parameters,) counts as 100 %, and initial states are not
+    ``physical``. A combination has the places of its parameters, the most important one first, and
+    its relative standard deviation, at least 0.5.
     """
     places = np.flatnonzero(physical)
     covariance = covariance_of(columns, np.where(physical, 0.0, priors))[np.ix_(places, places)]
@@ -297,10 +265,7 @@ def undetermined(
 
 
 def _sparse(vectors: FloatArray) -> FloatArray:
-    """Return other vectors (k, n) that span the same space, with as many zeros as possible.
-
-    Gauss and Jordan's elimination with the largest pivots: separate causes become separate vectors.
-    """
+    """Return vectors (k, n) of the same space with many zeros, by Gauss and Jordan."""
     vectors = vectors.copy()
     for row in range(len(vectors)):
         rest = np.abs(vectors[row:])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.kernels.compilation.dual_arrays import zeros_like
+from flexarm.kernels.compilation.duals import zeros_like
 from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step

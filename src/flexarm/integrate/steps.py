@@ -256,10 +256,11 @@ def followed(sizes: Sizes, tolerance: Tolerance, new: Array, h: float) -> int:
 
 
 @merged
-def _repeat_to(clock: Array, counts: Array, reached: float) -> int:
-    """Reject the step and repeat it to ``reached`` (s)."""
+def _repeat_to(clock: Array, counts: Array, h: float, reached: float) -> int:
+    """Reject a step of length h and repeat it to ``reached`` (s)."""
     counts[REJECTED] += 1
-    clock[STEP] = reached
+    # A longer one would be extended to the stop at the end of this one, and so on without end.
+    clock[STEP] = min(reached, h / (_NEARLY * _NEARLY))
     clock[REFUSED] = 1.0
     return PAUSED
 
@@ -297,7 +298,7 @@ def judge_step(
     clock[AHEAD] = 0.0
     reached = step_to_stop(system, memory, h)
     if reached < h:
-        return _repeat_to(clock, memory.counts, reached)
+        return _repeat_to(clock, memory.counts, h, reached)
     norm = error_norm(system, tolerance, memory.state, memory.new, stages, error, h)
     clock[NORM] = norm
     if norm <= 1.0:
@@ -316,7 +317,7 @@ def judge_contacts(
     if adaptive:
         allowed = step_to_contact(contacts, clock, h)
         if allowed < h:
-            return _repeat_to(clock, counts, allowed)
+            return _repeat_to(clock, counts, h, allowed)
     elif step_allowed(contacts, h) < h:
         return CONTACT_UNSEEN
     if passed_through(contacts):

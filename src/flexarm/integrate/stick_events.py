@@ -44,8 +44,9 @@ from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
 
-#: Largest share of a step after the change. The corrected error is of its square.
-_LATE = 1e-4
+#: Largest share of a step after the change. The corrected error is of its square, and that of the
+#: derivative of the time of the change of itself. A step within 1e-6 of a stop is extended to it.
+_LATE = 1e-5
 #: Shortest step to a change, in radians of the fastest vibration. In shorter ones, torques near the
 #: limit are rounding errors, and no step might reach the change.
 _SHORTEST = 1e-6

@@ -3,8 +3,6 @@
 This package imports no numerics and no NumPy.
 """
 
-from flexarm.model.arm.damping import ModalDamping as ModalDamping
-from flexarm.model.arm.damping import RayleighDamping as RayleighDamping
 from flexarm.model.arm.joints import Friction as Friction
 from flexarm.model.arm.joints import Joint as Joint
 from flexarm.model.arm.joints import JointLimits as JointLimits
@@ -12,6 +10,8 @@ from flexarm.model.arm.joints import Payload as Payload
 from flexarm.model.arm.joints import Winding as Winding
 from flexarm.model.arm.links import Gauge as Gauge
 from flexarm.model.arm.links import Link as Link
+from flexarm.model.arm.links import ModalDamping as ModalDamping
+from flexarm.model.arm.links import RayleighDamping as RayleighDamping
 from flexarm.model.arm.sections import MATERIALS as MATERIALS
 from flexarm.model.arm.sections import Box as Box
 from flexarm.model.arm.sections import Circle as Circle
@@ -44,21 +44,21 @@ from flexarm.model.file_format.files import scenario_of_text as scenario_of_text
 from flexarm.model.file_format.schema import json_schema as json_schema
 from flexarm.model.hardware import Hardware as Hardware
 from flexarm.model.hardware import Instrument as Instrument
+from flexarm.model.hardware import InstrumentFault as InstrumentFault
 from flexarm.model.hardware import Motors as Motors
-from flexarm.model.identification.filters import Filter as Filter
 from flexarm.model.identification.parameters import FreeParameter as FreeParameter
-from flexarm.model.instrument_faults import InstrumentFault as InstrumentFault
+from flexarm.model.identification.records import Filter as Filter
 from flexarm.model.scenarios.events import EventSpec as EventSpec
 from flexarm.model.scenarios.events import JointEvent as JointEvent
 from flexarm.model.scenarios.events import TipEvent as TipEvent
 from flexarm.model.scenarios.motions import JointMotionSpec as JointMotionSpec
 from flexarm.model.scenarios.motions import LineMotionSpec as LineMotionSpec
-from flexarm.model.scenarios.prescribed import FollowingJoint as FollowingJoint
-from flexarm.model.scenarios.prescribed import HeldJoint as HeldJoint
-from flexarm.model.scenarios.prescribed import TabulatedJoint as TabulatedJoint
+from flexarm.model.scenarios.scenario import FollowingJoint as FollowingJoint
+from flexarm.model.scenarios.scenario import HeldJoint as HeldJoint
 from flexarm.model.scenarios.scenario import InitialState as InitialState
-from flexarm.model.scenarios.scenario import RunSettings as RunSettings
+from flexarm.model.scenarios.scenario import RunSpec as RunSpec
 from flexarm.model.scenarios.scenario import Scenario as Scenario
+from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
 from flexarm.model.scenarios.study import StudySpec as StudySpec
 from flexarm.model.sensors import Sensor as Sensor

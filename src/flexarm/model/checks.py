@@ -8,7 +8,7 @@ those of single values and, for values that are valid, those between values. In 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from inspect import Signature, cleandoc
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
 
@@ -24,8 +24,13 @@ from pydantic import (
 )
 
 from flexarm.base.errors import InputError, ModelError
-from flexarm.model.help_text import docstring_of, positional_fields, signature_of
-from flexarm.model.units import in_si, units_of
+from flexarm.model.help_text import (
+    descriptions_of,
+    docstring_of,
+    positional_fields,
+    signature_of,
+)
+from flexarm.model.units import in_si, maps_names, unit_of
 from flexarm.model.wording import Fault, Path, worded
 
 if TYPE_CHECKING:
@@ -50,19 +55,19 @@ class RecordType(ModelMetaclass):
     """
 
     def __call__(cls: type[T], *args: Any, **kwargs: Any) -> T:
-        given = _by_name(cls, args, kwargs) if args else kwargs  # type: ignore[arg-type]
+        arguments = _by_name(cls, args, kwargs) if args else kwargs  # type: ignore[arg-type]
         try:
-            given = cls._from_python(given)  # type: ignore[attr-defined]
-            return super().__call__(**given)  # type: ignore[misc, no-any-return]
+            arguments = cls._from_python(arguments)  # type: ignore[attr-defined]
+            return super().__call__(**arguments)  # type: ignore[misc, no-any-return]
         except ValidationError as error:
-            found = [fault.problem(cls.__name__) for fault in faults_of(error)]
-            raise ModelError(*found).at(cls._place()) from None  # type: ignore[attr-defined]
+            problems = [fault.problem(cls.__name__) for fault in faults_of(error)]
+            raise ModelError(*problems).at(cls._place()) from None  # type: ignore[attr-defined]
         except InputError as error:
             raise error.at(cls._place()) from None  # type: ignore[attr-defined]
 
     @property
     def __signature__(cls) -> Signature:
-        return signature_of(cls)  # type: ignore[arg-type]
+        return signature_of(cls)
 
     @__signature__.setter
     def __signature__(cls, value: object) -> None:
@@ -72,7 +77,7 @@ class RecordType(ModelMetaclass):
     def __doc__(cls) -> str:  # type: ignore[override]
         # This is a property, because the fields are complete only after the class is.
         text = cls.__dict__.get("__doc__") or ""
-        return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text  # type: ignore[arg-type]
+        return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text
 
     def __dir__(cls) -> list[str]:
         """List the attributes of a record without those of pydantic and of every class.
@@ -140,6 +145,8 @@ class Record(BaseModel, metaclass=RecordType):
     _columns: ClassVar[tuple[str, ...]] = ()
     """Fields that are the columns of a table: lists with one entry for each of its rows."""
     _kw_only: ClassVar[bool] = True
+    _declared: ClassVar[Mapping[str, Any]] = {}
+    """Declarations of its fields, if they are the parameters of another class."""
     _called: ClassVar[str] = ""
     """Public class whose constructor takes the fields, if it is another one, for messages."""
 
@@ -175,10 +182,13 @@ class Record(BaseModel, metaclass=RecordType):
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Return a JSON schema whose description is the docstring of the record."""
-        made = handler(schema)
-        handler.resolve_ref_schema(made)["description"] = cleandoc(cls.__dict__["__doc__"])
-        return made
+        """Return a JSON schema with the docstrings of the record and of its fields."""
+        reference = handler(schema)
+        content = handler.resolve_ref_schema(reference)
+        content["description"] = cleandoc(cls.__dict__["__doc__"])
+        for name, text in descriptions_of(cls).items():
+            content["properties"][name]["description"] = text
+        return reference
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         """Show only the fields that the user gave, not the defaults."""
@@ -191,7 +201,7 @@ class Record(BaseModel, metaclass=RecordType):
             return data
         wrong_units: dict[Path, Fault] = {}
         if isinstance(data, dict):
-            data, wrong_units = in_si(data, _units(cls))
+            data, wrong_units = in_si(data, partial(_unit, cls))
         try:
             record: Self = handler(data)
         except ValidationError as error:
@@ -256,9 +266,11 @@ def _right_fields(
 
 
 @cache
-def _units(cls: type[Record]) -> dict[str, tuple[str, bool]]:
-    """Return the units of the fields of a class."""
-    return units_of(cls.model_fields)
+def _unit(cls: type[Record], name: str) -> tuple[str, bool]:
+    """Return the unit of a field, and whether its value maps names to numbers."""
+    field = cls.model_fields.get(name)
+    unit = unit_of(descriptions_of(cls).get(name, ""))
+    return unit, field is not None and maps_names(field.annotation)
 
 
 @cache

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast,
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.base.arguments import check_numbers
-from flexarm.base.errors import ModelError, Problem, public_call
+from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
-from flexarm.model.instrument_faults import InstrumentFault
 from flexarm.model.quantities import (
     NO_LIMIT,
     Count,
@@ -28,6 +27,48 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.sensors import POINT_SIGNALS, PointSignal, Sensor, frame_faults
 from flexarm.model.wording import Fault, refuse
+
+
+class InstrumentFault(Record, kw_only=False):
+    """A fault of an instrument: its readings are wrong from one time to another.
+
+    A controller and its model do not know it. Faults act in the order of their list, before noise,
+    resolution and limit; a frozen reading acts last.
+    """
+
+    kind: Literal["bias", "drift", "gain", "frozen"]
+    """Added error (bias), error that grows with time (drift), factor of the value (gain), or the
+    reading of the last frame before the fault (frozen)."""
+    size: Number | None = None
+    """The error in the unit of the signal (bias), the error per second (drift) or the factor
+    (gain): 0 for a lost signal, -1 for a wrong sign."""
+    start: NonNegative = 0.0
+    """Time at which it begins (s)."""
+    end: NonNegative | None = None
+    """Time at which it ends (s); by default with the run."""
+    channel: Count | None = None
+    """Number of the joint, link, gauge or component, counted from 1 in the order of the readings;
+    by default all of the instrument."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("kind"):
+            if given.kind == "frozen" and not given.absent("size"):
+                yield Fault(("size",), "is not supported with kind frozen")
+            elif given.kind != "frozen" and given.absent("size"):
+                yield Fault(("size",), f"is required with kind {given.kind}")
+        if given.has("start", "end") and given.end is not None and given.end <= given.start:
+            yield Fault(("end",), f"be greater than start, {given.start:g}", shown(given.end))
+
+    @public_call
+    def acts(self, t: Number) -> bool:
+        """Return whether the fault acts at time t (s).
+
+        Raises:
+            InputError: if the time is not a number.
+        """
+        return self.start <= t and (self.end is None or t < self.end)
+
 
 ChannelSignal = Literal[
     "joint_angle",
@@ -81,54 +122,34 @@ class Instrument(Record, kw_only=False):
     ``signal`` may be a `Sensor`, which includes ``link``, ``station`` and ``frame``.
     """
 
-    signal: Signal = Field(
-        description="Measured channel; or position, velocity or acceleration of a point."
-    )
-    link: Count | None = Field(
-        default=None, kw_only=True, description="Link of the point, counted from 1 at the base."
-    )
-    station: NonNegative | None = Field(
-        default=None,
-        kw_only=True,
-        description="Distance of the point from the root of the link (m); by default its tip.",
-    )
-    frame: Literal["world", "link"] = Field(
-        default="world",
-        kw_only=True,
-        description=(
-            "Frame of an acceleration: world, or along and across the link including "
-            "gravity (link)."
-        ),
-    )
-    name: Identifier | None = Field(
-        default=None, description="Name in the measurement; by default the name of the signal."
-    )
-    resolution: NonNegative = Field(
-        default=0.0, description="Resolution of the readings, in the unit of the signal."
-    )
-    noise: NonNegative = Field(
-        default=0.0,
-        description="Standard deviation of white noise, drawn independently for each frame.",
-    )
-    bias: Number = Field(default=0.0, description="Constant error.")
-    limit: Limit = Field(
-        default=math.inf,
-        json_schema_extra=NO_LIMIT,
-        description="Largest reading, in both directions.",
-    )
-    delay: NonNegative = Field(
-        default=0.0, description="Time from a sample to its use by the controller (s)."
-    )
-    sample_time: Positive | None = Field(
-        default=None, description="Sample time (s); by default that of the controller."
-    )
-    rate_cutoff: Positive | None = Field(
-        default=None, description="Cutoff frequency of the derived rate (Hz); no rate by default."
-    )
-    rate_name: Identifier | None = Field(default=None, description="Name of that rate.")
-    faults: Listed[InstrumentFault] = Field(
-        default=(), description="Faults during the run, which controllers do not know."
-    )
+    signal: Signal
+    """Measured channel; or position, velocity or acceleration of a point."""
+    link: Count | None = Field(default=None, kw_only=True)
+    """Link of the point, counted from 1 at the base."""
+    station: NonNegative | None = Field(default=None, kw_only=True)
+    """Distance of the point from the root of the link (m); by default its tip."""
+    frame: Literal["world", "link"] = Field(default="world", kw_only=True)
+    """Frame of an acceleration: world, or along and across the link including gravity (link)."""
+    name: Identifier | None = None
+    """Name in the measurement; by default the name of the signal."""
+    resolution: NonNegative = 0.0
+    """Resolution of the readings, in the unit of the signal."""
+    noise: NonNegative = 0.0
+    """Standard deviation of white noise, drawn independently for each frame."""
+    bias: Number = 0.0
+    """Constant error."""
+    limit: Limit = Field(default=math.inf, json_schema_extra=NO_LIMIT)
+    """Largest reading, in both directions."""
+    delay: NonNegative = 0.0
+    """Time from a sample to its use by the controller (s)."""
+    sample_time: Positive | None = None
+    """Sample time (s); by default that of the controller."""
+    rate_cutoff: Positive | None = None
+    """Cutoff frequency of the derived rate (Hz); no rate by default."""
+    rate_name: Identifier | None = None
+    """Name of that rate."""
+    faults: Listed[InstrumentFault] = ()
+    """Faults during the run, which controllers do not know."""
 
     _hints: ClassVar[dict[str, str]] = {
         "signal": "For the position, velocity or acceleration of a point, Python accepts a Sensor."
@@ -204,27 +225,20 @@ class Motors(Record, kw_only=False):
     constant of the back electromotive force (V s/rad at the joint).
     """
 
-    torque_limit: Limits = Field(
-        default=math.inf,
-        json_schema_extra=NO_LIMIT,
-        description="Torque limit (N m), one for all joints or one for each.",
-    )
-    delay: NonNegative = Field(
-        default=0.0, description="Time from a command to the start of its torque (s)."
-    )
-    time_constant: NonNegative = Field(default=0.0, description="Lag of the current loop (s).")
-    torque_constant: OneOrMany[Positive] | None = Field(
-        default=None, description="Torque per current (N m/A)."
-    )
-    current_limit: Limits = Field(
-        default=math.inf, json_schema_extra=NO_LIMIT, description="Largest current (A)."
-    )
-    voltage_limit: Limits = Field(
-        default=math.inf, json_schema_extra=NO_LIMIT, description="Supply voltage (V)."
-    )
-    resistance: OneOrMany[Positive] | None = Field(
-        default=None, description="Resistance of the winding (ohm)."
-    )
+    torque_limit: Limits = Field(default=math.inf, json_schema_extra=NO_LIMIT)
+    """Torque limit (N m), one for all joints or one for each."""
+    delay: NonNegative = 0.0
+    """Time from a command to the start of its torque (s)."""
+    time_constant: NonNegative = 0.0
+    """Lag of the current loop (s)."""
+    torque_constant: OneOrMany[Positive] | None = None
+    """Torque per current (N m/A)."""
+    current_limit: Limits = Field(default=math.inf, json_schema_extra=NO_LIMIT)
+    """Largest current (A)."""
+    voltage_limit: Limits = Field(default=math.inf, json_schema_extra=NO_LIMIT)
+    """Supply voltage (V)."""
+    resistance: OneOrMany[Positive] | None = None
+    """Resistance of the winding (ohm)."""
 
     @property
     def back_voltage(self) -> bool:
@@ -279,11 +293,12 @@ class Hardware(Record, kw_only=False):
     ``strain``, and ideal motors without delay, lag or limits. The same seed gives the same run.
     """
 
-    instruments: Listed[Instrument] | None = Field(
-        default=None, description="Instruments of the controller."
-    )
-    motors: Motors | None = Field(default=None, description="Limits and delays of the torques.")
-    seed: Seed = Field(default=0, description="Seed of all noise.")
+    instruments: Listed[Instrument] | None = None
+    """Instruments of the controller."""
+    motors: Motors | None = None
+    """Limits and delays of the torques."""
+    seed: Seed = 0
+    """Seed of all noise."""
 
     _hints: ClassVar[dict[str, str]] = {
         "motors": "For example `motors: {torque_limit: 5}`; in Python, a Motors object.",

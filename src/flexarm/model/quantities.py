@@ -1,7 +1,9 @@
-"""Types of fields: finite numbers, counts, pairs, lists, mappings from names to values.
+"""Types of fields and of arguments: finite numbers, counts, pairs, lists, mappings from names.
 
-Numbers are strict (no text, no booleans), but NumPy scalars and arrays are accepted as their
-plain Python values. Lists and tuples are both accepted and stored as tuples.
+A type is declared once for the keys of files, the fields of records and, if it has a `Rule`, the
+arguments of functions, which `public_call` validates. Numbers are strict (no text, no booleans),
+but NumPy scalars and arrays are accepted as their plain Python values. Lists and tuples are both
+accepted and stored as tuples.
 """
 
 from __future__ import annotations
@@ -9,11 +11,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.base.errors import printable
+from flexarm.base.arguments import (
+    check_between_0_and_1,
+    check_count,
+    check_flag,
+    check_nonnegative,
+    check_number,
+    check_positive,
+    check_tolerance,
+)
+from flexarm.base.errors import Rule, printable
+from flexarm.base.processes import check_workers
 from flexarm.model.wording import refuse
 
 T = TypeVar("T")
@@ -140,13 +153,18 @@ else:
 
 # Bounds precede the conversion, so that they apply to the plain number and to the schema.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Number = Annotated[Finite, BeforeValidator(plain)]
-Positive = Annotated[Finite, Field(gt=0), BeforeValidator(plain)]
-NonNegative = Annotated[Finite, Field(ge=0), BeforeValidator(plain)]
+Number = Annotated[Finite, BeforeValidator(plain), Rule(check_number)]
+Positive = Annotated[Finite, Field(gt=0), BeforeValidator(plain), Rule(check_positive)]
+NonNegative = Annotated[Finite, Field(ge=0), BeforeValidator(plain), Rule(check_nonnegative)]
 Fraction = Annotated[Finite, Field(ge=0, le=1), BeforeValidator(plain)]
-Probability = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
-Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain)]
-Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain)]
+Probability = Annotated[
+    Finite, Field(gt=0, lt=1), BeforeValidator(plain), Rule(check_between_0_and_1)
+]
+Tolerance = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain), Rule(check_tolerance)]
+Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain), Rule(check_count)]
+CountOrZero = Annotated[int, Rule(partial(check_count, least=0))]
+Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain), Rule(check_flag)]
+Workers = Annotated[int | None, Rule(check_workers)]  # processes or threads; None: one each core
 Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
 Identifier = Annotated[Word, AfterValidator(_identifier)]
 Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]

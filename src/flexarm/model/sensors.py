@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal, get_args
 
-from pydantic import Field
-
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Count, NonNegative, Word
 from flexarm.model.wording import Fault
@@ -23,22 +21,17 @@ class Sensor(Record, kw_only=False):
     that of the base.
     """
 
-    kind: PointSignal = Field(
-        description="Position (m), velocity (m/s) or acceleration (m/s^2) of the point."
-    )
-    link: Count = Field(description="Number of the link, counted from 1 at the base.")
-    station: NonNegative | None = Field(
-        default=None, description="Distance from the root of the link (m); by default its tip."
-    )
-    frame: Literal["world", "link"] = Field(
-        default="world",
-        description="World: x and y. Link: the reading of an accelerometer on the link, along and "
-        "across the root tangent of its segment, gravity included.",
-    )
-    name: Word | None = Field(
-        default=None,
-        description="Name of the outputs; by default composed of kind, link and station.",
-    )
+    kind: PointSignal
+    """Position (m), velocity (m/s) or acceleration (m/s^2) of the point."""
+    link: Count
+    """Number of the link, counted from 1 at the base."""
+    station: NonNegative | None = None
+    """Distance from the root of the link (m); by default its tip."""
+    frame: Literal["world", "link"] = "world"
+    """World: x and y. Link: the reading of an accelerometer on the link, along and across the root
+    tangent of its segment, gravity included."""
+    name: Word | None = None
+    """Name of the outputs; by default composed of kind, link and station."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -1,6 +1,6 @@
 """Units of the fields of records, and numbers that are given with a unit: ``667 mm``.
 
-A field declares its unit once, in parentheses in its description. The reference, the studio and the
+A field declares its unit once, in parentheses in its docstring. The reference, the studio and the
 conversion of numbers with units read it there. Pint converts; it is imported when the first number
 with a unit occurs.
 """
@@ -17,8 +17,6 @@ from flexarm.model.wording import Fault, Path
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pydantic.fields import FieldInfo
-
 _IN_BRACKETS = re.compile(r"\(((?:[^()]|\([^()]*\))*)\)")
 _WORDS = {"m", "s", "kg", "N", "Hz", "rad", "Pa", "J", "A", "V", "ohm", "1", "per"}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -29,6 +27,7 @@ _QUANTITY = re.compile(
 )
 #: An exponent without its sign: mm2.
 _BARE_POWER = re.compile(r"(?<=[^\W\d_])(?=-?\d)")
+_LISTS, _MAY_HAVE_UNITS = (list, tuple), (str, list, tuple, dict)
 _LONGEST = 60  # characters of a quantity
 #: The form of a quantity in JSON schemas.
 QUANTITY_PATTERN = rf"^\s*{_NUMBER}\s*[A-Za-zµμΩ°(1].*$"
@@ -98,24 +97,20 @@ def unit_of(description: str) -> str:
     return ""
 
 
-def units_of(fields: Mapping[str, FieldInfo]) -> dict[str, tuple[str, bool]]:
-    """Return the unit of each field that has one, and whether its value maps names to numbers."""
-    named = {name: unit_of(field.description or "") for name, field in fields.items()}
-    return {k: (unit, _maps(fields[k].annotation)) for k, unit in named.items() if unit}
-
-
-def _maps(annotation: Any) -> bool:
+def maps_names(annotation: Any) -> bool:
+    """Return whether values of a type are mappings from names, or may be."""
     name = getattr(annotation, "__origin__", None)
-    return name is dict or any(map(_maps, get_args(annotation)))
+    return name is dict or any(map(maps_names, get_args(annotation)))
 
 
 def in_si(
-    data: Mapping[str, Any], units: Mapping[str, tuple[str, bool]]
+    data: Mapping[str, Any], unit_of_field: Callable[[str], tuple[str, bool]]
 ) -> tuple[Mapping[str, Any], dict[Path, Fault]]:
     """Convert the numbers with units in the raw input of a record.
 
     Args:
-        units: of the fields, by `units_of`.
+        unit_of_field: returns the unit of a field, empty if it has none, and whether its value
+            maps names to numbers; called for values that contain a number with a unit.
 
     Returns:
         The input with plain numbers, and the faults of units by their paths; text with a fault is
@@ -124,11 +119,21 @@ def in_si(
     faults: dict[Path, Fault] = {}
     changed = {}
     for name, value in data.items():
-        if type(value) in (str, list, tuple, dict) and name in units:
-            converted = _converted(value, *units[name], (name,), faults)
-            if converted is not value:
-                changed[name] = converted
+        if type(value) not in _MAY_HAVE_UNITS or not _has_quantity(value):
+            continue
+        unit, maps = unit_of_field(name)
+        converted = _converted(value, unit, maps, (name,), faults) if unit else value
+        if converted is not value:
+            changed[name] = converted
     return ({**data, **changed} if changed else data), faults
+
+
+def _has_quantity(value: Any) -> bool:
+    """Return whether a value is a number with a unit, or a list or mapping that contains one."""
+    if isinstance(value, str):
+        return len(value) <= _LONGEST and _QUANTITY.fullmatch(value) is not None
+    items = value.values() if type(value) is dict else value if type(value) in _LISTS else ()
+    return any(_has_quantity(item) for item in items if type(item) in (str, *_LISTS))
 
 
 def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path, Fault]) -> Any:

@@ -1,19 +1,17 @@
 """Motions of the joints and of the tip, inverse kinematics, and the rigid torques along them."""
 
-from flexarm.motion.dynamics.rigid_torques import RigidTorque, rigid_torque
+from flexarm.motion.dynamics.dynamics_along import RigidTorque, rigid_torque
 from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics
-from flexarm.motion.motion import JointMotion, JointState, Motion, joint_motion
-from flexarm.motion.sampled import SampledMotion
-from flexarm.motion.shaping import ShapedMotion
-from flexarm.motion.smoothing import SmoothedMotion, smoothed
+from flexarm.motion.motion import JointMotion, JointState, Motion, SampledMotion, joint_motion
+from flexarm.motion.shaping import ShapedMotion, SmoothedMotion, smoothed
 from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
-from flexarm.motion.tip.path_motions import (
+from flexarm.motion.tip.tip_motion import (
+    TipMotion,
     circle_motion,
     line_motion,
     spline_motion,
     via_point_motion,
 )
-from flexarm.motion.tip.tip_motion import TipMotion
 
 __all__ = [
     "TIMING_LAWS",

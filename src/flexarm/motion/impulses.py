@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError, Problem
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 #: Number of frequencies at which a design limits the residual, and of possible impulses in half a
 #: shaper. Between two frequencies the residual exceeds the tolerance by 5e-4 of it at most, for
@@ -33,15 +31,10 @@ _BRACKET, _SMALLEST = 2e-3, 1e-6
 
 
 class Impulses(NamedTuple):
-    """Impulses of a shaper.
+    """Impulses of a shaper."""
 
-    Attributes:
-        amplitudes: (k,), with sum 1.
-        phases: (k,) rad, ascending from 0.
-    """
-
-    amplitudes: Floats
-    phases: Floats
+    amplitudes: Floats  # (k,), with sum 1
+    phases: Floats  # (k,) rad, ascending from 0
 
 
 def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:
@@ -86,17 +79,11 @@ def impulses(method: str, damping_ratio: float, tolerance: float, insensitivity:
 
 
 def residual(shaper: Impulses, damping_ratio: float, frequency_ratio: Floats) -> Floats:
-    """Return the residual vibration, relative to the initial amplitude after one impulse; (C.3).
-
-    Args:
-        shaper: the impulses. damping_ratio: of the design and of the vibration.
-        frequency_ratio: (k,) frequencies of the vibration over the design frequency.
-    """
+    """Return the residual vibration, relative to that after one impulse, at ratios (k,); (C.3)."""
     s = _slope(damping_ratio)
     exponents = np.outer(frequency_ratio, (s - 1j) * shaper.phases)
     exponents -= s * shaper.phases[-1] * np.asarray(frequency_ratio)[:, None]
-    left: Floats = np.abs(np.exp(exponents) @ shaper.amplitudes)
-    return left
+    return np.asarray(np.abs(np.exp(exponents) @ shaper.amplitudes))
 
 
 def _slope(damping_ratio: float) -> float:
@@ -110,13 +97,8 @@ def specified_insensitivity(
 ) -> Impulses:
     """Return the shortest positive impulses with a limited residual in a range; (C.16).
 
-    Args:
-        damping_ratio: of the design, below 1.
-        tolerance: largest residual in the range.
-        insensitivity: width of the range relative to the design frequency, which is its middle.
-
-    Raises:
-        InputError: if no impulses were found.
+    ``tolerance`` is the largest residual in the range, ``insensitivity`` its width relative to the
+    design frequency, its middle. InputError if no impulses were found.
     """
     from scipy.optimize import minimize
 
@@ -180,10 +162,7 @@ def _undamped(tolerance: float, insensitivity: float) -> Impulses:
 
 
 def _least(duration: float, insensitivity: float) -> tuple[float, Floats]:
-    """Return the smallest limit of the residual, and amplitudes of pairs at times from the middle.
-
-    ``duration``: phase from the first to the last impulse, rad.
-    """
+    """Return the smallest limit of the residual, and amplitudes of pairs; ``duration`` in rad."""
     from scipy.optimize import linprog
 
     waves = np.cos(np.outer(_range(insensitivity), np.linspace(0.0, 0.5 * duration, _PLACES)))

@@ -9,17 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import check_number, check_times
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 ALGEBRA_TOLERANCE = 1e-12
 """Largest defect of a law's own algebra: coefficients of size 100 rounded a few times."""
@@ -183,11 +181,7 @@ TIMING_LAWS: dict[str, TimingLaw] = {"quintic": quintic(), "trapezoidal": trapez
 
 
 def timing_law(profile: str | TimingLaw) -> TimingLaw:
-    """Return the timing law with the given name; return a `TimingLaw` unchanged.
-
-    Raises:
-        InputError: if no law has that name.
-    """
+    """Return the timing law with the given name; return a `TimingLaw` unchanged."""
     if isinstance(profile, TimingLaw):
         return profile
     if isinstance(profile, str) and profile in TIMING_LAWS:

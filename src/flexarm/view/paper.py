@@ -42,14 +42,8 @@ def paper_scenario(duration: float = SLOW) -> Scenario:
 class PaperCase:
     """One motion, and the response of three models of the arm to its torques.
 
-    Each model is simulated when its result is first used.
-
-    Args:
-        duration: duration of the motion and its torques, s; the runs continue after it.
-        progress: as in ``simulate``.
-
-    Attributes:
-        arm: the flexible arm in the theory of the paper. twin: its rigid model.
+    Each model is simulated when its result is first used. The runs continue after the ``duration``
+    (s) of the motion. ``arm`` is the flexible arm in the theory of the paper.
     """
 
     def __init__(self, duration: float = SLOW, *, progress: bool | None = None) -> None:
@@ -77,28 +71,19 @@ class PaperCase:
 
 
 class LinkNumbers(NamedTuple):
-    """Deflections of one link in one run, m.
+    """Deflections of one link in one run, m."""
 
-    Attributes:
-        peak: largest tip deflection during the motion.
-        residual: half the peak-to-peak tip deflection after the end of the torques, which is the
-            amplitude of the residual vibration.
-        theory: largest difference of the tip deflection between the paper's and the second-order
-            theory during the motion.
-    """
-
-    peak: float
+    peak: float  # largest tip deflection during the motion
+    #: Half the peak-to-peak tip deflection after the end of the torques, which is the amplitude of
+    #: the residual vibration
     residual: float
+    #: Largest difference of the tip deflection between the paper's and the second-order theory
+    #: during the motion
     theory: float
 
 
 class TipNumbers(NamedTuple):
-    """Distances between the tips of the flexible and the rigid arm, m.
-
-    Attributes:
-        largest: maximum during the motion.
-        at_end: distance at the end of the torques.
-    """
+    """Largest distance (m) of the tip from the rigid one in the motion, and that at its end."""
 
     largest: float
     at_end: float

@@ -1,7 +1,5 @@
 """Constants of one link against numerical integrals of their shapes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from random_table import INTEGRATION, RandomTable
@@ -9,7 +7,6 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
 from beam_links import flexible_link, rigid_link
-from flexarm.base.errors import InputError
 
 
 class Table(RandomTable):
@@ -70,6 +67,9 @@ class TestIntegrals:
             found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
         )
 
+    @pytest.mark.sampled(
+        "(1, 1, None)-D0", "(1, 1, None)-G", "(2, 3, None)-G", "(3, 4, 4)-D0", "(3, 4, 4)-G"
+    )
     @pytest.mark.parametrize("name", ["D0", "D1", "G"])
     def test_foreshortening(self, table, name):
         if name == "G":
@@ -127,33 +127,6 @@ def test_arrays_are_read_only():
         link.basis[0, 0] = 0.0
 
 
-def test_inconsistent_arrays_are_rejected():
-    link = flexible_link([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
-    with pytest.raises(InputError, match="D0 must be numbers of shape"):
-        replace(link, D0=link.D0[:3, :3])
-    with pytest.raises(InputError, match="projector must be numbers of shape"):
-        replace(link, projector=link.projector[:, :2])
-
-
-@pytest.mark.parametrize("station", [-0.01, 1.01])
-def test_stations_beyond_the_link_are_rejected(station):
-    link = flexible_link([0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.0, 0.0], elements=2)
-    with pytest.raises(InputError, match="x must lie between 0 and the length 1"):
-        link.deflection([0.5, station])
-
-
 def test_rigid_link_may_be_massless():
     link = rigid_link([0.0, 2.0], [0.0, 0.0], [0.0, 0.0])
     assert (link.length, link.mass, link.first_moment, link.inertia) == (2.0, 0.0, 0.0, 0.0)
-
-
-def test_message_of_an_indefinite_stiffness_does_not_mention_units():
-    with pytest.raises(InputError, match="the stiffness is not positive definite") as caught:
-        flexible_link(
-            [0.0, 0.5 - 1e-9, 0.5, 1.0],
-            [1.0, 1.0, 1e30, 1e30],
-            [1.0, 1.0, 1e-30, 1e-30],
-            [0.0] * 4,
-            elements=4,
-        )
-    assert "units" not in str(caught.value)

@@ -5,21 +5,18 @@ import pytest
 
 from flexarm.arm.beams.assembly import (
     beam_matrices,
+    deflection_shapes,
     interior_shapes,
     nodal_rotations,
     nodal_shapes,
-)
-from flexarm.arm.beams.flexibility import strain_to_nodal
-from flexarm.arm.beams.hermite import shape_functions
-from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.quadrature import beam_quadrature
-from flexarm.arm.beams.shear import (
-    deflection_shapes,
     point_shapes,
     rotation_shapes,
     shear_angles,
     shear_parameters,
 )
+from flexarm.arm.beams.hermite import beam_quadrature, shape_functions
+from flexarm.arm.beams.invariants import strain_to_nodal
+from flexarm.arm.beams.properties import BeamTable
 
 H, PHI = 0.7, 1.7
 XI = np.linspace(0.0, 1.0, 11)

@@ -7,8 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 import flexarm as fa
-from flexarm.arm.actions.contacts import place_contacts
-from flexarm.arm.actions.surfaces import pieces_of
+from flexarm.arm.actions.contacts import pieces_of, place_contacts
 from flexarm.arm.observe import contact_forces, contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, POSITION
 
@@ -141,31 +140,6 @@ def test_force_of_a_table_is_continuous_at_knots():
     assert abs(np.diff(force, axis=0)).max() > 1e-8
 
 
-@pytest.mark.parametrize(
-    ("make", "stated"),
-    [
-        (lambda: fa.Wall((0, 0), (0, 0)), "Wall: normal must have a length greater than 0"),
-        (lambda: fa.Wall((0, np.nan), (0, 1)), r"Wall: point\[1\] must be a finite number"),
-        (lambda: fa.RoundWall((0, 0), 0.0), "RoundWall: radius must be greater than 0"),
-        (
-            lambda: fa.SurfaceTable([0, 1], [0, 1]),
-            "SurfaceTable: x must have at least three points",
-        ),
-        (
-            lambda: fa.SurfaceTable([0, 1, 2], [0, 1]),
-            "SurfaceTable: y must have length 3",
-        ),
-        (
-            lambda: fa.SurfaceTable([0, 1, 1, 2], [0, 1, 1, 2]),
-            r"SurfaceTable: x\[2\] must differ from the previous",
-        ),
-    ],
-)
-def test_wrong_surfaces_are_rejected(make, stated):
-    with pytest.raises(fa.InputError, match=stated):
-        make()
-
-
 def sharp_bodies():
     """Return closed bodies (k, 2), clockwise, with quarter circles between knots at their ends."""
     for count, width in ((8, 0.05), (24, 0.05), (24, 0.01), (48, 0.01)):
@@ -195,11 +169,6 @@ def test_nearest_point_is_found_around_sharp_ends(x, y):
     expected[Path(curve).contains_points(points)] *= -1.0
     # The curve's points are 3e-5 apart: near it the nearest one is half of that away.
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
-
-
-def test_closed_line_without_area_is_rejected():
-    with pytest.raises(fa.InputError, match=r"^SurfaceTable: x must enclose an area together"):
-        fa.SurfaceTable([0.0, 0.5, 1.0], [0.2, 0.3, 0.4], closed=True)
 
 
 def test_closed_line_that_crosses_itself_is_rejected():

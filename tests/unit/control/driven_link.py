@@ -3,6 +3,7 @@
 import numpy as np
 
 import flexarm as fa
+from arms import observed_link
 
 ENCODER = fa.Instrument("joint_angle", noise=2e-4)
 STRAIN = fa.Instrument("strain", noise=3e-6)
@@ -11,13 +12,7 @@ FRICTION = "joints[0].friction.coulomb"
 
 def one_link(coulomb=0.4):
     """Return a link with friction, whose smoothing extends over the rates of its motion."""
-    gauges = [fa.Gauge(station=0.03, distance=0.005)]
-    link = fa.Link(
-        length=1.0, flexural_rigidity=40.0, mass_per_length=0.4, elements=4, modes=1, gauges=gauges
-    )
-    friction = fa.Friction(coulomb=coulomb, smoothing_rate=0.5)
-    joint = fa.Joint(hub_inertia=0.05, damping=0.1, friction=friction)
-    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.2))
+    return observed_link(friction=fa.Friction(coulomb=coulomb, smoothing_rate=0.5))
 
 
 def record(

@@ -3,17 +3,15 @@
 import numpy as np
 
 import flexarm as fa
+from arms import chain
 
 
 def rigid_arm(payload=0.0, **options):
     """Return two rigid links, which hang under gravity by default."""
-    links = [
-        fa.Link(length=0.8, mass_per_length=1.0, flexible=False),
-        fa.Link(length=0.6, mass_per_length=0.8, flexible=False),
-    ]
-    joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.03, mass=0.2)]
+    joints = [0.05, {"hub_inertia": 0.03, "mass": 0.2}]
     options = {"joints": joints, "gravity": (0.0, -9.81), **options}
-    return fa.Arm(links=links, payload=fa.Payload(mass=payload), **options)
+    bars = {"mass_per_length": [1.0, 0.8], "flexible": False}
+    return chain((0.8, 0.6), payload=fa.Payload(mass=payload), **bars, **options)
 
 
 class Swing:

@@ -1,23 +1,18 @@
-"""Arms, and laws of strain damping as they are read from ``update``, for their tests."""
+"""Arms, and laws of strain damping as their steps have them, for their tests."""
 
 import control
 import numpy as np
 
 import flexarm as fa
+from controllers import Law
 from flexarm.control.analysis.linear_controller import linear_controller
-from flexarm.control.contract.base import Controller
 
 TICK = 1e-4
 
 
-class Echo(Controller):
-    """Inner controller whose torques are the angles of its reference."""
-
-    memory = ()
-    sample_time = TICK
-
-    def update(self, t, measurement, reference):
-        return reference.joint_angle(t)
+def echo():
+    """Return an inner controller whose torques are the angles of its reference."""
+    return Law(lambda readings, inputs: inputs["reference_angle"], TICK)
 
 
 def one_link(modes=1, **changes):
@@ -35,7 +30,7 @@ def strain_rows(arm):
 def modal_law(law, **options):
     """Return the law from the modal signal y to the motion u, sampled, and the frequency, rad/s."""
     arm = one_link()
-    controller = law(arm, Echo(), **options)
+    controller = law(arm, echo(), **options)
     zero = {"joint_angle": np.zeros(1), "joint_rate": np.zeros(1), "strain": np.zeros(1)}
     found = linear_controller(controller, zero)
     mode = fa.modes(arm)

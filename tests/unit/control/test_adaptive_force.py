@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.design.surface_plan import SurfacePlan
 from flexarm.control.design.task_plan import TaskPlan
 from flexarm.control.hardware.measurement import Measurement
 
@@ -99,11 +98,17 @@ def test_friction_is_estimated_while_the_tip_slides():
     np.testing.assert_allclose(errors, -0.15 * decay ** np.arange(1, 151), rtol=1e-9)
 
 
+def begin(controller, reference, **memory):
+    """Begin with another memory than at the first sample."""
+    first = controller.initial_memory(reading(0.0), controller.planned(0.0, reference))
+    controller._keep({**first, **memory})
+
+
 def test_brief_loss_of_contact_keeps_the_push():
     reference = Surface(lambda t: 4.0 + 2.0 * t, speed=0.05)
     given = {"adaptation": 0.0, "force_integral": 0.0, "release_time": 0.01}
     controller = fa.AdaptiveForce(ARM, **given)
-    controller._estimate[:] = (-2.0, 3.0)
+    begin(controller, reference, estimate=np.array([-2.0, 3.0]))
     force = [4.0, 4.0] + 14 * [0.0] + [4.0]
     pushes = [push_of(controller, k * T, reference, one) for k, one in enumerate(force)]
     kept = -2.0 * 2.0 / 5.0 - 3.0 * 0.05 / 0.1
@@ -116,7 +121,7 @@ def test_brief_loss_of_contact_keeps_the_push():
 def test_jump_of_the_requested_force_adds_a_bounded_push():
     reference = Surface(lambda t: np.where(np.asarray(t) < 5.5 * T, 4.0, 6.0))
     controller = fa.AdaptiveForce(ARM, adaptation=2.0, force_integral=0.0)
-    controller._estimate[0] = 0.5
+    begin(controller, reference, estimate=np.array([0.5, 0.0]))
     pushes = [push_of(controller, k * T, reference, 4.0) for k in range(10)]
     # Five times the nominal rate of the force, in the two samples of the central difference.
     expected = np.zeros(10)
@@ -130,9 +135,10 @@ def test_jump_of_the_requested_force_adds_a_bounded_push():
 def test_request_is_between_both_plans(more):
     line = fa.line_motion(ARM, (1.4, 0.2), (1.4, 0.5), 1.0)
     reference = fa.pressed_motion(ARM, line, 4.0, (-1.0, 0.0), friction=0.2)
-    surface, plan, rougher = SurfacePlan(ARM, T), TaskPlan(ARM, T), TaskPlan(ARM, T)
+    controller, plan, rougher = fa.AdaptiveForce(ARM), TaskPlan(ARM, T), TaskPlan(ARM, T)
     for t in (0.0, 0.3, 0.5):
-        found = surface.at(t, ANGLE, reference, 0.2 + more, 0.0)
+        memory = {"friction": 0.2 + more, "friction_rate": 0.0}
+        found = controller._request(memory, controller.planned(t, reference))
         rows = plan.row(t, reference), rougher.row(t, reference.rougher)
         assert np.abs(rows[1] - rows[0]).max() > 1e-3 or t == 0.0  # friction has an effect
         wanted = plan.request(rows[0] + more / 0.1 * (rows[1] - rows[0]))
@@ -159,7 +165,14 @@ class MasslessContact:
             t = k * dt
             wanted = self.reference.force(t)
             push = push_of(self.controller, t, self.reference, force)
-            rows.append((t, wanted - force, self.controller._sum, *self.controller._estimate))
+            rows.append(
+                (
+                    t,
+                    wanted - force,
+                    self.controller.memory["integral"],
+                    *self.controller.memory["estimate"],
+                )
+            )
             # c D F' = F_r - F + push - bias - D slope v: one exact step for a constant right side.
             rest = wanted + push - self.bias - D * self.slope * -self.reference.speed
             force = rest + (force - rest) * np.exp(-dt / (self.compliance * D))
@@ -226,36 +239,41 @@ def test_network_signals_are_bounded_and_repeatable():
     for k in range(5):
         for controller in (first, second):
             controller.update(k * T, reading(3.0), reference)
-    np.testing.assert_array_equal(first._estimate, second._estimate)
-    assert np.abs(first._estimate[2:]).max() > 0.0
-    assert first._signals()[2:] @ first._signals()[2:] <= 4.0  # both halves at most 2
+    np.testing.assert_array_equal(first.memory["estimate"], second.memory["estimate"])
+    assert np.abs(first.memory["estimate"][2:]).max() > 0.0
+    signals = first._signals(first.planned(0.0, reference))
+    assert signals[2:] @ signals[2:] <= 4.0  # both halves at most 2
     other = fa.NeuralForce(ARM, seed=4)
     other.update(0.0, reading(3.0), reference)
-    assert not np.array_equal(first._signals(), other._signals())
+    assert not np.array_equal(signals, other._signals(other.planned(0.0, reference)))
 
 
 def test_network_forgets_with_leakage():
     controller = fa.NeuralForce(ARM, leakage=10.0)
     reference = Surface(speed=0.3)
     controller.update(0.0, reading(3.0), reference)
-    learned = controller._estimate[2:].copy()
+    learned = controller.memory["estimate"][2:].copy()
     controller.update(T, reading(4.0), reference)
-    np.testing.assert_allclose(controller._estimate[2:], (1.0 - 10.0 * T) * learned, rtol=1e-12)
+    np.testing.assert_allclose(
+        controller.memory["estimate"][2:], (1.0 - 10.0 * T) * learned, rtol=1e-12
+    )
 
 
 def test_network_neither_learns_nor_forgets_at_rest():
     controller = fa.NeuralForce(ARM, leakage=10.0, e_modification=10.0)
     controller.update(0.0, reading(3.0), Surface(speed=0.3))
-    learned = controller._estimate[2:].copy()
+    learned = controller.memory["estimate"][2:].copy()
     controller.update(T, reading(3.0), Surface(speed=0.05))
-    np.testing.assert_array_equal(controller._estimate[2:], learned)
+    np.testing.assert_array_equal(controller.memory["estimate"][2:], learned)
 
 
 def test_network_forgets_at_most_everything():
     controller = fa.NeuralForce(ARM, e_modification=1000.0, learning=0.0)
-    controller._estimate[2:] = 1.0
-    controller.update(0.0, reading(14.0), Surface(speed=0.3))
-    np.testing.assert_array_equal(controller._estimate[2:], 0.0)
+    reference = Surface(speed=0.3)
+    ones = np.concatenate([np.zeros(2), np.ones(controller._terms - 2)])
+    begin(controller, reference, estimate=ones)
+    controller.update(0.0, reading(14.0), reference)
+    np.testing.assert_array_equal(controller.memory["estimate"][2:], 0.0)
 
 
 @pytest.mark.parametrize(

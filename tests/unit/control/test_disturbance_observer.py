@@ -79,9 +79,3 @@ def test_measured_torque_is_used_instead_of_the_command():
         largest.append(abs(np.array(observer.kept)).max())
     assert largest[0] > 5.0
     assert largest[1] < 1e-2
-
-
-def test_wrong_arguments_are_reported_together():
-    with pytest.raises(fa.InputError) as caught:
-        fa.DisturbanceObserver(rigid_arm(), "PD", 0.0, 1.5)
-    assert [p.name for p in caught.value.problems] == ["inner", "cutoff", "compensation"]

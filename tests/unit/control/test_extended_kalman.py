@@ -6,38 +6,17 @@ from scipy.linalg import expm
 from scipy.stats import chi2
 
 import flexarm as fa
+from arms import chain, observed_link
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
-
-
-def one_link(payload=0.2, **options):
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=40.0,
-        mass_per_length=0.4,
-        elements=4,
-        modes=1,
-        gauges=[fa.Gauge(station=0.03, distance=0.005)],
-    )
-    joint = fa.Joint(hub_inertia=0.05, damping=0.1)
-    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=payload), **options)
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters, SampledStep
 
 
 def two_links(payload=0.2, offset=(0.0, 0.0)):
-    gauges = [fa.Gauge(station=0.03, distance=0.005)]
     rod = {"flexural_rigidity": 200.0, "mass_per_length": 0.5, "elements": 2, "modes": 2}
-    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(mass=0.4, hub_inertia=0.03, housing_inertia=0.03)]
-    return fa.Arm(
-        links=[
-            fa.Link(length=0.8, gauges=gauges, **rod),
-            fa.Link(length=0.6, gauges=gauges, **rod),
-        ],
-        joints=joints,
-        payload=fa.Payload(mass=payload, offset=offset),
-        gravity=(0.0, -9.81),
-    )
+    joints = [0.1, fa.Joint(mass=0.4, hub_inertia=0.03, housing_inertia=0.03)]
+    more = {"payload": fa.Payload(mass=payload, offset=offset), "gravity": (0.0, -9.81)}
+    return chain((0.8, 0.6), joints, gauge=(0.03, 0.005), **rod, **more)
 
 
 ENCODER = fa.Instrument("joint_angle", noise=2e-4)
@@ -146,10 +125,11 @@ def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN),
 BOTH = pytest.mark.parametrize("kind", [fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter])
 
 
+@pytest.mark.thorough_cases("UnscentedKalmanFilter")
 @BOTH
 def test_filter_of_a_linear_arm_equals_the_kalman_filter(kind):
     """A single link with one mode hardly turns, so it is almost linear."""
-    arm = one_link()
+    arm = observed_link()
     filters = kind(arm, [ENCODER, STRAIN], torque_noise=0.2)
     _, torque, readings = record(arm, arm, 0.3, seed=5, noise=0.2)
     scale = 1e-4  # a factor on all values: quadratic terms are smaller by another such factor
@@ -177,10 +157,11 @@ def test_filter_of_a_linear_arm_equals_the_kalman_filter(kind):
         np.testing.assert_allclose(found.covariance[k][:n, :n], P, rtol=1e-4, atol=1e-6 * P.max())
 
 
+@pytest.mark.thorough
 @BOTH
 def test_errors_have_the_covariance_of_the_filter(kind):
     """Normalised errors squared of 25 runs against the chi-squared distribution."""
-    arm, runs = one_link(), 25
+    arm, runs = observed_link(), 25
     random = np.random.default_rng(11)
     filters = kind(arm, [ENCODER, STRAIN, ACCELEROMETER], torque_noise=0.3, payload_deviation=0.05)
     deviations = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
@@ -212,6 +193,7 @@ def test_errors_have_the_covariance_of_the_filter(kind):
     assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
 
 
+@pytest.mark.sampled("1.0")
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
 def test_payload_is_estimated(factor):
     arm = two_links()
@@ -234,6 +216,7 @@ def test_payload_is_estimated(factor):
     assert np.all(found.payload_mass >= 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("start", [0.0, 0.1])
 def test_wide_prior_of_the_mass_is_not_narrowed_by_wrong_estimates_of_vibration(start):
     """With these seeds one Gaussian over the mass ended at 0.2 to 0.4 kg, with a deviation of 0.1
@@ -280,7 +263,7 @@ def test_wide_prior_of_the_mass_is_not_narrowed_by_wrong_estimates_of_vibration(
 
 
 def test_first_reading_is_used_once():
-    arm = one_link()
+    arm = observed_link()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER])
     filters.correct(Measurement(joint_angle=np.array([0.3])))
     assert filters.q[0] == pytest.approx(0.3, abs=1e-12)
@@ -327,6 +310,7 @@ def test_inconsistent_filter_is_reported():
     assert 0.5 < right.estimator_innovation < 1.5
 
 
+@pytest.mark.thorough
 def test_inner_controller_receives_the_estimates():
     arm = two_links()
     plant = fa.varied(arm, payload_factor=2.0)
@@ -352,7 +336,7 @@ def test_inner_controller_receives_the_estimates():
 
 
 def test_wrong_arguments_are_rejected():
-    arm = one_link()
+    arm = observed_link()
     with pytest.raises(fa.InputError) as caught:
         fa.ExtendedKalmanFilter(arm, [ENCODER], torque_noise=-1.0, sample_time=0.0)
     assert len(caught.value.problems) == 2

@@ -18,6 +18,7 @@ SEEDS = 8
 STUDY = script("measure_consistency")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "moving"), [*itertools.product(STUDY.ARMS, [False, True])])
 def test_errors_have_the_stated_covariance(name, moving):
     with warnings.catch_warnings():

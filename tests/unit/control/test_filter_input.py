@@ -43,27 +43,3 @@ def test_diverging_estimate_is_reported():
         filters.predict([1e250, -1e250])
     with pytest.raises(fa.InputError, match="the estimate is not finite"):
         filters.correct(Measurement(joint_angle=np.array([0.1, 0.2])))
-
-
-def test_record_without_samples_is_rejected():
-    filters = fa.ExtendedKalmanFilter(two_links(), [ENCODER])
-    with pytest.raises(fa.InputError, match="torque must have at least one sample"):
-        filters.run(np.zeros((0, 2)), {"joint_angle": np.zeros((0, 2))})
-
-
-def test_missing_readings_are_named_with_their_instrument():
-    strain = fa.Instrument("strain", noise=1e-6)
-    filters = fa.ExtendedKalmanFilter(two_links(), [ENCODER, strain])
-    with pytest.raises(fa.InputError, match=r"readings have no 'strain'\. The filter has"):
-        filters.run(np.zeros((3, 2)), {"joint_angle": np.zeros((3, 2))})
-    with pytest.raises(fa.InputError, match=r"has no 'strain'\. Add an instrument of"):
-        filters.correct(Measurement(joint_angle=np.zeros(2)))
-
-
-@pytest.mark.parametrize("name", ["error_band", "innovation_band"])
-def test_wrong_probability_is_an_error_of_the_public_call(name):
-    found = fa.ExtendedKalmanFilter(two_links(), [ENCODER]).run(
-        np.zeros((1, 2)), {"joint_angle": np.zeros((1, 2))}
-    )
-    with pytest.raises(fa.InputError, match=rf"^Estimates\.{name}: probability must be within"):
-        getattr(found, name)(1.5)

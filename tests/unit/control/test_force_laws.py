@@ -6,7 +6,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.simulation.loop.sampled_reference import sampled_reference
+from flexarm.simulation.loop.control_loop import sampled_reference
 
 LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}
 ARM = fa.Arm(

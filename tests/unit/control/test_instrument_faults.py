@@ -57,20 +57,6 @@ def test_faults_act_in_order_before_resolution_and_limit():
     assert read(instrument, [[1.0], [2.0]])[:, 0].tolist() == [3.0, 4.0]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"kind": "frozen", "size": 1.0}, "size is not supported with kind frozen"),
-        ({"kind": "gain"}, "size is required with kind gain"),
-        ({"kind": "bias", "size": 1.0, "start": 1.0, "end": 1.0}, "end must be greater than start"),
-        ({"kind": "lost"}, "kind must be"),
-    ],
-)
-def test_wrong_faults_are_named(arguments, message):
-    with pytest.raises(fa.ModelError, match=message):
-        fa.InstrumentFault(**arguments)
-
-
 def arm():
     link = fa.Link(length=0.8, flexural_rigidity=20.0, mass_per_length=0.5, elements=1)
     return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05, damping=0.1)])
@@ -96,12 +82,6 @@ def test_a_biased_encoder_moves_the_arm_by_its_bias():
     assert settled.sel(plant="healthy") < 1e-4
     # The integral brings the reading, not the angle, to the reference.
     assert settled.sel(plant="biased").item() == pytest.approx(0.8 * 0.02, rel=0.01)
-
-
-def test_a_plant_has_at_most_one_hardware():
-    plants = {"two": (arm(), [fa.Hardware(), fa.Hardware()])}
-    with pytest.raises(fa.InputError, match="at most one Hardware"):
-        fa.compare(arm(), {"pd": fa.JointPD(1.0, 1.0)}, 1.0, {"move": None}, plants)
 
 
 STUDY = """\

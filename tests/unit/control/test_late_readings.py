@@ -127,6 +127,7 @@ def drawn_run(seed, kind="extended"):
     return one, found, found.squared_errors(*true, biases=biases), biases
 
 
+@pytest.mark.thorough
 def test_errors_have_the_covariance_of_the_filter():
     """A camera that is late, and biases of encoder and gauge, which only the camera shows."""
     total, runs = np.zeros(2), 12
@@ -156,6 +157,7 @@ def test_without_the_bias_or_the_delay_the_filter_is_inconsistent():
     assert right.run(torque, readings).consistent
 
 
+@pytest.mark.thorough_cases("moving_horizon")
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_of_a_loop_report_biases(kind):
     """The controller receives the estimates that the filter has along the record of the run."""

@@ -53,6 +53,7 @@ def test_estimates_of_a_linear_arm_equal_those_of_the_kalman_filter(horizon, ins
             one.predict(torque)
 
 
+@pytest.mark.thorough
 def test_bounds_reduce_the_errors_of_a_friction_near_zero():
     """Friction up to 0.02 N m, believed 0.05 with a deviation of 0.3, and a disturbance torque."""
     arm = driven_link.one_link(0.05)

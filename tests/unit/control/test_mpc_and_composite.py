@@ -94,6 +94,7 @@ def test_limits_are_never_exceeded(arm):
     np.testing.assert_array_equal(again.torque.values[:-1], torque[:60])
 
 
+@pytest.mark.thorough
 def test_every_sample_has_a_plan_within_low_torque_rates(capfd):
     """A constant torque is always allowed, so no limit may end a run."""
     rod = {"mass_per_length": 0.61732, "flexural_rigidity": 105.0, "elements": 1}
@@ -196,21 +197,6 @@ def test_least_distance_equals_that_of_a_general_solver():
         assert np.min(matrix @ found - floor) > -1e-10
 
 
-@pytest.mark.parametrize(
-    ("options", "word"),
-    [
-        ({"horizon": 0}, "horizon"),
-        ({"horizon": 2.5}, "horizon"),
-        ({"torque_rate": -1.0}, "torque_rate"),
-        ({"torque_limit": None}, "torque_limit"),
-    ],
-    ids=lambda value: str(value),
-)
-def test_wrong_arguments_of_mpc_are_rejected(arm, options, word):
-    with pytest.raises(fa.InputError, match=word):
-        fa.MPC(arm, POSTURE, **{"torque_limit": 1.0, **options})
-
-
 def test_poles_of_slow_joints_approach_the_two_designs(arm):
     """As epsilon approaches zero the poles are those of the two designs, with proportional
     errors."""
@@ -247,17 +233,3 @@ def test_composite_follows_and_damps(arm):
     np.testing.assert_allclose(run.joint_angle.values[-1], POSTURE, atol=2e-4)
     bend = np.abs(run.link_tip_deflection.values)
     assert bend[run.time > 3.0].max() < 0.02 * bend.max()
-
-
-@pytest.mark.parametrize(
-    ("options", "word"),
-    [
-        ({"bandwidth": 0.0}, "bandwidth"),
-        ({"damping_ratio": [1.0, 1.0, 1.0]}, "damping_ratio"),
-        ({"acceptable": {"tip": 0.01}}, "tip"),
-    ],
-    ids=lambda value: str(value),
-)
-def test_wrong_arguments_of_composite_are_rejected(arm, options, word):
-    with pytest.raises(fa.InputError, match=word):
-        fa.Composite(arm, **options)

@@ -34,6 +34,7 @@ def distillation():
     return A, B, C, D
 
 
+@pytest.mark.thorough
 def test_distillation_column_has_the_published_bounds():
     plant, omega = distillation(), np.logspace(-3, 3, 121)
     found = dk_iteration(
@@ -137,6 +138,7 @@ def design():
     return fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=2)
 
 
+@pytest.mark.thorough_cases("signs0")
 @pytest.mark.parametrize("signs", [(0, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)])
 def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     """For arms within the uncertainty, the norm of w_P times the normalised sensitivity."""
@@ -206,6 +208,7 @@ def test_bandwidth_that_does_not_fit_the_sample_time_is_refused(given, bandwidth
         fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, **given)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
 @pytest.mark.parametrize("bandwidth", [[8.0, 8.0], [8.0, 0.8]])
 @pytest.mark.parametrize("end", ["least", "largest"])
@@ -217,6 +220,7 @@ def test_designs_at_the_ends_of_the_useful_range(bandwidth, end):
     assert 0.5 < found.mu < 10.0
 
 
+@pytest.mark.thorough_cases("-9.81")
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
 def test_three_joints(gravity):
@@ -261,6 +265,7 @@ def test_run_and_export(design):
     np.testing.assert_allclose(found[0][:, angles], wanted[0][:, :2], rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_without_slycot_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "slycot", None)
     with pytest.raises(fa.InputError, match="robust"):

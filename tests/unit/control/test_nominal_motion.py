@@ -27,7 +27,7 @@ def test_recorded_run_is_cubic_between_its_samples():
     controller = fa.LQG(arm, [0.5, 0.75], nominal=seldom)
     recorded = controller._nominal_motion()
     joints = arm.joint_index
-    found = [recorded.at(t, np.array(POSTURE), None).q[joints] for t in often.time.values]
+    found = [recorded.at(t, None).q[joints] for t in often.time.values]
     # Error of a cubic through values and rates: fourth derivative times 0.02^4 / 384, for the
     # acceleration of the vibration, up to 200 rad/s^2 at 60 rad/s.
     np.testing.assert_allclose(found, often.q.values[:, joints], rtol=0, atol=3e-4)
@@ -51,7 +51,7 @@ class Sweep:
 def test_reference_rests_after_its_end():
     controller = fa.LQG(arm_with_gauges(), POSTURE, sample_time=0.01)
     motion, reference = controller._nominal_motion(), Sweep()
-    found = [motion.at(0.01 * k, np.array(POSTURE), reference) for k in range(5)]
+    found = [motion.at(0.01 * k, reference) for k in range(5)]
     joints = controller.arm.joint_index
     np.testing.assert_array_equal([n.qd[joints[0]] for n in found], [1.0, 1.0, 1.0, 0.0, 0.0])
     np.testing.assert_allclose([n.angle[0] for n in found], [0.4, 0.41, 0.42, 0.42, 0.42])
@@ -70,9 +70,8 @@ def test_grid_interpolates_linear_functions_exactly_and_is_constant_outside():
     assert grid.postures.shape == (6, 3)
     values = Interpolated(grid, [[p, np.array([[p[0] - 3.0 * p[2]]])] for p in grid.postures])
     for angle in ([-0.3, 5.0, 0.25], [1.7, 0.0, 0.9], [0.5, 0.0, 1.0]):
-        assert values.move(np.array(angle))
+        values.at(np.array(angle))
         np.testing.assert_allclose(values.arrays[0], [angle[0], 0.0, angle[2]], atol=1e-15)
         np.testing.assert_allclose(values.arrays[1], [[angle[0] - 3.0 * angle[2]]], atol=1e-15)
-        assert not values.move(np.array(angle))
-    values.move(np.array([-9.0, 0.0, 9.0]))
+    values.at(np.array([-9.0, 0.0, 9.0]))
     np.testing.assert_allclose(values.arrays[0], [-1.0, 0.0, 1.0], atol=1e-15)

@@ -30,26 +30,6 @@ def test_arguments_by_position_and_by_name_are_equal():
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: fa.JointPD(1.0), "JointPD: missing a required argument: 'derivative'"),
-        (
-            lambda: fa.JointPD(1.0, 1.0, integral=1.0),
-            "JointPD: integral is not an argument. Known: proportional",
-        ),
-        (lambda: fa.LQG(rigid_arm(), [0.0, 0.0], None), "LQG: too many positional arguments"),
-        (
-            lambda: fa.Composite(rigid_arm(), integral=True),
-            "Composite: integral is not an argument",
-        ),
-    ],
-)
-def test_wrong_calls_name_the_class(make, words):
-    with pytest.raises(TypeError, match=words):
-        make()
-
-
-@pytest.mark.parametrize(
     "value",
     [3.0, 3, np.float32(3.0), np.array(3.0), [3.0, 3.0], (3, 3.0), xr.DataArray([3.0, 3.0])],
     ids=str,

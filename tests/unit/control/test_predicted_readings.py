@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
+from flexarm.linear.step_derivatives.sampled_step import FreeParameters
 
 ANGLE = fa.Instrument("joint_angle", noise=1e-4)
 POINTS = [
@@ -20,17 +21,11 @@ TORQUE = np.array([1.5, -0.8])
 
 
 def arm_with(payload=0.3):
-    links = [
-        fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.5, elements=1, modes=1),
-        fa.Link(length=0.7, flexural_rigidity=20.0, mass_per_length=0.4, elements=1),
-    ]
-    return fa.Arm(
-        links=links,
-        joints=[fa.Joint(hub_inertia=0.05, damping=0.1), fa.Joint(mass=0.2, hub_inertia=0.02)],
-        payload=fa.Payload(mass=payload, inertia=0.01, offset=(0.05, 0.02)),
-        gravity=(0.0, -9.81),
-        theory="second_order",
-    )
+    rod = {"flexural_rigidity": [40.0, 20.0], "mass_per_length": [0.5, 0.4], "modes": [1, None]}
+    joints = [{"hub_inertia": 0.05, "damping": 0.1}, {"mass": 0.2, "hub_inertia": 0.02}]
+    more = {"gravity": (0.0, -9.81), "theory": "second_order", "elements": 1}
+    payload = fa.Payload(mass=payload, inertia=0.01, offset=(0.05, 0.02))
+    return chain((1.0, 0.7), joints, payload=payload, **rod, **more)
 
 
 def state_of(arm):

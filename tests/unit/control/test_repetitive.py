@@ -88,7 +88,7 @@ def test_torque_is_that_of_its_law():
 
 
 class Unknown(fa.Controller):
-    """Controller that does not declare its memory."""
+    """Controller without a step."""
 
     sample_time = STEP
 
@@ -203,40 +203,6 @@ def test_disturbance_with_the_period_vanishes_without_a_reference():
     assert abs(angle[-501:]).max() < 0.05 * abs(angle[:501]).max()
 
 
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"cutoff": 3.9}, r"cutoff must be at least 2 divided by the period \(4 Hz\)"),
-        ({"period": 0.0}, "period must be"),
-        ({"proportional": -1.0}, "proportional must be"),
-        ({"inner": "PD"}, "inner must"),
-    ],
-)
-def test_wrong_arguments_are_rejected(changes, text):
-    given = {"inner": fa.JointPD(1.0, 1.0), "period": PERIOD, "proportional": 1.0, **changes}
-    with pytest.raises(fa.InputError, match=text):
-        fa.RepetitiveControl(**given)
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"period": 0.5005}, "period must be a multiple of the sample time of 0.001 s"),
-        ({"lead": 0.4}, "period must exceed 0.607 s"),
-    ],
-)
-def test_wrong_times_are_rejected(changes, text):
-    with pytest.raises(fa.InputError, match=text):
-        control(**changes)
-
-
-def test_a_sample_time_that_does_not_fit_is_rejected_at_the_start_of_a_run():
-    made = control()
-    made.sample_time = 0.003
-    with pytest.raises(fa.InputError, match=r"period must be a multiple of the sample time"):
-        made.reset()
-
-
 def two_links():
     link = {"length": 0.5, "flexural_rigidity": 800.0, "mass_per_length": 0.4, "elements": 1}
     return fa.Arm(links=[fa.Link(**link)] * 2, joints=[fa.Joint(hub_inertia=0.1)] * 2)
@@ -268,7 +234,7 @@ READ = [fa.Instrument("joint_angle", sample_time=2 * STEP), fa.Instrument("joint
             r"3 joint\(s\), but the plant '1' has 2",
         ),
         (rates({}, plant=one_link(), posture=[0.0, 1.0]), "posture must be numbers of shape"),
-        (rates({"inner": Unknown()}, plant=one_link()), "does not declare its memory"),
+        (rates({"inner": Unknown()}, plant=one_link()), "has no step"),
     ],
 )
 def test_wrong_arguments_of_the_prediction_are_rejected(call, text):

@@ -126,6 +126,7 @@ def test_weight_of_first_order_is_found_again():
     assert numbers == pytest.approx({"low": 0.2, "high": 3.0, "time": 0.3}, rel=1e-2)
 
 
+@pytest.mark.thorough
 def test_robust_loop_is_stable_for_plants_between_the_samples():
     arm, posture = robust_arm(gravity=(0.0, 0.0)), [0.8, 0.9]
     controller = fa.JointPD([60.0, 20.0], [12.0, 4.0])

@@ -11,8 +11,7 @@ from scipy.stats import chi2
 
 import flexarm as fa
 from flexarm.cases.results.formats import write_result
-from flexarm.cases.scenario.controllers import FILTERS
-from flexarm.linear.step_derivatives.free_parameters import FreeParameters
+from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Scenario, load_scenario, save_scenario
 from flexarm.model.drives import FilterSpec
@@ -32,6 +31,7 @@ DEVIATIONS = {"payload.mass": 0.03, FRICTION: 0.1, "disturbance": 0.5}
 START = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
 
 
+@pytest.mark.sampled("ExtendedKalmanFilter")
 @EVERY
 def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind):
     """Normalised errors and innovations squared of 12 runs, with the chi-squared distribution."""
@@ -79,6 +79,7 @@ def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind
     assert np.all(narrowed / runs < 0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "duration", "tolerance"),
     [
@@ -178,27 +179,6 @@ def test_derivatives_by_several_parameters_equal_differences():
     )
 
 
-@pytest.mark.parametrize(
-    "path", ["links[0].length", "links[0].mass_per_length", "links[0].gauges[0].distance"]
-)
-def test_numbers_that_move_points_or_readings_are_rejected(path):
-    with pytest.raises(fa.InputError, match="be a number of the joints, the payload"):
-        FreeParameters(one_link(), [path])
-
-
-@pytest.mark.parametrize(
-    "path", ["links[0].gauges[0].station", "joints[0].friction.bristle_stiffness"]
-)
-def test_numbers_without_effect_on_the_filter_are_rejected(path):
-    """Their estimates and deviations would never change."""
-    arm = one_link()
-    joint = arm.spec.joints[0]
-    bristled = joint.friction.replace(bristle_stiffness=5000.0, bristle_damping=5.0)
-    other = fa.Arm(arm.spec.replace(joints=[joint.replace(friction=bristled)]))
-    with pytest.raises(fa.InputError, match="have an effect on the model of a filter"):
-        FreeParameters(other, [path])
-
-
 def test_wrong_parameters_are_rejected():
     arm = one_link()
     for options, words in (
@@ -211,6 +191,7 @@ def test_wrong_parameters_are_rejected():
             fa.ExtendedKalmanFilter(arm, [ENCODER], **options)
 
 
+@pytest.mark.thorough
 def test_controller_subtracts_the_disturbance_and_reports_the_estimates(tmp_path):
     arm = one_link()
     # A soft spring far from rest is a disturbance torque of 1 N m.

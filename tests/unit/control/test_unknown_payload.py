@@ -5,24 +5,15 @@ import pytest
 from scipy.stats import lognorm, norm
 
 import flexarm as fa
+from arms import observed_link
 from flexarm.control.hardware.measurement import Measurement
 
 ENCODER = fa.Instrument("joint_angle", noise=2e-4)
 STRAIN = fa.Instrument("strain", noise=3e-6)
 
 
-def one_link():
-    """Return a link with a hub, a payload of 0.2 kg and one mode."""
-    gauges = [fa.Gauge(station=0.03, distance=0.005)]
-    link = fa.Link(
-        length=1.0, flexural_rigidity=40.0, mass_per_length=0.4, elements=4, modes=1, gauges=gauges
-    )
-    joint = fa.Joint(hub_inertia=0.05, damping=0.1)
-    return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.2))
-
-
 def test_a_reading_changes_the_weights_as_bayes_theorem_says():
-    arm = one_link()
+    arm = observed_link()
     filters = fa.ExtendedKalmanFilter(arm, [ENCODER, STRAIN])
     deflection = np.array([[[0.0, 1.0]], [[0.0, 0.0]]])
     strain = arm.strains(deflection[None])[0, 0]
@@ -52,7 +43,7 @@ def test_variance_of_the_payload_grows_by_its_drift():
     """A random walk: its variance is the square of the drift times the time."""
     found = {}
     for drift in (0.0, 0.05):
-        filters = fa.ExtendedKalmanFilter(one_link(), [ENCODER], payload_drift=drift)
+        filters = fa.ExtendedKalmanFilter(observed_link(), [ENCODER], payload_drift=drift)
         filters.begin(np.zeros(2), np.zeros(2), 0.2, np.diag([1e-8, 1e-8, 1e-6, 1e-6, 1e-4]))
         for _ in range(10):
             filters.predict(np.zeros(1))

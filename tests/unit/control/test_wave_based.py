@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from strain_loops import TICK, Echo, base_driven, closed_poles, continuous, modal_law, one_link
+from strain_loops import TICK, base_driven, closed_poles, continuous, echo, modal_law, one_link
 
 import flexarm as fa
 from flexarm.control.analysis.margins import loop_at
@@ -78,7 +78,7 @@ def test_joint_returns_to_a_target_that_is_given_at_once():
 def test_constant_strain_turns_the_joint_by_a_limited_angle():
     arm, strain = one_link(), 1e-5
     omega = 2.0 * np.pi * fa.modes(arm).frequency_hz[0]
-    controller = fa.WaveBasedControl(arm, Echo(), leakage=0.8)
+    controller = fa.WaveBasedControl(arm, echo(), leakage=0.8)
     reading = {"joint_angle": np.zeros(1), "joint_rate": np.zeros(1)}
     found = [
         float(controller.update(k * TICK, Measurement(strain=np.array([s]), **reading), None)[0])

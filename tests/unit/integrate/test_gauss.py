@@ -7,6 +7,7 @@ import pytest
 from one_mode import clamped_beam, vibrate
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.integrate import Gauss6
 
 
@@ -29,9 +30,7 @@ def test_vibration_follows_the_pade_approximant(turn, damping) -> None:
 
 
 def swinging_arm() -> fa.Arm:
-    rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 2}
-    links = [fa.Link(length=1.4142, **rod, modes=2), fa.Link(length=1.0, **rod, modes=2)]
-    return fa.Arm(links=links, gravity=(0.0, -9.81), theory="second_order")
+    return table_one_arm(elements=2, modes=2, gravity=(0.0, -9.81), theory="second_order")
 
 
 def energy_error(result) -> np.ndarray:

@@ -86,6 +86,7 @@ def code_files(tmp_path, name):
     return list(tmp_path.glob(f"cache/flexarm/kernels-*/*.{name}-*.code"))
 
 
+@pytest.mark.thorough
 def test_machine_code_exists_once_and_callers_refer_to_it(call):
     fresh = call()
     assert fresh["value"] == 3.0
@@ -96,6 +97,7 @@ def test_machine_code_exists_once_and_callers_refer_to_it(call):
     assert fresh["referred"]["fourth"] == ["half", "double"]
 
 
+@pytest.mark.thorough
 def test_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert call()["value"] == 3.0
     assert call()["misses"] == []
@@ -110,6 +112,7 @@ def test_caller_from_disk_finds_code_of_another_process(call, tmp_path):
     assert last["misses"] == []
 
 
+@pytest.mark.thorough
 def test_caller_is_compiled_again_if_the_result_has_another_type(call, tmp_path):
     assert call()["value"] == 3.0
     changed = HALF.replace("0.5 * x", "int(x) // 2")
@@ -131,6 +134,7 @@ print(more(4.0))
 """
 
 
+@pytest.mark.thorough
 def test_cached_function_of_a_user_finds_the_kernel_in_a_later_process(tmp_path):
     """Numba's own cache does not keep it, because it would not load the kernel before it."""
     (tmp_path / "half.py").write_text(HALF)
@@ -246,6 +250,7 @@ def states_of_a_compilation(tmp_path, *arguments):
     return done.stdout.splitlines()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
 def test_fork_during_a_compilation_does_not_change_the_child(tmp_path):
     expected = ["during False False", "child True True", "after True True 2.0"]

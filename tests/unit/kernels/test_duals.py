@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from flexarm.kernels.compilation.cache import compiled
-from flexarm.kernels.compilation.dual_arrays import Duals, zeros_like
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals, zeros_like
 from flexarm.kernels.compilation.numbers import cos, exp, log, positive_part, real, sin, sqrt, tanh
 
 pytestmark = pytest.mark.compiled

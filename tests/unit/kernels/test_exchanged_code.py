@@ -46,6 +46,7 @@ print(json.dumps([first, usual, exchanged, again, moved is None]))
 """
 
 
+@pytest.mark.thorough
 def test_exchanged_files_are_compiled_again(tmp_path):
     (tmp_path / "pair.py").write_text(PAIR, encoding="utf-8")
     places = {"PYTHONPATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}

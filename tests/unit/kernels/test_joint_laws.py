@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 
 import flexarm as fa
+from arms import unit_link
 from strategies import between
 
 FRICTION = fa.Friction(coulomb=2.0, static=3.5, stribeck_rate=0.2, smoothing_rate=0.01)
@@ -14,8 +15,7 @@ rates = between(-50.0, 50.0)
 
 def arm(**joint):
     """A rigid link of unit inertia on a joint."""
-    link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
-    return fa.Arm(links=[link], joints=[fa.Joint(**joint)])
+    return unit_link(joint)
 
 
 def torque(of, angle, rate):

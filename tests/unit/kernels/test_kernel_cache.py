@@ -93,6 +93,7 @@ def run(sandbox, program, **more):
     return json.loads(done.stdout), done.stderr
 
 
+@pytest.mark.thorough
 def test_edited_callee_is_compiled_again_and_the_rest_is_loaded(sandbox):
     callee = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "numbers.py"
     source = callee.read_text(encoding="utf-8")
@@ -210,6 +211,7 @@ def doubled(sandbox):
     return call
 
 
+@pytest.mark.thorough
 def test_kernel_outside_the_package_is_compiled_again_after_an_edit(doubled):
     assert doubled("2.0")[0]["hits"] == 0
     assert doubled("2.0")[0]["hits"] == 1
@@ -223,6 +225,7 @@ def blocked(sandbox):
     return {"XDG_CACHE_HOME": str(sandbox / "blocked")}
 
 
+@pytest.mark.thorough
 @posix_only
 def test_unwritable_home_is_replaced_by_a_private_folder(doubled, blocked, sandbox):
     first, _ = doubled(**blocked)
@@ -232,6 +235,7 @@ def test_unwritable_home_is_replaced_by_a_private_folder(doubled, blocked, sandb
     assert doubled(**blocked)[0] == {**first, "hits": 1}
 
 
+@pytest.mark.thorough
 @posix_only
 @pytest.mark.parametrize("planted", ["open to others", "a link", "of somebody else"])
 def test_code_in_a_shared_folder_is_never_loaded(planted, doubled, blocked, sandbox):
@@ -262,6 +266,7 @@ class Bomb:
         return exec, ("import sys; print('BOMB', file=sys.stderr)",)
 
 
+@pytest.mark.thorough
 @posix_only
 def test_file_of_another_user_is_not_loaded(doubled):
     first, _ = doubled()
@@ -356,6 +361,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.thorough
 def test_interrupted_compilation_leaves_a_valid_cache(sandbox):
     assert run(sandbox, INTERRUPTED)[0] == "interrupted"
     assert not list((sandbox / "cache").rglob("*.tmp"))

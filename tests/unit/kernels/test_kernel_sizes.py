@@ -8,22 +8,17 @@ import pytest
 
 import flexarm as fa
 from arm_states import parts, state_array, tip_loads
+from arms import chain
 from flexarm.kernels.layout import compile_time_sizes, new_workspace, run_time_sizes
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 
 
 def two_link_arm(theory="second_order"):
     """Return links of two and four modes, so that padding matters."""
-    return fa.Arm(
-        links=[
-            fa.Link(length=0.8, flexural_rigidity=20.0, mass_per_length=0.5, elements=1),
-            fa.Link(length=0.6, flexural_rigidity=9.0, mass_per_length=0.4, elements=2),
-        ],
-        joints=[fa.Joint(hub_inertia=0.01, damping=0.1), fa.Joint(mass=0.3)],
-        payload=fa.Payload(mass=0.2, inertia=0.001),
-        gravity=(1.0, -9.0),
-        theory=theory,
-    )
+    rod = {"flexural_rigidity": [20.0, 9.0], "mass_per_length": [0.5, 0.4], "elements": [1, 2]}
+    joints = [{"hub_inertia": 0.01, "damping": 0.1}, {"mass": 0.3}]
+    more = {"payload": fa.Payload(mass=0.2, inertia=0.001), "gravity": (1.0, -9.0)}
+    return chain((0.8, 0.6), joints, theory=theory, **rod, **more)
 
 
 def test_sizes_count_bodies_and_modes():

@@ -107,5 +107,5 @@ def test_angles_that_are_not_finite():
 
 @pytest.mark.parametrize("array", [np.zeros((2, 7)), np.zeros((2, 8), int), np.zeros((8, 2)).T])
 def test_other_arrays_are_not_packs(array):
-    with pytest.raises(ValueError, match="contiguous float64 arrays with eight lanes"):
+    with pytest.raises(ValueError, match="contiguous float64 arrays, 8 to a number"):
         Packs(array)

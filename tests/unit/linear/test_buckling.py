@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg
 
 import flexarm as fa
+from arms import chain
 
 GREENHILL = 7.83734743894  # rho A g L^3 / EI of a standing column: zero of a Bessel function
 EULER = np.pi**2 / 4
@@ -12,14 +13,8 @@ EULER = np.pi**2 / 4
 
 def column(segments=1, elements=8, theory="second_order", gravity=(0.0, 0.0)):
     """Return a link of unit length, stiffness and mass."""
-    link = fa.Link(
-        length=1.0,
-        flexural_rigidity=1.0,
-        mass_per_length=1.0,
-        elements=elements,
-        segments=segments,
-    )
-    return fa.Arm(links=[link], theory=theory, gravity=gravity)
+    rod = {"flexural_rigidity": 1.0, "mass_per_length": 1.0, "elements": elements}
+    return chain([1.0], segments=segments, theory=theory, gravity=gravity, **rod)
 
 
 def buckling_load(stiffness):

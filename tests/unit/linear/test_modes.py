@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import flexarm as fa
-from paper_arms import ROD, table_one_arm
+from arms import ROD, table_one_arm
 
 DATA = Path(__file__).parents[2] / "data"
 ROTATING = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))["rotating"]
@@ -208,39 +208,3 @@ class TestCurves:
             for part in (found.complex_shapes.real, found.complex_shapes.imag)
         ]
         np.testing.assert_allclose(moved, parts[0] + 1j * parts[1], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"joints": "loked"}, "joints must be one of 'locked', 'free' or gains"),
-        ({"joints": ["locked"]}, "for each of the 2 joints"),
-        ({"joints": ["locked", (1.0,)]}, "proportional, derivative"),
-        ({"q": [0.0]}, "q must be numbers of shape"),
-        ({"joint_angles": ANGLES, "q": np.zeros(8)}, "joint_angles cannot be combined with q"),
-        ({"spin": np.nan}, "spin must be finite"),
-        ({"spin": 1.0, "tip_force": (1.0, 0.0)}, "loads cannot be combined with spin"),
-    ],
-)
-def test_wrong_input_is_rejected(fields, message):
-    with pytest.raises(fa.InputError, match=message):
-        fa.modes(table_one_arm(), **fields)
-
-
-def test_impossible_spins_are_rejected():
-    with pytest.raises(fa.InputError, match="zero for an arm with gravity"):
-        fa.modes(table_one_arm(gravity=(0.0, -1.0)), spin=1.0)
-    link = fa.Link(length=1.0, elements=1, **ROD)
-    fixed = fa.Arm(links=[link] * 2, joints=[fa.Joint(fixed=True), fa.Joint()])
-    with pytest.raises(fa.InputError, match="first joint is fixed"):
-        fa.modes(fixed, spin=1.0)
-
-
-def test_load_off_the_arm_is_rejected():
-    link = {"length": 1.0, "flexural_rigidity": 20.0, "mass_per_length": 0.5}
-    arm = fa.Arm(links=[fa.Link(**link)])
-    with pytest.raises(fa.InputError, match=r"^modes: Load\.link must be the number of a link"):
-        fa.modes(arm, loads=[fa.Load(2, (1.0, 0.0))])
-    contact = fa.Contact(fa.Wall((2.0, 0.0), (-1.0, 0.0)), 1e4, link=2)
-    with pytest.raises(fa.InputError, match=r"^linearize: Contact\.link must be the number"):
-        fa.linearize(arm, contacts=[contact])

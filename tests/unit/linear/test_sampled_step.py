@@ -4,19 +4,17 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from arms import chain
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 SAMPLE_TIME, TORQUE = 0.01, np.array([1.5, -0.8])
 
 
 def arm_with(payload=0.3):
-    link = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1, "modes": 1}
-    return fa.Arm(
-        links=[fa.Link(length=1.0, **link), fa.Link(length=0.7, **link)],
-        joints=[fa.Joint(hub_inertia=0.05, damping=0.1), fa.Joint(mass=0.2, hub_inertia=0.02)],
-        payload=fa.Payload(mass=payload, inertia=0.01),
-        gravity=(0.0, -9.81),
-    )
+    rod = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1, "modes": 1}
+    joints = [{"hub_inertia": 0.05, "damping": 0.1}, {"mass": 0.2, "hub_inertia": 0.02}]
+    payload = fa.Payload(mass=payload, inertia=0.01)
+    return chain((1.0, 0.7), joints, payload=payload, gravity=(0.0, -9.81), **rod)
 
 
 @pytest.fixture(scope="module")

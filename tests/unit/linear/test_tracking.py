@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from paper_arms import table_one_arm
+from arms import table_one_arm
 
 
 class TestPostures:

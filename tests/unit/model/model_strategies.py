@@ -26,7 +26,7 @@ from flexarm.model import (
     RayleighDamping,
     Rectangle,
     RigidInverseDynamicsDrive,
-    RunSettings,
+    RunSpec,
     Scenario,
     SectionTable,
     TabulatedJoint,
@@ -45,10 +45,11 @@ from flexarm.model.scenarios.motions import (
     CircleMotionSpec,
     ForceTable,
     PressedMotionSpec,
+    ShapingSpec,
+    SmoothingSpec,
     SplineMotionSpec,
     ViaPointMotionSpec,
 )
-from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)
@@ -368,7 +369,7 @@ def scenarios(draw):
         initial=initial,
         run=draw(
             st.builds(
-                RunSettings,
+                RunSpec,
                 duration=st.floats(1e-3, 10.0),
                 rate=st.floats(1.0, 1e5),
                 stations=st.sampled_from([0, 2, 11, 1000]),

@@ -50,6 +50,7 @@ def test_hundreds_of_problems_are_kept_and_some_are_printed(tmp_path):
     assert str(caught.value).splitlines()[50:] == ["... and 551 more problems."]
 
 
+@pytest.mark.thorough_cases("deep lists-load_arm_spec", "deep lists-load_scenario")
 @pytest.mark.parametrize("load", [load_arm_spec, load_scenario])
 @pytest.mark.parametrize("name", BROKEN_FILES)
 def test_unreadable_files_give_one_clear_error(name, load, tmp_path):
@@ -292,6 +293,7 @@ def key_path(path):
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).removeprefix(".")
 
 
+@pytest.mark.thorough_cases("pushed")
 @pytest.mark.parametrize("sound", [SOUND, PUSHED], ids=["moved", "pushed"])
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -40,6 +40,7 @@ def test_scenario_file_is_read_back_equal(scenario, tmp_path):
     assert load_arm_spec(tmp_path / "run.yaml") == scenario.arm
 
 
+@pytest.mark.thorough
 @relaxed
 @given(scenario=scenarios())
 def test_json_and_pickle_are_read_back_equal(scenario):

@@ -3,9 +3,6 @@
 import json
 import re
 
-import pytest
-
-from flexarm.base.errors import ModelError
 from flexarm.model import ArmSpec, Link, Scenario, json_schema
 
 
@@ -61,10 +58,3 @@ def test_material_may_be_a_name():
     options = json_schema("arm")["$defs"]["Link"]["properties"]["material"]["anyOf"]
     assert {"enum": ["steel", "aluminium"]} in options
     assert {"$ref": "#/$defs/Material"} in options
-
-
-def test_unknown_kind_of_file_is_rejected():
-    with pytest.raises(
-        ModelError, match=r"kind must be one of 'arm', 'scenario', 'study', got 'arms'"
-    ):
-        json_schema("arms")

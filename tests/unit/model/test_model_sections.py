@@ -12,7 +12,6 @@ from flexarm.model import (
     Box,
     Circle,
     Link,
-    Material,
     Rectangle,
     SectionTable,
     Tube,
@@ -36,53 +35,6 @@ def test_thickest_wall_is_nearly_solid():
     assert box.second_moment == pytest.approx(full.second_moment, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda: Tube(outer_diameter=0.1, thickness=0.05),
-            (
-                "Tube: thickness must be less than 0.05 (half of outer_diameter), got 0.05. "
-                "The wall fills the section."
-            ),
-        ),
-        (
-            lambda: Box(width=0.1, height=0.04, thickness=0.03),
-            (
-                "Box: thickness must be less than 0.02 (half of height), got 0.03. The wall "
-                "fills the section."
-            ),
-        ),
-        (
-            lambda: Rectangle(width=20.0, height=5000.0),
-            (
-                "Rectangle: height must be between 1e-9 and 1000, got 5000. "
-                "Dimensions are in metres."
-            ),
-        ),
-        (lambda: Circle(diameter=0), "Circle: diameter must be greater than 0, got 0."),
-        (
-            lambda: Circle(radius=1),
-            (
-                "Circle: diameter is missing.\n"
-                "Circle: radius is not a known key. Known: kind, diameter."
-            ),
-        ),
-        (
-            lambda: Material(density=-1, youngs_modulus="70 mm"),
-            (
-                "Material: density must be greater than 0, got -1.\n"
-                "Material: youngs_modulus must be a modulus, got 70 mm."
-            ),
-        ),
-    ],
-)
-def test_impossible_sections_are_rejected_with_the_reason(make, message):
-    with pytest.raises(ModelError) as caught:
-        make()
-    assert str(caught.value) == message
-
-
 def test_preset_materials_are_found_by_name():
     section = Circle(diameter=0.01)
     for name, material in MATERIALS.items():
@@ -104,54 +56,3 @@ def test_table_accepts_arrays_and_stores_tuples():
     values = (*table.x, *table.flexural_rigidity, *table.mass_per_length)
     assert {type(value) for value in values} == {float}
     assert table.rotary_inertia_per_length is None
-
-
-@pytest.mark.parametrize(
-    ("columns", "messages"),
-    [
-        (
-            {"x": [0], "flexural_rigidity": None, "mass_per_length": [1]},
-            ["x must have at least two points, the root and the tip, got 1."],
-        ),
-        (
-            {"x": [0.1, 0.5, 1.0]},
-            ["x[0] must be 0, got 0.1. A table starts at the root of the link."],
-        ),
-        (
-            {"x": [0, 0.5, 0.5]},
-            ["x[2] must be greater than the previous point (0.5), got 0.5."],
-        ),
-        (
-            {"x": [0, 1, 2, 3], "rotary_inertia_per_length": [1, 2]},
-            [
-                "flexural_rigidity must have length 4, one value for each point of x, got 3.",
-                "mass_per_length must have length 4, one value for each point of x, got 3.",
-                (
-                    "rotary_inertia_per_length must have length 4, one value for each point of "
-                    "x, got 2."
-                ),
-            ],
-        ),
-        (
-            {"mass_per_length": [1, -1, math.inf], "flexural_rigidity": [1, 0, 1]},
-            [
-                "flexural_rigidity[1] must be greater than 0, got 0.",
-                "mass_per_length[1] must be at least 0, got -1.",
-                "mass_per_length[2] must be a finite number, got inf.",
-            ],
-        ),
-        ({"x": {0, 1, 2}}, ["x must be a list, got {0, 1, 2}."]),
-    ],
-)
-def test_wrong_tables_are_rejected_with_every_reason(columns, messages):
-    right = {"x": [0, 1, 2], "flexural_rigidity": [1, 1, 1], "mass_per_length": [1, 1, 1]}
-    with pytest.raises(ModelError) as caught:
-        SectionTable(**{**right, **columns})
-    assert str(caught.value).splitlines() == [f"SectionTable: {text}" for text in messages]
-
-
-def test_key_that_is_not_text_is_rejected_with_missing_dimensions():
-    # Such a key ends the validation before missing fields are reported.
-    with pytest.raises(ModelError) as caught:
-        Box(**{"width": 0.01, "thickness": 0.001, "\ud800": 1})
-    assert len(caught.value.problems) == 1

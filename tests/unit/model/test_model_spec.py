@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexarm.base.errors import ModelError
-from flexarm.model import ArmSpec, Joint, Link, Material, Payload
+from flexarm.model import ArmSpec, Joint, Link, Payload
 
 LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
 MASSLESS = Link(length=1, mass_per_length=0, flexible=False)
@@ -147,25 +147,3 @@ def test_massless_links_are_accepted_where_inertia_remains():
 
 def test_longest_arm_is_accepted():
     assert len(ArmSpec(links=[LINK] * 256).joints) == 256
-
-
-@pytest.mark.parametrize(
-    ("record", "symbol", "key"),
-    [
-        (Material, "E", "youngs_modulus"),
-        (Material, "nu", "poissons_ratio"),
-        (Material, "rho", "density"),
-        (Link, "EI", "flexural_rigidity"),
-        (Link, "L", "length"),
-        (Link, "kGA", "shear_rigidity"),
-        (Link, "mu", "mass_per_length"),
-        (Link, "rhoA", "mass_per_length"),
-        (Link, "nel", "elements"),
-        (ArmSpec, "g", "gravity"),
-    ],
-)
-def test_symbols_of_textbooks_lead_to_the_key(record, symbol, key):
-    """They are too short for a comparison of spelling. The quantity decides, not the letter."""
-    with pytest.raises(ModelError) as caught:
-        record(**{symbol: 1.0})
-    assert f"{symbol} is not a known key. Did you mean {key!r}?" in str(caught.value)

@@ -34,36 +34,3 @@ def test_checked_copy_validates_values(spec):
     assert with_number(spec, "payload.mass", 2.0).payload.mass == 2.0
     with pytest.raises(fa.ModelError, match="length"):
         with_number(spec, "links[0].length", -1.0)
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "name"),
-    [
-        ("payload.mass", -1.0, "payload.mass must be at least 0, got -1."),
-        ("links[0].length", -1.0, "links[0].length must be greater than 0, got -1."),
-    ],
-)
-def test_wrong_values_are_reported_with_their_path(spec, path, value, name):
-    with pytest.raises(fa.ModelError) as caught:
-        with_number(spec, path, value)
-    assert str(caught.value) == name
-
-
-@pytest.mark.parametrize(
-    ("path", "hint"),
-    [
-        ("link[0].length", "The arm has no link; did you mean links?"),
-        ("links[2].length", "links has no 2"),
-        ("links[0].section.width", "links[0].section has no width"),
-        ("links[0].flexible", "It is True there."),
-        ("links[0].modes", "It is nothing there."),
-        (".payload.mass", "An example is"),
-        ("payload..mass", "An example is"),
-        ("", "An example is"),
-        (3, "A path is text"),
-    ],
-)
-def test_unknown_paths_are_rejected(spec, path, hint):
-    with pytest.raises(fa.InputError) as error:
-        number_at("path", spec, path)
-    assert hint in str(error.value)

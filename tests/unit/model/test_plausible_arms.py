@@ -19,7 +19,7 @@ from flexarm.base.errors import InputError
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, load_arm_spec
 from flexarm.model.arm.plausibility import implausible
-from flexarm.model.file_format.identification_file import locate_identification
+from flexarm.model.identification.study import locate_identification
 from flexarm.model.paths import number_at, number_paths, with_number, with_numbers
 from plausible_arms import plausible_spec
 
@@ -285,6 +285,7 @@ def _mistake(rng, spec):
     return with_numbers(spec, {p: factor * number_at("path", spec, p) for p in together})
 
 
+@pytest.mark.thorough
 def test_half_of_all_mistakes_of_a_factor_of_1000_are_noticed():
     """A floor for random numbers: many remain plausible, such as a thousandth of an inertia."""
     rng, noticed, count = np.random.default_rng(7), 0, 400

@@ -57,6 +57,7 @@ def test_text_that_is_not_yaml_is_rejected_with_its_line(text):
     assert result_of(text).startswith("file.yaml:")
 
 
+@pytest.mark.thorough_cases("[-]")
 @pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ("{a: ", "}"), ("- ", "")])
 def test_deep_nesting_is_rejected_without_a_crash(opening, closing):
     """The composer of libyaml overflows the stack here, which ends the process."""
@@ -121,6 +122,7 @@ def test_values_are_counted_before_the_end_is_read(monkeypatch):
     assert "the file has more than 10 values" in result_of("[" + "1, " * 30 + "[[}")
 
 
+@pytest.mark.thorough_cases("links: [{}]\\n")
 @pytest.mark.parametrize("part", ["links: [{}]\n", "links: [{{length: 1.0, gauges: [{}]}}]\n"])
 def test_files_of_many_links_or_gauges_are_refused(part, tmp_path):
     path = tmp_path / "many.yaml"

@@ -5,8 +5,8 @@ import pytest
 from motion_checks import Links, assert_scalars_and_arrays_agree, derivative, smooth_times
 
 import flexarm as fa
+from arms import table_one_arm
 from flexarm.motion import joint_motion, line_motion
-from paper_arms import table_one_arm
 
 
 def line(profile="quintic", start_time=0.4):
@@ -54,6 +54,14 @@ def motion(request):
     return MOTIONS[request.param]()
 
 
+@pytest.mark.sampled(
+    "zv",
+    "ei, two modes",
+    "zvd along modes",
+    "moving average",
+    "smoothed and shaped",
+    "quasi-static, trapezoids",
+)
 def test_breaks_span_the_motion(motion):
     assert motion.breaks[0] == motion.start_time
     assert motion.breaks[-1] == motion.end_time
@@ -157,40 +165,3 @@ def test_rigid_torque_along_a_shaped_motion():
     wanted = motion.joint_angle(run.time.values)
     # The tolerance of the run.
     np.testing.assert_allclose(run.joint_angle.values, wanted, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: fa.shaped(line(), method="zvv", frequency_hz=1.0), "method must be one of 'zv'"),
-        (lambda: fa.shaped("line", frequency_hz=1.0), "motion must be a motion"),
-        (lambda: fa.shaped(line()), "arm is required if there is no frequency_hz"),
-        (lambda: fa.shaped(line(), frequency_hz=0.0), "frequency_hz must be greater than 0"),
-        (lambda: fa.shaped(line(), frequency_hz=[1.0, np.nan]), r"frequency_hz\[1\] .* finite"),
-        (lambda: fa.shaped(line(), frequency_hz=[]), "frequency_hz is empty"),
-        (lambda: fa.shaped(line(), frequency_hz=3.0, modes=2), "modes cannot be combined with"),
-        (
-            lambda: fa.shaped(line(), frequency_hz=-1.0, tolerance=2.0),
-            "frequency_hz.*\n.*tolerance",
-        ),
-        (lambda: fa.shaped(line(), frequency_hz=1.0, damping_ratio=1.0), "less than 1"),
-        (lambda: fa.shaped(line(), frequency_hz=1.0, damping_ratio=[0.1, 0.1]), "1 modes"),
-        (lambda: fa.shaped(line(), method="ei", frequency_hz=1.0, tolerance=1.0), "tolerance"),
-        (lambda: fa.shaped(line(), arm(), modes=0), "modes"),
-        (lambda: fa.shaped(line(), arm(), modes=True), "modes"),
-        (lambda: fa.shaped(line(), arm(), modes=[1, 1]), "different"),
-        (lambda: fa.shaped(line(), arm(), modes=[1, 99]), r"from 1 to 6 \(the bending modes"),
-        (lambda: fa.shaped(line(), arm().rigid()), "arm has no bending modes"),
-        (lambda: fa.shaped(line(), 3), "be an Arm"),
-        (lambda: fa.smoothed(line(), 0.0), "duration must be greater"),
-        (lambda: fa.smoothed(line(), 0.1, "hann"), "window must be one of"),
-        (lambda: fa.smoothed(None, 0.1), "motion must be a motion"),
-        (lambda: fa.quasi_static_reference(arm().rigid(), line()), "arm is rigid"),
-        (lambda: fa.quasi_static_reference(arm(), line(), smoothing=0.0), "smoothing"),
-        (lambda: fa.quasi_static_reference(arm(), line(), order=3), "order"),
-        (lambda: fa.quasi_static_reference(arm(), None), "motion"),
-    ],
-)
-def test_wrong_input_is_rejected(call, words):
-    with pytest.raises(fa.InputError, match=words):
-        call()

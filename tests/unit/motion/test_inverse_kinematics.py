@@ -6,11 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_checks import Links
 
-from flexarm.base.errors import InputError
 from flexarm.motion import inverse_kinematics as of_an_arm
-from flexarm.motion.geometry.inverse_kinematics import reach_limits
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_position
-from flexarm.motion.geometry.nearest_posture import damped_least_squares
+from flexarm.motion.geometry.chain import tip_jacobian, tip_position
+from flexarm.motion.geometry.inverse_kinematics import damped_least_squares, reach_limits
 from strategies import between
 
 # Rounding of a tip position, of its angles and of their sum, per metre of reach.
@@ -95,7 +93,7 @@ def test_damped_least_squares_converges_from_a_posture(lengths, ratio, angle, se
 def test_damped_least_squares_converges_quadratically(monkeypatch):
     lengths = np.array([1.0, 0.8, 0.6, 0.4])
     posture = np.array([0.4, 0.5, -0.7, 0.9])
-    monkeypatch.setattr("flexarm.motion.geometry.nearest_posture.MAX_ITERATIONS", 10)
+    monkeypatch.setattr("flexarm.motion.geometry.inverse_kinematics.MAX_ITERATIONS", 10)
     angles, missed = damped_least_squares(lengths, np.array([-1.0, 0.9]), posture)
     # Constant damping would gain about one digit per step.
     assert missed < 1e-12
@@ -180,33 +178,3 @@ def test_published_posture_is_reproduced():
     # Accurate to the last printed digit.
     assert angles[0] == pytest.approx(0.785388573, abs=5e-10)
     assert np.sum(angles) == pytest.approx(0.0000191804, abs=5e-11)
-
-
-@pytest.mark.parametrize(
-    ("lengths", "point", "message"),
-    [
-        ([1.4142, 1.0], [2.0, 2.0], r"point must lie within the reach of 2.4142 m .* 2.82843 m"),
-        (
-            [1.4142, 1.0],
-            [0.1, 0.2],
-            r"point must lie at least 0.4142 m .* 0.223607 m .* One link is longer",
-        ),
-        ([1.0, 5.0, 1.0], [0.0, 2.9], "point must lie at least 3 m"),
-        ([1.0], [0.5, 0.0], "point must lie on the circle of radius 1 m"),
-        ([1.0], [0.0, 1.5], "point must lie on the circle of radius 1 m"),
-        ([1.0, 1.0], [np.nan, 0.0], r"point\[0\] must be finite"),
-        ([1.0, 1.0], [1.0, 0.0, 0.0], "point must be numbers of shape"),
-    ],
-)
-def test_impossible_points_are_rejected_with_the_reason(lengths, point, message):
-    with pytest.raises(InputError, match=message):
-        inverse_kinematics(lengths, point)
-
-
-def test_wrong_branches_and_postures_are_rejected():
-    with pytest.raises(InputError, match="elbow must be 'up' or 'down', got 'left'"):
-        inverse_kinematics([1.0, 1.0], [1.0, 1.0], "left")
-    with pytest.raises(InputError, match="posture is not supported for an arm of one or two"):
-        inverse_kinematics([1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])
-    with pytest.raises(InputError, match="posture must be numbers of shape"):
-        inverse_kinematics([1.0, 1.0, 1.0], [1.0, 1.0], posture=[0.1, 0.2])

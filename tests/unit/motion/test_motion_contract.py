@@ -92,6 +92,14 @@ def motion(make, request):
     return make(duration=2.5, profile=request.param, start_time=0.7)
 
 
+@pytest.mark.sampled(
+    "quintic-2-joints_of_three",
+    "trapezoidal-3-line_of_two_behind",
+    "trapezoidal-4-line_of_four_from_posture",
+    "trapezoidal-4-circle_of_four",
+    "quintic-2-closed_spline_of_four",
+    "quintic-2-via_points_of_four",
+)
 def test_breaks_span_the_motion(motion):
     of_the_law = {0.7 + 2.5 * u for u in motion.law.breaks[:-1]} | {motion.end_time}
     assert of_the_law <= set(motion.breaks)
@@ -125,6 +133,14 @@ def test_rates_and_accelerations_are_the_derivatives(motion):
     np.testing.assert_allclose(acceleration, motion.joint_acceleration(t), rtol=0, atol=1e-9)
 
 
+@pytest.mark.sampled(
+    "quintic-2-joints_of_three",
+    "trapezoidal-3-line_of_two_behind",
+    "trapezoidal-4-line_of_four_from_posture",
+    "trapezoidal-4-circle_of_four",
+    "quintic-2-closed_spline_of_four",
+    "quintic-2-via_points_of_four",
+)
 def test_integral_of_the_rate_is_the_change_of_angle(motion):
     nodes, weights = np.polynomial.legendre.leggauss(200)
     way = np.zeros(motion.joints)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
-from flexarm.simulation.inversion.correction import CorrectedTorque, spline_knots, spline_values
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
+from flexarm.simulation.inversion.torques import CorrectedTorque, spline_knots, spline_values
 
 
 def an_arm(links):

@@ -17,7 +17,7 @@ from flexarm.motion import (
     trapezoidal,
     via_point_motion,
 )
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.chain import tip_jacobian, tip_jacobian_rate
 from flexarm.motion.tip.tip_paths import arc_path, polygon_path, spline_path
 
 ARMS = [Links(), Links((0.9, 0.7, 0.5, 0.6))]
@@ -199,64 +199,3 @@ def test_extremes_bound_the_distance(seed):
         assert along.max() + 1e-5 > found.max() >= along.max() - 1e-12
         speed = np.hypot(*path.at(np.linspace(0.0, 1.0, 20_001)).slope.T)
         assert speed.max() <= path.fastest * (1.0 + 1e-12)
-
-
-NEAR = [1.0, 0.9]
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda a: circle_motion(a, NEAR, NEAR, 1.0, 1.0), "start must differ from the center"),
-        (lambda a: circle_motion(a, NEAR, [1.4, 0.9], 0.0, 1.0), "angle must differ from 0"),
-        (
-            lambda a: circle_motion(a, NEAR, [2.1, 0.9], 2.0, 1.0),
-            r"arc must stay less than 2.41\d* m .* a farthest point of \(1.81\d*, 1.63\d*\), 2.44",
-        ),
-        (
-            lambda a: circle_motion(a, [0.5, 0.5], [1.5, 0.5], 4.0, 1.0),
-            r"arc must stay more than 0.414\d* m .* a nearest point of \(-0.2\d*, -0.2\d*\), 0.29",
-        ),
-        (lambda a: circle_motion(a, [9, 9], [9, 8], 1.0, 1.0), "start must lie within the reach"),
-        (
-            lambda a: spline_motion(a, [[1, 1], [3, 1], [1, 1.5]], 1.0),
-            r"points\[1\] must lie within the reach of 2.4142 m .* got \(3, 1\)",
-        ),
-        (
-            lambda a: spline_motion(a, [[0.5, 1], [2.3, 0.6], [2.3, -0.6], [0.5, -1]], 1.0),
-            r"path through the points must stay less than 2.41\d* m .* farthest point of \(2.4154",
-        ),
-        (
-            lambda a: spline_motion(a, [[1, 1], [1, 1], [1, 1.5]], 1.0),
-            r"points\[1\] must differ from the previous point, got \[1, 1\]",
-        ),
-        (lambda a: spline_motion(a, [[1, 1]], 1.0), "points must have at least two points"),
-        (lambda a: spline_motion(a, [1, 1], 1.0), r"points must be numbers of shape \(any, 2\)"),
-        (
-            lambda a: via_point_motion(a, [[1, 1], [0, 0.1], [-1, 1]], 1.0),
-            r"path along the points must stay more than 0.414\d* m from the base",
-        ),
-        (
-            lambda a: via_point_motion(a, [[1, 1], [1.2, 1], [1.2, 0]], 1.0, blend=0.2),
-            r"blend must be at most 0.1 m .*, got 0.2. That corner is points\[1\]",
-        ),
-        (
-            lambda a: via_point_motion(a, [[1, 1], [1.2, 1]], 1.0, blend=-1.0),
-            "blend must be greater than 0 m",
-        ),
-    ],
-)
-def test_wrong_paths_are_rejected_with_reason_and_place(make, message):
-    with pytest.raises(InputError, match=f"^(circle|spline|via_point)_motion: {message}"):
-        make(Links())
-
-
-def test_one_link_is_rejected():
-    with pytest.raises(InputError, match="circle_motion: arm has one link"):
-        circle_motion(Links((1.0,)), [0, 0], [1, 0], 1.0, 1.0)
-
-
-def test_posture_in_one_line_is_reported_with_its_place():
-    arm = Links((1.0, 1.0, 1.0))
-    with pytest.raises(InputError, match=r"arc has a singular posture at \(1, 0\): all links"):
-        circle_motion(arm, [1.0, 0.5], [1.0, 0.0], 1.0, 1.0, posture=[0.0, np.pi, np.pi])

@@ -287,31 +287,6 @@ def test_full_disk_keeps_the_older_file(suffix, tmp_path, monkeypatch, animation
     assert path.read_text() == "older"
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"path": "arm.avi"}, r"\.mp4, \.gif or \.html"),
-        ({"fps": 0.5}, "fps"),
-        ({"fps": 1e6}, "from 1 to 240"),
-        ({"speed": 1e-9}, "at most 20000 frames"),
-        ({"speed": 0.0}, "greater than 0"),
-        ({"width": 10}, "from 320 to 7680"),
-        ({"channels": ["torque"] * 7}, "at most 6 channels"),
-        ({"channels": "torqe"}, "Did you mean 'torque'?"),
-        ({"contacts": [1]}, "list of Contact"),
-        ({"reference": 1}, "reference"),
-        ({"magnify": -1.0}, "at least 0"),
-        ({"trace": 1}, "True or False"),
-        ({"results": []}, "1 to 4 results"),
-        ({"results": [fa, fa]}, "result of simulate"),
-    ],
-)
-def test_wrong_input_has_one_clear_message(options, words):
-    with pytest.raises(fa.InputError, match=words) as caught:
-        fa.animate(**{"results": result(), **options})
-    assert len(caught.value.problems) == 1
-
-
 def test_reference_of_another_arm_is_rejected():
     one = fa.Arm(links=[LINK])
 

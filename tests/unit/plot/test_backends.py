@@ -15,7 +15,7 @@ matplotlib.interactive(True)  # as the backend of notebooks does when it is load
 """
 _PROGRAM = """
 import matplotlib
-from flexarm.view.plot.canvas import panels
+from flexarm.view.plot.style import panels
 
 with panels(None, 1, (3.0, 2.0), lambda sheet: [sheet.add_subplot()]):
     pass

@@ -110,35 +110,3 @@ def test_envelope_of_the_bending_moment_and_its_peak():
     (mark,) = [line for line in axes.get_lines() if line.get_marker() == "o"]
     assert (mark.get_xdata()[0], mark.get_ydata()[0]) == (pytest.approx(place), peak)
     assert axes.texts[0].get_text() == f"{peak:.4g} N m at {time:.4g} s".replace("-", "−")
-
-
-def without(name):
-    changed = result().copy()
-    del changed.attrs[name]
-    return changed
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: fa.plot.bending_moment(rigid_result()), "stations=11"),
-        (lambda: fa.plot.postures(without("arm")), "attribute 'arm'"),
-        (
-            lambda: fa.plot.postures(result().assign_attrs(arm="links: [")),
-            "an invalid attribute 'arm'",
-        ),
-        (
-            lambda: fa.plot.postures(result().assign_attrs(arm="flexarm: 1\narm: other.yaml\n")),
-            "must describe the arm here",
-        ),
-        (lambda: fa.plot.postures(result().isel(coordinate=[0, 1])), "the 6 coordinates"),
-        (lambda: fa.plot.postures(result(), 1), "from 2 to 200"),
-        (lambda: fa.plot.postures(result(), rigid="yes"), "True, False or a result"),
-        (lambda: fa.plot.postures(result(), magnify=1e9), "at most 10000"),
-        (lambda: fa.plot.deflection(result().drop_vars("q")), "result of simulate"),
-    ],
-)
-def test_wrong_input_has_one_clear_message(call, words):
-    with pytest.raises(fa.InputError, match=words) as caught:
-        call()
-    assert len(caught.value.problems) == 1

@@ -161,30 +161,7 @@ def test_readings_of_instruments_are_channels_at_their_own_times():
     assert axes.get_ylabel() == "angle [rad]"
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: fa.plot.history(result(), "torqe"), "Did you mean 'torque'?"),
-        (lambda: fa.plot.history(result(), "torque[3]"), r"torque\[1\], torque\[2\]"),
-        (lambda: fa.plot.history(rigid_result(), "bending_moment"), "stations=11"),
-        (lambda: fa.plot.history(result(), []), "list of names"),
-        (
-            lambda: fa.plot.history(result(), ["tip", "torque"], axes=plt.figure().add_subplot()),
-            "2 Matplotlib axes",
-        ),
-        (lambda: fa.plot.history(result(), backend="bokeh"), "'matplotlib', 'plotly'"),
-        (lambda: fa.plot.phase_portrait(result(), "torque"), "channel"),
-        (lambda: fa.plot.compare(result(), "torque"), "as a list or by name"),
-        (lambda: fa.plot.compare([result()], "q"), "at most four components"),
-        (lambda: fa.plot.styled("paper").__enter__(), "'print', 'screen'"),
-    ],
-)
-def test_wrong_input_has_one_clear_message(call, words):
-    with pytest.raises(fa.InputError, match=words) as caught:
-        call()
-    assert len(caught.value.problems) == 1
-
-
+@pytest.mark.thorough
 def test_plotly_draws_the_same_lines():
     pytest.importorskip("plotly")
     figure = fa.plot.history(result(), ["torque", "tip"], backend="plotly")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.plot.signals import readable_unit, series_colors, signals_figure
+from flexarm.view.plot.histories import readable_unit, series_colors, signals_figure
 
 
 def run(links, gauges=(), **fields):
@@ -24,6 +24,7 @@ def plot(figure, title):
     return axes
 
 
+@pytest.mark.thorough_cases("Joint rate-joint_rate-1.0-rate [rad/s]")
 @pytest.mark.parametrize(
     ("title", "channel", "scale", "unit"),
     [

@@ -7,8 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.response import response_figure
-from flexarm.view.plot.vibration import modes_figure, tracks_figure
+from flexarm.view.plot.vibration import modes_figure, response_figure, tracks_figure
 
 # Links bend further than their theory allows, on purpose.
 pytestmark = pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")

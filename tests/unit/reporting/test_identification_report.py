@@ -40,6 +40,7 @@ def found():
         )
 
 
+@pytest.mark.thorough
 def test_the_page_has_estimates_fits_and_statements():
     page = fa.report(found(), title="A & B", notes="a < b")
     assert page.startswith("<!DOCTYPE html>")

@@ -15,14 +15,16 @@ import pytest
 import flexarm as fa
 from flexarm.view.plot.selection import Signals
 from flexarm.view.reporting import clock
-from flexarm.view.reporting.measures import (
+from flexarm.view.reporting.document import (
     energies,
     errors_table,
     extremes_table,
+    few_lines,
+    fitted,
     key_figures,
+    panels,
     run_facts,
 )
-from flexarm.view.reporting.panels import few_lines, fitted, panels
 
 LINK = {"length": 0.5, "flexural_rigidity": 30.0, "mass_per_length": 0.4, "elements": 1}
 #: The documented limit of a report's size.
@@ -170,6 +172,7 @@ def test_many_lines_are_thinned_to_include_first_and_last():
     assert np.array_equal(few.values[0], [float(label) for label in few.labels])
 
 
+@pytest.mark.thorough
 def test_page_of_a_long_run_is_small_and_keeps_its_peaks():
     short, count = controlled(), 100_001
     time = np.linspace(0.0, 0.2, count)
@@ -259,6 +262,7 @@ EDITED = {
 }
 
 
+@pytest.mark.sampled("text")
 @pytest.mark.parametrize("value", EDITED)
 def test_edited_attributes_are_shown_or_named(value):
     """Another program, or the user, may have replaced any attribute of a result."""

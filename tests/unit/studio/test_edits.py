@@ -33,15 +33,6 @@ def test_a_new_load_bends_the_arm_a_little():
     assert deflection == pytest.approx(0.02 * length, rel=0.01)  # three digits
 
 
-def test_a_wrong_value_of_a_new_entry_has_the_message_of_the_record():
-    project = paper_project().edited(LOADS, None)
-    with pytest.raises(InputError) as error:
-        project.edited(("loads", 0, "station"), 7.0)
-    assert error.value.problems[0].statement == (
-        "loads[0].station must be at most 1 (the length of the link), got 7."
-    )
-
-
 def test_a_table_is_added_edited_and_refused_as_in_a_file():
     project = paper_project().edited(LOADS, None).edited(("loads", 0, "factor", NEW), None)
     path = ("loads", 0, "factor", TABLE)

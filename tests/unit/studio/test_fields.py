@@ -24,12 +24,9 @@ from flexarm.model.quantities import (
 from flexarm.model.units import unit_of
 from flexarm.model.wording import look
 from flexarm.view.studio.state import open_file, paper_project
-from flexarm.view.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS
-from flexarm.view.studio.values.field import fields_in
-from flexarm.view.studio.values.fields import FieldMaker, groups_of
-from flexarm.view.studio.values.new_values import new_record
-from flexarm.view.studio.values.ranges import Sizes
-from flexarm.view.studio.values.table_text import table_content
+from flexarm.view.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS, table_content
+from flexarm.view.studio.values.fields import FieldMaker, Sizes, fields_in, groups_of
+from flexarm.view.studio.values.starts import new_record
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = [
@@ -94,6 +91,7 @@ def test_every_field_has_a_value_of_the_scenario_in_its_range(file):
             assert field.word, field.name
 
 
+@pytest.mark.sampled("arm", "paper", "drives", "wipe_wall")
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_ends_of_a_slider_are_within_the_bounds_of_the_value(file):
     project = open_file(file)

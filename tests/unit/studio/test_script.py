@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.studio.script import script_of
+from flexarm.view.studio.app import script_of
 from flexarm.view.studio.state import open_bytes, open_file, paper_project
 
 from test_state import STUDY  # isort: skip
@@ -48,6 +48,7 @@ def test_script_simulates_the_plant_of_a_study(tmp_path):
     np.testing.assert_array_equal(found["result"].tip, expected.tip)
 
 
+@pytest.mark.thorough
 def test_script_runs_as_a_program(tmp_path):
     path = tmp_path / "paper.py"
     path.write_text(script_of(paper_project()), encoding="utf-8")
@@ -66,6 +67,7 @@ def test_script_describes_every_example_completely(file, tmp_path):
     assert max(map(len, text.splitlines())) < 120
 
 
+@pytest.mark.thorough
 def test_it_runs_a_scenario_with_every_part(tmp_path):
     project = open_file(EXAMPLES[-1])
     expected = fa.run_scenario(project.scenario)

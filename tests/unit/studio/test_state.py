@@ -58,13 +58,6 @@ def test_wrong_value_gives_the_message_of_the_command_line(value, tmp_path):
     assert str(found) == f"studio: {found.statement}"
 
 
-def test_unknown_path_is_rejected():
-    with pytest.raises(ModelError, match="is not a known key"):
-        paper_project().edited(("arm", "links", 0, "__class__"), 1.0)
-    with pytest.raises(ModelError, match="does not exist"):
-        paper_project().edited(("arm", "links", 7, "length"), 1.0)
-
-
 @pytest.mark.parametrize("kind", ["line", "circle", "spline", "via_points", "joint"])
 def test_another_kind_of_motion_starts_at_the_same_point(kind):
     project = paper_project()
@@ -81,6 +74,7 @@ def test_another_kind_of_motion_starts_at_the_same_point(kind):
     assert edited.edited(("motion", "kind"), "line").record.motion.kind == "line"
 
 
+@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
 @pytest.mark.parametrize("kind", CONTROLLED)
 def test_another_drive_has_gains_of_a_stable_loop(kind):
     from flexarm.cases.scenario.scenario import prepare
@@ -114,11 +108,6 @@ def test_damping_can_be_added_and_removed():
     assert project.record.arm.links[0].damping.kind == "rayleigh"
     project = project.edited(("arm", "links", 0, "damping", "kind"), "none")
     assert project.record.arm.links[0].damping is None
-
-
-def test_unknown_kind_is_rejected():
-    with pytest.raises(ModelError, match=r"drive\.kind must be one of"):
-        paper_project().edited(("drive", "kind"), "__import__('os')")
 
 
 STUDY = """\

@@ -45,14 +45,9 @@ class Environment:
         base_acceleration: BaseAcceleration | None = None,
         contacts: Sequence[Contact] = (),
     ) -> Environment:
-        """Combine the arguments of a public function.
+        """Combine the arguments of a public function, after validation.
 
-        Args:
-            tip_force: (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
-
-        Raises:
-            InputError: if the tip force has another shape, or ``loads`` or ``contacts`` is not a
-                list of such objects.
+        ``tip_force`` is (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, N and N m.
         """
         return cls(
             [*tip_load(arm, tip_force), *check_list_of("loads", loads, Load)],
@@ -61,12 +56,7 @@ class Environment:
         )
 
     def placed(self, arm: Coordinates) -> Loads:
-        """Return the kernels' arrays for one state; time factors of loads are ignored.
-
-        Raises:
-            InputError: if a load or a contact is not on the arm, or the acceleration of the base
-                does not consist of two numbers.
-        """
+        """Return the kernels' arrays for one state; time factors of loads are ignored."""
         placed = place_loads(arm, self.loads)
         base = self.base_acceleration
         if base is not None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.beams import LinkConstants
-from flexarm.arm.beams.shortening import shortening_matrices
+from flexarm.arm.beams.parts import shortening_matrices
 from flexarm.base.errors import InputError, check_array
 from flexarm.kernels.forces.contact import LEVER, WEIGHT
 from flexarm.kernels.layout import Contacts, Loads, empty_loads
@@ -26,10 +26,7 @@ _POINTS = 4
 
 
 def tip_load(arm: Coordinates, tip_force: ArrayLike | None) -> list[Load]:
-    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list of at most one load.
-
-    The list is empty for None.
-    """
+    """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list: empty for None."""
     if tip_force is None:
         return []
     force = check_array("tip_force", tip_force, (-1,))
@@ -45,11 +42,7 @@ def marker(link: int, station: float | None) -> Load:
 
 
 def place_loads(arm: Coordinates, loads: Sequence[Load], what: str = "Load") -> Loads:
-    """Convert loads to the kernels' arrays; ``what`` is their name in messages.
-
-    Raises:
-        InputError: if a load is not on a link of the arm, or beyond its length.
-    """
+    """Convert loads to the kernels' arrays; InputError about ``what`` if one is not on the arm."""
     parts: list[tuple[int, float, float, FloatArray, FloatArray, FloatArray, Load]] = []
     for load in loads:
         problems = [fault.problem() for fault in place_faults_of(arm.spec, load)]
@@ -84,14 +77,10 @@ def loads_inboard(
 ) -> Loads:
     """Return the placed loads that act on each body between its root and a section.
 
-    Args:
-        owners: loads of the entries of ``placed``, from ``parts_of``.
-        reach: (n,) m from the root of each body's piece to its section. A load at the same
-            position is beyond the section; at the root, where ``reach`` is zero, it is inboard.
-
-    Returns:
-        Loads in the same order, in new arrays. Those beyond the section have weight 0, also
-        contacts. The base acceleration is zero, because it is in the accelerations of the roots.
+    ``owners`` are the loads of the entries of ``placed``, ``reach`` (n,) m the distance from the
+    root of each body's piece to its section. A load at the same position is beyond the section; at
+    the root, where ``reach`` is zero, it is inboard. Loads beyond the section, and contacts, have
+    weight 0. The base acceleration is zero, because it is in the accelerations of the roots.
     """
     kept = empty_loads(arm.assembly.constants, placed.body.size)
     kept.body[:], kept.follower[:], kept.value[:] = placed.body, placed.follower, placed.value
@@ -145,10 +134,7 @@ def _point(
 
 @lru_cache(maxsize=128)
 def _shapes_at(shapes: LinkConstants, x: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return deflections (m,), rotations (m,) and shortening (m, m) of the shapes at x (m).
-
-    A search for an equilibrium places the same points hundreds of times.
-    """
+    """Return deflections (m,), rotations (m,) and shortening (m, m) of the shapes at x (m)."""
     at = np.array([x])
     # A moment acts on the rotation.
     return shapes.deflection(at)[0], shapes.rotation(at)[0], shortening_matrices(shapes, at)[0]
@@ -178,10 +164,7 @@ def _covered(load: Load, piece: Piece) -> tuple[float, float]:
 def _integrals(
     piece: Piece, start: float, end: float
 ) -> tuple[float, float, FloatArray, FloatArray]:
-    """Integrate 1, x, Phi (m,) and g (m, m) over an interval, element by element.
-
-    The interval is counted from the root of the piece, x from the origin of the body.
-    """
+    """Integrate 1, x, Phi (m,), g (m, m) from the root of the piece, element by element."""
     shapes = piece.shapes
     points, weights = np.polynomial.legendre.leggauss(_POINTS)
     ends = np.linspace(0.0, shapes.length, shapes.elements + 1)

@@ -8,15 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.assembly.hub_radius import move_root
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.parts import inverse_inertia
-from flexarm.arm.beams.table_points import interpolation_error
+from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
 from flexarm.kernels.layout import ArmConstants, empty_constants
@@ -27,21 +26,15 @@ IntArray = NDArray[np.intp]
 
 
 class Piece(NamedTuple):
-    """A body that is a link, or a segment of a link.
+    """A body that is a link, or a segment of a link."""
 
-    Attributes:
-        link: index of the link. body: index of the body. start: distance of the piece's root from
-            the link's root (m). shapes: constants of the piece. first: index of its first modal
-            coordinate in q. rows: rows of the link's nodal values that belong to this piece.
-        offset: distance of the piece's root from the origin of the body (m), the hub radius or 0.
-    """
-
-    link: int
-    body: int
-    start: float
-    shapes: LinkConstants
-    first: int
-    rows: slice
+    link: int  # index of the link
+    body: int  # index of the body
+    start: float  # distance of the piece's root from the link's root (m)
+    shapes: LinkConstants  # constants of the piece
+    first: int  # index of its first modal coordinate in q
+    rows: slice  # rows of the link's nodal values that belong to this piece
+    #: Distance of the piece's root from the origin of the body (m), the hub radius or 0
     offset: float = 0.0
 
     @property
@@ -51,40 +44,27 @@ class Piece(NamedTuple):
 
 
 class Seat(NamedTuple):
-    """A joint that is not fixed, at the root of a link.
+    """A joint that is not fixed, at the root of a link."""
 
-    Attributes:
-        link: index of the link. body: index of the body that the motor rotates: the link's first
-            one or, with an elastic joint, a body of zero length before it. angle: index of the
-            joint angle in q. twist: index of the elastic joint's twist in q, or None.
-        backlash: whether the spring of the elastic joint has one.
-    """
-
-    link: int
+    link: int  # index of the link
+    #: Index of the body that the motor rotates: the link's first one or, with an elastic joint, a
+    #: body of zero length before it
     body: int
-    angle: int
-    twist: int | None
-    backlash: bool = False
+    angle: int  # index of the joint angle in q
+    twist: int | None  # index of the elastic joint's twist in q, or None
+    backlash: bool = False  # whether the spring of the elastic joint has one
 
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Kernel constants of an arm, and the positions of its coordinates in the arrays.
+    """Kernel constants of an arm, and the positions of its coordinates in the arrays."""
 
-    Attributes:
-        constants: constants of n bodies with m modes each, padded; friction is a function of the
-            rate.
-        pieces: the bodies that form the links, from the base outwards.
-        seats: the joints that are not fixed, from the base outwards.
-        link_body: (links,) first body of each link.
-        coordinates: (dof,) index of each entry of q in the flattened (n, 1 + m) array.
-    """
-
+    #: Constants of n bodies with m modes each, padded; friction is a function of the rate
     constants: ArmConstants
-    pieces: tuple[Piece, ...]
-    seats: tuple[Seat, ...]
-    link_body: IntArray
-    coordinates: IntArray
+    pieces: tuple[Piece, ...]  # the bodies that form the links, from the base outwards
+    seats: tuple[Seat, ...]  # the joints that are not fixed, from the base outwards
+    link_body: IntArray  # (links,) first body of each link
+    coordinates: IntArray  # (dof,) index of each entry of q in the flattened (n, 1 + m) array
 
     @property
     def has_bristles(self) -> bool:
@@ -151,11 +131,7 @@ class Assembly:
 
 
 def assemble(spec: ArmSpec) -> Assembly:
-    """Compute the constants of an arm.
-
-    Raises:
-        InputError: if a link's mass matrix is not positive definite (theory page "beams").
-    """
+    """Compute the constants of an arm; InputError if a link's mass matrix is indefinite."""
     pieces: list[Piece] = []
     seats: list[Seat] = []
     link_body: list[int] = []
@@ -189,11 +165,7 @@ def assemble(spec: ArmSpec) -> Assembly:
 
 
 def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
-    """Return the constants of a link's segments, from the cache if possible.
-
-    Raises:
-        InputError: as in ``assemble``, with the index of this link.
-    """
+    """Return the constants of a link's segments, from the cache if possible; errors name it."""
     try:
         try:
             return _segments(link)
@@ -242,7 +214,9 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     constants = empty_constants(n, m, c, g)
-    constants.arm[HAS_JOINT_LAWS] = float(any(_has_laws(joint) for joint in spec.joints))
+    constants.arm[HAS_JOINT_LAWS] = float(
+        any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
+    )
     constants.mobility[:] = 1.0
     for piece in pieces:
         _place_link(constants, piece.body, piece.shapes, second_order)
@@ -278,10 +252,6 @@ def place_joints_and_payload(
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
-
-
-def _has_laws(joint: Joint) -> bool:
-    return bool(joint.friction or joint.limits or joint.rotor_inertia)
 
 
 def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:
@@ -378,3 +348,28 @@ def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
         return link.damping.mass_coefficient + link.damping.stiffness_coefficient * w2
     ratio = np.array(link.damping.ratios(w2.size))
     return np.asarray(2.0 * ratio * w2**0.5)
+
+
+def move_root(constants: ArmConstants, i: int, radius: Any) -> None:
+    """Move the root of body i outwards by a radius (m), without its length.
+
+    Beams have their constants about their root. A rigid, massless hub in line with the root tangent
+    adds its radius to every distance from the joint. The modes do not change, so no kernel knows
+    the hub; theory page "link", (L.50). The changes are linear in the constants, so that they apply
+    to derivatives of them, too.
+    """
+    move_masses(constants, i, radius)
+    inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]
+    inertia[2] += radius * (2.0 * inertia[1] + radius * inertia[0])
+    inertia[1] += radius * inertia[0]
+    tip[1] += radius * tip[0]
+    tip[3] += radius * tip[2]
+
+
+def move_masses(constants: ArmConstants, i: int, radius: Any) -> None:
+    """Move the masses of body i outwards by a radius (m), without the hub's own inertia."""
+    c = constants
+    c.inertia[i] += radius * (2.0 * c.first_moment_x[i] + radius * c.mass[i])
+    c.first_moment_x[i] += radius * c.mass[i]
+    c.a[i] += radius * c.S[i]
+    c.D1[i] += radius * c.D0[i]

@@ -3,8 +3,17 @@
 Nodal coordinates are `[v_2, phi_2, ..., v_{N+1}, phi_{N+1}]`, deflection (m) and rotation of the
 section (rad) at the free nodes of N elements; the zero pair of the clamped root is omitted. N(x)
 are the shapes of the deflection, N_phi(x) those of the rotation: N' for an Euler-Bernoulli beam.
-With shear, three interior values of each element follow; ``beams.interior`` expresses them by the
-nodal ones.
+
+With shear, the deflection v remains the cubic Hermite polynomial, with end slopes that are the
+rotations phi of the end sections plus the angle between the sections and the normals of the axis.
+Balance of moments inside the element makes this angle linear in the nodal coordinates; theory page
+"beams", section 9. These shapes are exact only under loads at nodes. Three interior shapes of each
+element, zero at its ends, represent loads inside it; `interior_values` expresses their values by
+the nodal ones.
+
+Reference:
+    Z. Friedman and J. B. Kosmatka, "An improved two-node Timoshenko beam finite element",
+    Computers & Structures 47(3), 1993, 473-481.
 """
 
 from __future__ import annotations
@@ -14,18 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexarm.arm.beams.hermite import FloatArray
+from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, shape_functions
 from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.quadrature import BeamQuadrature
-from flexarm.arm.beams.shear import (
-    PointShapes,
-    deflection_shapes,
-    interior_deflection,
-    interior_rotation,
-    point_shapes,
-    rotation_shapes,
-    shear_angles,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,23 +32,16 @@ class BeamMatrices:
     """Matrices of one link over n = 2 * elements nodal values, plus 3 * elements interior ones.
 
     The interior values exist only with shear.
-
-    Attributes:
-        translational_mass: (n, n) integral of mu N N^T.
-        rotary_mass: (n, n) integral of rho I N_phi N_phi^T.
-        stiffness: (n, n) integral of EI N_phi' N_phi'^T, and with shear of
-            k G A (N' - N_phi) (N' - N_phi)^T.
-        deflection_moment: (n,) integral of mu N: momentum of the deflection.
-        rotation_moment: (n,) integral of mu x N + rho I N_phi: its angular momentum about the
-            root.
-        free_mass: (n + 2, n + 2) mass without the clamp; the coordinates of the root come first.
     """
 
-    translational_mass: FloatArray
-    rotary_mass: FloatArray
+    translational_mass: FloatArray  # (n, n) integral of mu N N^T
+    rotary_mass: FloatArray  # (n, n) integral of rho I N_phi N_phi^T
+    #: (n, n) integral of EI N_phi' N_phi'^T, and with shear of k G A (N' - N_phi) (N' - N_phi)^T
     stiffness: FloatArray
-    deflection_moment: FloatArray
+    deflection_moment: FloatArray  # (n,) integral of mu N: momentum of the deflection
+    #: (n,) integral of mu x N + rho I N_phi: its angular momentum about the root
     rotation_moment: FloatArray
+    #: (n + 2, n + 2) mass without the clamp; the coordinates of the root come first
     free_mass: FloatArray
 
     @property
@@ -58,10 +50,7 @@ class BeamMatrices:
         return self.translational_mass + self.rotary_mass
 
     def over(self, shapes: FloatArray) -> BeamMatrices:
-        """Return the matrices over other coordinates, columns of ``shapes`` (n, k).
-
-        ``free_mass`` does not change.
-        """
+        """Return the matrices, except ``free_mass``, over other coordinates: ``shapes`` (n, k)."""
 
         def reduced(matrix: FloatArray) -> FloatArray:
             product: FloatArray = shapes.T @ matrix @ shapes
@@ -78,12 +67,9 @@ class BeamMatrices:
 
 
 def beam_matrices(
-    table: BeamTable, quadrature: BeamQuadrature, shapes: PointShapes | None = None
+    table: BeamTable, quadrature: BeamQuadrature, shapes: _PointShapes | None = None
 ) -> BeamMatrices:
-    """Assemble the matrices of a link; exact for tables that are linear between stations.
-
-    ``shapes`` are those of ``point_shapes``, if they are already computed.
-    """
+    """Assemble the matrices of a link; exact for tables that are linear between stations."""
     x, shapes = quadrature.points, shapes or point_shapes(table, quadrature)
     mass, rotary, rigidity = (
         np.interp(x, table.x, column)
@@ -111,16 +97,7 @@ def beam_matrices(
 
 
 def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray) -> FloatArray:
-    """Integrate density(x) N(x) along the link.
-
-    Args:
-        quadrature: the points; q is their number.
-        density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
-
-    Returns:
-        (n,) one entry per coordinate.
-    """
+    """Integrate density(x) N(x), (q,) and (q, 4 or 7) at the points, along the link: (n,)."""
     rows, size = _all_rows(quadrature, local)
     total = np.zeros(size)
     np.add.at(total, rows, local * (quadrature.weights * density)[:, None])
@@ -130,17 +107,7 @@ def integral(quadrature: BeamQuadrature, density: FloatArray, local: FloatArray)
 def product_integral(
     quadrature: BeamQuadrature, density: FloatArray, local: FloatArray, *, with_root: bool = False
 ) -> FloatArray:
-    """Integrate density(x) N(x) N(x)^T along the link.
-
-    Args:
-        quadrature: the points, q of them.
-        density: (q,) weight function at the points.
-        local: (q, 4) or (q, 7) element shapes at each point, a field of `PointShapes`.
-        with_root: whether to include the two nodal coordinates of the root, as the first ones.
-
-    Returns:
-        (n, n) symmetric matrix over the coordinates, or (n + 2, n + 2) including the root.
-    """
+    """Integrate density(x) N(x) N(x)^T as ``integral``: (n, n), or (n + 2, n + 2) ``with_root``."""
     rows, size = _all_rows(quadrature, local)
     total = np.zeros((size, size))
     if not density.any():  # most links have no rotary inertia
@@ -158,19 +125,12 @@ def nodal_shapes(
     derivative: int = 0,
     parameters: FloatArray | None = None,
 ) -> FloatArray:
-    """Evaluate the deflection shapes of all nodal coordinates at stations along the link.
+    """Evaluate the deflection shapes (k, n) of all nodal coordinates at stations (k,) m.
 
-    Args:
-        stations: (k,) distances from the root (m), 0 to `length`.
-        length: length of the link (m).
-        elements: number of elements.
-        derivative: 0 deflection v, 1 slope v', 2 curvature phi'. At element ends the curvature is
-            discontinuous, with shear also the slope: the value is that of the outboard element, at
-            the tip that of the last element.
-        parameters: (elements,) Phi_s of `shear_parameters`; None without shear.
-
-    Returns:
-        (k, n) rows that multiply nodal coordinates.
+    The derivative is 0 for the deflection v, 1 for the slope v', 2 for the curvature phi'. At
+    element ends the curvature is discontinuous, with shear also the slope: the value is that of the
+    outboard element, at the tip that of the last one. ``parameters`` (elements,) are Phi_s of
+    `shear_parameters`, None without shear.
     """
     element, xi = _places(stations, length, elements)
     angles = _angles(element, length / elements, elements, parameters)
@@ -189,13 +149,9 @@ def nodal_rotations(
 def interior_shapes(
     stations: FloatArray, length: float, elements: int, field: str, derivative: int
 ) -> FloatArray:
-    """Evaluate interior shapes (k, 3 * elements) at stations; arguments as in `nodal_shapes`.
-
-    Args:
-        field: "deflection" for v, or "rotation" for phi.
-    """
+    """Evaluate interior shapes (k, 3 * elements) of v or phi at stations; see `nodal_shapes`."""
     element, xi = _places(stations, length, elements)
-    of = interior_deflection if field == "deflection" else interior_rotation
+    of = _interior_deflection if field == "deflection" else _interior_rotation
     shapes = np.zeros((element.size, 3 * elements))
     columns = 3 * element[:, None] + np.arange(3)
     np.put_along_axis(shapes, columns, of(xi, length / elements, derivative), axis=1)
@@ -232,3 +188,208 @@ def _all_rows(quadrature: BeamQuadrature, local: FloatArray) -> tuple[npt.NDArra
     if local.shape[1] == 4:
         return quadrature.nodal_rows, size
     return quadrature.all_rows, size + 3 * quadrature.elements
+
+
+def shear_parameters(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
+    """Return Phi_s = 12 EI / (k G A h^2) of each element (elements,), from its mean rigidities.
+
+    Zero for an Euler-Bernoulli beam. The mean affects the shapes only: energies are integrated
+    over the table itself.
+    """
+    if table.shear_rigidity is None:
+        return np.zeros(quadrature.elements)
+    bending, shear = (
+        _element_integrals(quadrature, np.interp(quadrature.points, table.x, column))
+        for column in (table.flexural_rigidity, table.shear_rigidity)
+    )
+    return 12.0 * bending / (shear * quadrature.element_length**2)
+
+
+def _element_integrals(quadrature: BeamQuadrature, density: FloatArray) -> FloatArray:
+    """Integrate a density, (q,) at the points, over each element: (elements,)."""
+    totals = np.zeros(quadrature.elements)
+    np.add.at(totals, quadrature.element, quadrature.weights * density)
+    return totals
+
+
+def shear_angles(parameters: FloatArray, length: float) -> FloatArray:
+    """Return rows (k, 4) that give the shear angle v' - phi from v_1, phi_1, v_2, phi_2; (B.30)."""
+    share = parameters / (1.0 + parameters)
+    return np.asarray(share[:, None] * np.array([-1.0 / length, -0.5, 1.0 / length, -0.5]))
+
+
+def deflection_shapes(
+    xi: FloatArray, length: float, angles: FloatArray, derivative: int = 0
+) -> FloatArray:
+    """Evaluate the deflection v, its slope v' or curvature v'' = phi': (k, 4), as (B.31).
+
+    ``xi`` (k,) are positions in their elements, ``angles`` (k, 4) the rows of `shear_angles`.
+    """
+    local = shape_functions(xi, length, derivative)
+    return np.asarray(local + (local[:, 1] + local[:, 3])[:, None] * angles)
+
+
+def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatArray:
+    """Evaluate the shapes (k, 4) of the section rotation phi; as in `deflection_shapes`."""
+    return np.asarray(deflection_shapes(xi, length, angles, 1) - angles)
+
+
+def _interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
+    """Evaluate v of an element's three interior shapes at xi (k,), or its slope v': (k, 3).
+
+    They are the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
+    """
+    zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
+    if derivative == 0:
+        return length * np.stack([bump, bump * (1.0 - 2.0 * xi), zero], axis=1)
+    return np.stack([1.0 - 2.0 * xi, 1.0 - 6.0 * bump, zero], axis=1)
+
+
+def _interior_rotation(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
+    """Evaluate the rotation phi of the interior shapes, or phi': zero, zero, xi (1 - xi)."""
+    zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
+    shape = bump if derivative == 0 else (1.0 - 2.0 * xi) / length
+    return np.stack([zero, zero, shape], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _PointShapes:
+    """Shapes of the element of each quadrature point: (q, 4) for v_1, phi_1, v_2, phi_2.
+
+    With shear (q, 7), where the last three columns are the interior shapes.
+    """
+
+    deflection: FloatArray  # v
+    slope: FloatArray  # v'
+    rotation: FloatArray  # phi of the section
+    curvature: FloatArray  # phi'
+    shear: FloatArray  # the angle v' - phi
+
+
+def point_shapes(table: BeamTable, quadrature: BeamQuadrature) -> _PointShapes:
+    """Evaluate the shapes of a link's elements at its quadrature points."""
+    xi, length = quadrature.xi, quadrature.element_length
+    angles = shear_angles(shear_parameters(table, quadrature), length)[quadrature.element]
+    nodal = _PointShapes(
+        deflection=deflection_shapes(xi, length, angles),
+        slope=deflection_shapes(xi, length, angles, 1),
+        rotation=rotation_shapes(xi, length, angles),
+        curvature=deflection_shapes(xi, length, angles, 2),
+        shear=angles,
+    )
+    if table.shear_rigidity is None:
+        return nodal
+    slope, rotation = _interior_deflection(xi, length, 1), _interior_rotation(xi, length)
+    return _PointShapes(
+        deflection=np.hstack([nodal.deflection, _interior_deflection(xi, length)]),
+        slope=np.hstack([nodal.slope, slope]),
+        rotation=np.hstack([nodal.rotation, rotation]),
+        curvature=np.hstack([nodal.curvature, _interior_rotation(xi, length, 1)]),
+        shear=np.hstack([nodal.shear, slope - rotation]),
+    )
+
+
+# Rotary inertia is negligible below this fraction of mu h^2. In a beam of one material h then
+# exceeds thirty radii of gyration, and shear is negligible too.
+_NEGLIGIBLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class _Interior:
+    """Interior values of a link per nodal value; k = 3 * elements with shear, else 0."""
+
+    values: FloatArray  # (k, n) rows that multiply nodal coordinates
+    #: (k, n) Y: the stiffness over the nodal coordinates is K + Y^T Y, where K is the stiffness of
+    #: the static response
+    stiffening: FloatArray
+
+    @property
+    def extended(self) -> FloatArray:
+        """Nodal and interior values per nodal value, (n + k, n)."""
+        return np.vstack([np.eye(self.values.shape[1]), self.values])
+
+    def stiffened(self, strain_to_nodal: FloatArray, units: FloatArray) -> FloatArray:
+        """Return F of (K + Y^T Y)^-1 = F F^T from that of K^-1, whose rows have ``units`` (n,)."""
+        from scipy.linalg import solve_triangular
+
+        Y = self.stiffening @ (strain_to_nodal / units[:, None])
+        lower = np.linalg.cholesky(np.eye(len(units)) + Y.T @ Y)
+        return np.asarray(solve_triangular(lower, strain_to_nodal.T, lower=True).T, np.float64)
+
+
+def interior_values(
+    table: BeamTable, quadrature: BeamQuadrature, shapes: _PointShapes, stiffness: FloatArray
+) -> _Interior:
+    """Compute the interior values of a link from K (n + k, n + k), also over interior values.
+
+    The two-node element is exact under loads at its nodes, but inertia also loads the link between
+    them. Without the shear strain of these loads, frequencies converge as h^2 if shear dominates.
+    Three interior values of each element, v cubic and phi quadratic with zero ends, represent it.
+    They are not coordinates, because they would add frequencies near the cut-off sqrt(kGA/rho I),
+    which limits the step of every integrator. They are functions of the nodal values d,
+    b = S d + T p(d) with S = -K_bb^-1 K_bn and T = K_bb^-1 F: the static response to the nodal
+    values, and to the inertia F p of the mean acceleration p of each element. p follows from the
+    forces K d at the inner nodes, which are inertia forces in a vibration. Loads at the tip cause
+    no forces there, so the static response to them stays exact. Theory page "beams", section 9.
+    """
+    n = 2 * quadrature.elements
+    if table.shear_rigidity is None:
+        return _Interior(np.zeros((0, n)), np.zeros((0, n)))
+    K, K_bb = stiffness, stiffness[n:, n:]
+    S = -np.linalg.solve(K_bb, K[n:, :n])
+    static = K[:n, :n] + K[:n, n:] @ S
+    forces = _inertia_forces(table, quadrature, shapes) @ _accelerations(table, quadrature, static)
+    response = np.linalg.solve(K_bb, forces)
+    energy = np.linalg.cholesky(K_bb).T @ response
+    return _Interior(np.asarray(S + response, np.float64), np.asarray(energy, np.float64))
+
+
+def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatArray) -> FloatArray:
+    """Return the mean acceleration (2 * elements, n) of v, phi in each element, per nodal value.
+
+    It is the force ``static @ d`` at inner nodes divided by the inertia of these nodes. Root and
+    tip elements take the value of their inner node, because other forces act at root and tip; the
+    error is of first order in two elements and changes frequencies in fifth order. The moment at a
+    node also contains mu h^3/15 v'' of a smooth field around it.
+    """
+    h, elements, xi = quadrature.element_length, quadrature.elements, quadrature.xi
+    mass, rotary = (
+        quadrature.weights * np.interp(quadrature.points, table.x, column)
+        for column in (table.mass_per_length, table.rotary_inertia_per_length)
+    )
+    both = np.stack([mass, rotary + h**2 / 15.0 * mass], axis=1)
+    inertia = np.zeros((elements + 1, 2))
+    np.add.at(inertia, quadrature.element, (1.0 - xi)[:, None] * both)
+    np.add.at(inertia, quadrature.element + 1, xi[:, None] * both)
+    nodal = static.reshape(elements, 2, -1)[:-1] / inertia[1:-1, :, None]
+    mean = np.zeros((elements, 2, static.shape[1]))
+    mean[:-1] += nodal
+    mean[1:] += nodal
+    mean[1:-1] /= 2.0
+    return mean.reshape(2 * elements, -1)
+
+
+def _inertia_forces(
+    table: BeamTable, quadrature: BeamQuadrature, local: _PointShapes
+) -> FloatArray:
+    """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
+
+    If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the deflection
+    that node rotations cause in soft elements, and then these rotations would have no inertia.
+    """
+    elements = quadrature.elements
+    mass, rotary = (
+        np.interp(quadrature.points, table.x, column)
+        for column in (table.mass_per_length, table.rotary_inertia_per_length)
+    )
+    of_element = np.zeros((elements, 3, 2))
+    for k, field in ((0, mass[:, None] * local.deflection), (1, rotary[:, None] * local.rotation)):
+        inertia = quadrature.weights[:, None] * field[:, 4:]
+        np.add.at(of_element[:, :, k], quadrature.element, inertia)
+    turning = _element_integrals(quadrature, rotary)
+    scale = _NEGLIGIBLE * quadrature.element_length**2 * _element_integrals(quadrature, mass)
+    of_element *= (turning / np.maximum(turning + scale, np.finfo(float).tiny))[:, None, None]
+    forces = np.zeros((elements, 3, elements, 2))
+    each = np.arange(elements)
+    forces[each, :, each] = of_element
+    return forces.reshape(3 * elements, -1)

@@ -1,4 +1,4 @@
-"""Constants of one link for the dynamics of the arm."""
+"""Constants of one link for the dynamics of the arm, over its mass-normalised shapes."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from flexarm.arm.beams.assembly import (
+    BeamMatrices,
     beam_matrices,
     interior_shapes,
+    interior_values,
     nodal_rotations,
     nodal_shapes,
+    point_shapes,
     product_integral,
+    shear_parameters,
 )
-from flexarm.arm.beams.flexibility import strain_to_nodal
-from flexarm.arm.beams.hermite import FloatArray
-from flexarm.arm.beams.interior import interior_values
-from flexarm.arm.beams.modes import beam_basis
+from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, beam_quadrature
 from flexarm.arm.beams.properties import BeamTable
-from flexarm.arm.beams.quadrature import BeamQuadrature, beam_quadrature
-from flexarm.arm.beams.shear import point_shapes, shear_parameters
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
@@ -161,11 +160,7 @@ class LinkConstants:
 def link_constants(table: BeamTable, elements: int, modes: int | None = None) -> LinkConstants:
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
-    Args:
-        table: section properties along the link.
-        elements: number of finite elements of equal length.
-        modes: number of reduced shapes, 1 to 2 * elements (see `beams.modes.beam_basis`); None:
-            the full finite element model.
+    ``modes`` is the number of reduced shapes, 1 to 2 * elements; None: the finite elements.
 
     Raises:
         InputError: if the mass matrix is not positive definite, or numbers overflow.
@@ -194,6 +189,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
     S = basis.T @ matrices.deflection_moment
     a = basis.T @ matrices.rotation_moment
     left = _left_of_rigid_motion(quadrature, all_values @ S, all_values @ a)
+    residual = left.T @ matrices.free_mass @ left
     return LinkConstants(
         *_rigid_body(table, quadrature),
         S=S,
@@ -209,7 +205,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
             product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
         ),
         G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
-        residual_inertia=_residual_inertia(matrices.free_mass, left),
+        residual_inertia=residual[[0, 0, 1], [0, 1, 1]],
         residual_tip=left[2 * elements : 2 * elements + 2].copy(),
         basis=basis,
         projector=shapes.projector,
@@ -220,15 +216,7 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
 
 
 def rigid_constants(table: BeamTable, elements: int = 1) -> LinkConstants:
-    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0).
-
-    Args:
-        table: section properties along the link; those of stiffness have no effect.
-        elements: sets the rows of the empty basis: `basis @ eta` has two zeros per element.
-
-    Raises:
-        InputError: if numbers overflow.
-    """
+    """Compute the constants of a rigid link: m = 0, arrays of shape (0,) and (0, 0)."""
     none, square = np.zeros(0), np.zeros((0, 0))
     with _in_range(table):
         length, mass, first_moment, inertia = _rigid_body(table, beam_quadrature(table.x, 1))
@@ -310,15 +298,11 @@ def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return the residuals of unit rigid motions, after subtracting the shapes' approximation.
+    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first.
 
-    Args:
-        translation, rotation: (n + k,) nodal and interior values of the shapes' best approximation.
-
-    Returns:
-        (n + 2 + k, 2) values, with the root's pair first. With the full finite element model the
-        residual decays within a few elements of the root. It is so small compared to the rigid
-        motion that differences of integrals (int mu x^2 - a.a) would lose it.
+    The arguments (n + k,) are the values of their best approximation by the shapes. With the full
+    finite element model the residual decays within a few elements of the root. It is so small that
+    differences of integrals (int mu x^2 - a.a) would lose it.
     """
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
     left = np.zeros((2 + translation.size, 2))
@@ -331,10 +315,190 @@ def _left_of_rigid_motion(
     return left
 
 
-def _residual_inertia(free_mass: FloatArray, left: FloatArray) -> FloatArray:
-    """Return inertia (3,) of the motions ``left``: translation, coupling, rotation.
+# Rounding errors are 1e-13 on meshes of 256 elements; if the matrix is not positive definite, the
+# error is far larger than this limit.
+_ORTHONORMALITY = 1e-10
+# The shapes must diagonalise the stiffness up to the rounding error of the product itself plus this
+# relative tolerance. The check detects wrong algebra, not lost digits.
+_DIAGONALITY = 1e-7
 
-    ``left`` has shape (n + 2 + k, 2).
+
+@dataclass(frozen=True, eq=False)
+class BeamBasis:
+    """Mass-normalised shapes Phi of one link: nodal coordinates are `basis @ eta`."""
+
+    #: (n, m) with n = 2 * elements: column j contains shape j at the nodes (m and rad per unit of
+    #: eta_j, which is in sqrt(kg) m)
+    basis: FloatArray
+    #: (m, n) `basis^T M`: eta of a nodal deflection; for one outside the span of the shapes, eta of
+    #: its mass-orthogonal projection
+    projector: FloatArray
+    #: (m,) stiffness over the shapes (rad^2/s^2), increasing: squared frequencies of the clamped
+    #: link
+    w2: FloatArray
+
+    def __post_init__(self) -> None:
+        shapes = self.basis.shape[1]
+        error = np.abs(self.projector @ self.basis - np.eye(shapes)).max(initial=0.0)
+        if not error < _ORTHONORMALITY:
+            raise InputError(
+                Problem(
+                    "projector @ basis",
+                    f"be the identity to {_ORTHONORMALITY:g}",
+                    f"an error of {error:.2g}",
+                    "The mass matrix may not be positive definite.",
+                )
+            )
+
+
+def beam_basis(
+    matrices: BeamMatrices, strain_to_nodal: FloatArray, element_length: float, modes: int | None
+) -> BeamBasis:
+    """Compute the shapes of a link.
+
+    The complete set consists of the eigenvectors of stiffness and mass of the clamped link: the
+    finite element model itself in other coordinates. The reduced set is that of Craig and Bampton:
+    the static shapes of a unit force and a unit moment at the tip, where the rest of the arm acts,
+    then the lowest modes with the tip also clamped, all diagonalised again within their span.
+
+    Args:
+        matrices: matrices of the link.
+        strain_to_nodal: (n, n) F of `strain_to_nodal`, whose rotation rows have the unit of
+            ``element_length`` h (m).
+        modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
+
+    Raises:
+        InputError: if the mass matrix is not positive definite.
+
+    Reference:
+        R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
+        AIAA Journal 6(7), 1968, 1313-1319.
     """
-    inertia = left.T @ free_mass @ left
-    return np.array([inertia[0, 0], inertia[0, 1], inertia[1, 1]])
+    from scipy.linalg import solve_triangular
+
+    # Rotations times the element length keep the mass matrix well conditioned on any mesh.
+    units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
+    root_mass = _mass_factor(matrices.mass / np.outer(units, units))
+    # With M = G G^T and K^-1 = F F^T the modes are the left singular vectors of G^T F, and the
+    # singular values 1/w. No squares are formed, so low frequencies have full precision.
+    motion = root_mass.T @ strain_to_nodal
+    if modes is not None:
+        motion = motion @ _craig_bampton(motion, strain_to_nodal, modes)
+    vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
+    basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
+    basis = basis * _signs(basis * units[:, None])
+    found = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
+    _check_stiffness(found, matrices.stiffness)
+    return found
+
+
+def _mass_factor(mass: FloatArray) -> FloatArray:
+    """Return the lower triangular G with M = G G^T."""
+    try:
+        return np.asarray(np.linalg.cholesky(mass), np.float64)
+    except np.linalg.LinAlgError:
+        lowest = float(np.linalg.eigvalsh(mass)[0])
+        problem = Problem(
+            "the mass matrix",
+            "be positive definite",
+            f"one with lowest eigenvalue {lowest:.3g}",
+            "Give every element of the link some mass.",
+        )
+        raise InputError(problem) from None
+
+
+def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) -> FloatArray:
+    """Return orthonormal strain coordinates z (n, m) of the reduced shapes.
+
+    The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
+    orthogonal to it, so that one orthogonal matrix contains both.
+    """
+    split, _ = np.linalg.qr(strain_to_nodal[-2:].T, mode="complete")
+    static, clamped = split[:, : min(modes, 2)], split[:, 2:]
+    if modes <= 2:
+        return static
+    _, _, shapes = np.linalg.svd(motion @ clamped, full_matrices=False)
+    return np.hstack([static, clamped @ shapes[: modes - 2].T])
+
+
+def _signs(shapes: FloatArray) -> FloatArray:
+    """Return signs (m,) that make the tip deflection positive, or else the largest entry."""
+    tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
+    peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    # Below this limit, rounding errors could determine the sign of the tip deflection.
+    return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
+
+
+def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
+    """Raise InputError unless the shapes diagonalise the stiffness to w2."""
+    error = np.abs(found.basis.T @ stiffness @ found.basis - np.diag(found.w2))
+    rounding = np.abs(found.basis).T @ np.abs(stiffness) @ np.abs(found.basis)
+    frequency = np.sqrt(found.w2)
+    allowed = _DIAGONALITY * np.outer(frequency, frequency)
+    allowed += 10 * len(stiffness) * np.finfo(float).eps * rounding
+    if not np.all(error <= allowed):
+        worst = float((error / allowed).max())
+        problem = Problem(
+            "the stiffness over the shapes",
+            "be diagonal",
+            f"errors of {worst:.2g} times the tolerance",
+            "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
+        )
+        raise InputError(problem)
+
+
+def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
+    """Compute the matrix F (n, n) that transforms strain coordinates z to nodal coordinates.
+
+    On a fine mesh the stiffness matrix is ill conditioned (as the fourth power of the number of
+    elements): with 256 elements the lowest frequency keeps five digits. Because the root is
+    clamped, the curvature can be integrated twice from the root instead. These sums lose no digits.
+
+    In element e (length h, xi from 0 to 1) the curvature is `c_0 + c_1 sqrt(3) (2 xi - 1)`, and
+    `z_e = sqrt(h) R c` with `R^T R` the integral of EI over the products of the two functions, so
+    the strain energy is |z|^2 / 2. Hence `F^T K F = 1` and `F F^T` is the flexibility matrix.
+    With shear the angle, quadratic in each element, adds its flexibility; (B.32). These are the
+    static shapes, including the interior shapes: the response to loads at nodes. Rows are
+    `[v_2, phi_2 h, v_3, phi_3 h, ...]`, so that all have the unit of length. LinAlgError if the
+    bending stiffness of an element is not positive.
+    """
+    h, elements = quadrature.element_length, quadrature.elements
+    linear = np.sqrt(3.0) * (2.0 * quadrature.xi - 1.0)
+    basis = np.stack([np.ones_like(linear), linear], axis=1)
+    stiffness = np.interp(quadrature.points, table.x, table.flexural_rigidity)
+    gram = np.zeros((elements, 2, 2))
+    np.add.at(
+        gram,
+        quadrature.element,
+        (quadrature.weights * stiffness)[:, None, None] * basis[:, :, None] * basis[:, None, :],
+    )
+    # z = R c sqrt(h) with gram = h R^T R = lower lower^T, so c = lower^-T z.
+    curvature = np.linalg.inv(np.linalg.cholesky(gram)).transpose(0, 2, 1)
+    # Increments of (v, phi h) over an element by its curvature: rotation h^2 c_0, deflection
+    # h^2 integral of (1 - xi) kappa = h^2 (c_0 / 2 - c_1 sqrt(3) / 6), besides h phi.
+    from_curvature = np.zeros((elements, 2, 2))
+    from_curvature[:, 0, 0], from_curvature[:, 1, 0] = 0.5, 1.0
+    from_curvature[:, 0, 1] = -np.sqrt(3.0) / 6.0
+    gains = h**2 * from_curvature @ curvature
+    if table.shear_rigidity is not None:
+        flexibility = gains @ gains.transpose(0, 2, 1)
+        flexibility[:, 0, 0] += h**2 * _shear_flexibility(table.shear_rigidity, table, quadrature)
+        gains = np.asarray(np.linalg.cholesky(flexibility), np.float64)
+    spread = np.zeros((elements, 2, elements, 2))
+    each = np.arange(elements)
+    spread[each, :, each, :] = gains
+    rotation = np.cumsum(spread[:, 1], axis=0)
+    deflection = np.cumsum(spread[:, 0] + rotation - spread[:, 1], axis=0)
+    return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)
+
+
+def _shear_flexibility(
+    rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
+) -> FloatArray:
+    """Return the mean shear angle (elements,) under unit shear force, a parabola, rad/(N m)."""
+    basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
+    weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)
+    gram = np.zeros((quadrature.elements, 3, 3))
+    products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
+    np.add.at(gram, quadrature.element, products)
+    return np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)

@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import check_folder, write_text
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, casadi_model
+from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
@@ -42,7 +42,7 @@ def export_c(
     """Write the equations of an arm, a controller and a filter as C99 without dependencies.
 
     The functions are those of ``to_casadi``, a step of the classical Runge-Kutta method with its
-    derivatives, the ``update`` of the controller, and the filter. They allocate nothing and have no
+    derivatives, the step of the controller, and the filter. They allocate nothing and have no
     state. The files are ``arm.h``, ``arm.c``, a test program that compares the functions with a run
     recorded in Python, ``arm_udp.c``, the controller as a program for ``realtime``, if its inputs
     are readings and the reference, and a ``Makefile``; those of an earlier export are replaced.
@@ -54,9 +54,9 @@ def export_c(
         parameters: paths of numbers that become arguments, as in ``to_casadi``.
         controller: controller whose law is closed: `JointPD`, `JointPID`, `StrainFeedback`,
             `ComputedTorque`, `SlidingMode`, `Adaptive`, `RBFAdaptive`, `LQG`, `Composite`,
-            `LoopShaping`, `MuSynthesis`, `DisturbanceObserver`, `RepetitiveControl` or a controller
-            that damps vibration around one of these, a controller of forces; or your own, if
-            ``update`` computes with NumPy and ``memory`` is declared.
+            `LoopShaping`, `MuSynthesis`, `DisturbanceObserver` or a controller that damps
+            vibration around one of these, a controller of forces; or your own with a ``step``
+            that computes with NumPy.
         observer: filter whose ``predict`` and ``correct`` become one function, for a payload whose
             standard deviation is at most a tenth of the mass that moves with the tip.
 
@@ -67,8 +67,11 @@ def export_c(
         InputError: if CasADi is not installed; the name, the folder, a parameter, the law of the
             controller or the filter is not possible; or files of these names exist that were not
             exported.
+
+    Warns:
+        AccuracyWarning: as in ``to_casadi``.
     """
-    model = casadi_model(arm, parameters)
+    model = exported_model(arm, parameters)
     place = check_path("folder", folder)
     check_prefix("name", name)
     if controller is not None:
@@ -117,9 +120,9 @@ def exported(
 ) -> Exported:
     """Return the functions of the arm, of the controller and of the filter."""
     from flexarm.bridges.c_code.exported import Exported
-    from flexarm.bridges.c_code.laws.traced_controller import traced_controller
     from flexarm.bridges.c_code.model_functions import model_functions
     from flexarm.bridges.c_code.observer import exported_observer
+    from flexarm.bridges.c_code.traced_law import traced_controller
 
     arm = model.arm
     traced = None if controller is None else traced_controller(arm, controller)

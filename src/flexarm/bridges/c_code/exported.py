@@ -9,9 +9,9 @@ from itertools import chain
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.bridges.c_code.laws.traced_controller import TracedController
 from flexarm.bridges.c_code.named_function import NamedFunction
 from flexarm.bridges.c_code.observer import Observer
+from flexarm.bridges.c_code.traced_law import TracedController
 
 #: Size of an argument in terms of macros; that of others is written as a number.
 _SIZES = {

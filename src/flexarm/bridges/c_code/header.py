@@ -137,7 +137,8 @@ def _comment(export: Exported, function: NamedFunction) -> str:
     outputs = [name.removesuffix("_out") for name in function.function.name_out()]
     names = [*function.given, *outputs]
     width = max(map(len, names))
-    rows = [f" *   {name:<{width}}  {_MEANINGS[name].format(name=export.name)}" for name in names]
+    meanings = {name: _MEANINGS.get(name, "planned input of the controller") for name in names}
+    rows = [f" *   {name:<{width}}  {meanings[name].format(name=export.name)}" for name in names]
     return "\n".join([f"/* {function.summary}{count}", " *", *rows, " */"])
 
 

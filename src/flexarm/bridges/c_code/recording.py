@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +15,17 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.bridges.c_code.observer_recording import estimates, record_observer
-from flexarm.bridges.c_code.pressed_run import contact_readings
-from flexarm.bridges.c_code.replay import replay
+from flexarm.bridges.c_code.traced_law import TracedController, gain_table, refusal
+from flexarm.bridges.c_code.traced_plans import around
+from flexarm.control.contract.base import Arrays
+from flexarm.control.design.nominal import strain_matrix
+from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.laws.force.task_controller import TaskController
+from flexarm.control.laws.vibration.strain_damping import StrainDamping
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
+from flexarm.motion import Motion, joint_motion
 from flexarm.simulation.calls.run import simulate
 
 #: Number of recorded samples, and number of steps of the run between two of them.
@@ -31,6 +39,26 @@ _ROUNDING, _CONDITION = 1e-12, 2.0
 _AMPLIFIED = 8.0
 #: Number of runs of a filter with rounded inputs; single ones differ by a factor of four.
 _ROUNDED_RUNS = 4
+#: Initial joint angles and rates of the run of a filter, and torques in rad/s^2 of a straight arm.
+_ANGLE, _RATE, _TORQUE = 0.4, 1.0, 3.0
+#: Angle (rad) by which the joints of the reference turn.
+_TURN = 0.1
+#: Mean speed (rad/s) of the reference through a grid of postures.
+_SPEED = 1.0
+#: Strain of a reference that computes its own bending.
+_STRAIN = 1e-3
+#: Samples (first, end) without a contact force: at the start, within a contact, after the lift-off.
+_NO_CONTACT = ((0, 3), (10, 12), (23, 25))
+#: Samples whose reference has no force, and no surface. Afterwards the normal is vertical.
+_NO_FORCE, _FREE = (20, 23), (25, 27)
+#: Directions of the contact force and of the normal of the surface.
+_FORCE, _NORMAL = np.array([0.8, 0.6]), np.array([0.6, 0.8])
+#: Pressing torque (N m), and coefficients of friction.
+_PRESSING, _FRICTION, _ROUGHER = 0.05, 0.1, 0.2
+#: Joint angle (rad) by which the motion for more friction differs, relative to the other.
+_BENT = 1.05
+#: Largest speed relative to the nominal one.
+_FAST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,3 +233,255 @@ def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:
         name: one * (1.0 + np.finfo(float).eps * signs.choice([-1.0, 1.0], one.shape))
         for name, one in values.items()
     }
+
+
+def record_observer(observer: Observer, samples: int) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return the inputs (samples, size) of the filter by name, and its estimates, in rows."""
+    with warnings.catch_warnings():
+        # The run only compares two programs: it may leave the validity of the theory.
+        warnings.simplefilter("ignore", FlexarmWarning)
+        inputs = _readings(observer.filter, samples)
+        return inputs, estimates(observer.filter, inputs)
+
+
+def estimates(of: ExtendedKalmanFilter, inputs: dict[str, FloatArray]) -> FloatArray:
+    """Return q, qd, payload and innovation (samples, 2 dof + 2) of a filter from its start."""
+    mine, rows = deepcopy(of), []
+    mine.reset()
+    ends = np.cumsum([0, *of._readings.counts])
+    for k, (values, torque) in enumerate(
+        zip(inputs["readings"], inputs["last_torque"], strict=True)
+    ):
+        if k:
+            mine.predict(torque)
+        parts = zip(of.instruments, ends, ends[1:], strict=False)
+        mine.correct(Measurement(**{one.label: values[a:b] for one, a, b in parts}))
+        rows.append([*mine.q, *mine.qd, mine.payload_mass, mine._latest.innovation])
+    return np.array(rows)
+
+
+def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
+    """Move the arm of the filter under smooth torques; return readings with noise, and torques."""
+    arm, shown, random = of.arm, of._readings, np.random.default_rng(0)
+    step = SampledStep(arm, of.sample_time)
+    M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
+    x = np.zeros(2 * arm.dof)
+    x[arm.joint_index], x[arm.dof + arm.joint_index] = _ANGLE, _RATE
+    torque, rows, torques = np.zeros(arm.joints), [], []
+    for k in range(samples):
+        noise = np.sqrt(shown.variance) * random.standard_normal(shown.size)
+        rows.append(shown.values(x, torque, step.free.at()) + noise)
+        torques.append(torque)
+        phase = 2.0 * np.pi * k / samples * np.arange(1, arm.joints + 1)
+        torque = _TORQUE * M * np.sin(phase)
+        x = step.advance(x, torque)
+    return {"readings": np.array(rows), "last_torque": np.array(torques)}
+
+
+def replay(
+    arm: Arm, traced: TracedController, readings: dict[str, FloatArray]
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Update a controller with recorded readings, along a motion of all joints.
+
+    The motion passes the grid of postures of a controller with a schedule, and the recorded angles
+    are moved with it.
+
+    Returns:
+        The inputs of the exported function (samples, size) by name, and the torques (samples,
+        joints).
+
+    Raises:
+        InputError: if the step depends on attributes that it changes.
+    """
+    mine: Any = deepcopy(traced.controller)
+    mine.reset()
+    planner = deepcopy(mine)  # plans for a second time would advance those of ``mine``
+    h, count = traced.sample_time, len(readings["joint_angle"])
+    start = readings["joint_angle"][0]
+    table = gain_table(mine)
+    reference: Any = joint_motion(arm, start, start + _TURN, count * h)
+    if table:
+        reference = SlowRun(arm, table.ends, count * h)
+    damping = next((one for one in around(planner) if isinstance(one, StrainDamping)), None)
+    if damping is not None:
+        reference = BentRun(arm, reference)
+    presses = [one for one in around(mine) if isinstance(one, TaskController)]
+    if presses:
+        reference = PressedRun(reference, presses[0], count)
+    rows, torques = [], []
+    for k, t in enumerate((np.arange(count) * h).tolist()):
+        row = {name: values[k] for name, values in readings.items()}
+        if table:
+            row["joint_angle"] = row["joint_angle"] - start + reference.joint_angle(t)
+        given = Measurement(**row)
+        before = mine.memory
+        torques.append(np.array(mine.update(t, given, reference), dtype=np.float64))
+        planned = planner.planned(t, reference)
+        row |= {
+            "reference_angle": reference.joint_angle(t),
+            "reference_rate": reference.joint_rate(t),
+            "reference_acceleration": reference.joint_acceleration(t),
+            **{name: np.asarray(value, dtype=np.float64) for name, value in planned.items()},
+        }
+        if damping is not None:
+            row["strain_correction"] = damping.strain_correction(t, reference)
+        if presses:
+            row |= pressed_values(planned, t, reference)
+        rows.append(row)
+    other: Any = deepcopy(traced.controller)  # has made no step
+    other.reset()
+    if not np.array_equal(other.step(before, given, planned)[1], torques[-1]):
+        raise refusal(mine, "Its step changes attributes of the controller.")
+    inputs = {name: np.array([np.ravel(row[name]) for row in rows]) for name in rows[0]}
+    return inputs, np.array(torques)
+
+
+class SlowRun:
+    """Reference that passes a grid of postures in few samples, at the torques of a slow motion.
+
+    Args:
+        arm: the arm. ends: (2, joints) rad, the first and the last posture of the grid.
+        duration: s, from before the first posture until after the last one.
+    """
+
+    vectorized = True
+
+    def __init__(self, arm: Arm, ends: FloatArray, duration: float) -> None:
+        first, last = ends[0] - _TURN, ends[1] + _TURN
+        self.duration = self.end_time = duration
+        self._motion = joint_motion(arm, first, last, np.max(last - first) / _SPEED)
+        self._ratio = self._motion.duration / duration
+
+    def joint_angle(self, t: FloatArray) -> FloatArray:
+        """Return the joint angles, rad."""
+        return self._motion.joint_angle(self._ratio * t)
+
+    def joint_rate(self, t: FloatArray) -> FloatArray:
+        """Return the joint rates of the slow motion, rad/s."""
+        return self._motion.joint_rate(self._ratio * t)
+
+    def joint_acceleration(self, t: FloatArray) -> FloatArray:
+        """Return the joint accelerations of the slow motion, rad/s^2."""
+        return self._motion.joint_acceleration(self._ratio * t)
+
+
+class BentRun:
+    """Reference that computes its own bending: a motion of the joints, and links that vibrate."""
+
+    def __init__(self, arm: Arm, motion: Motion) -> None:
+        self._arm, self._motion = arm, motion
+        self.joint_angle, self.joint_rate = motion.joint_angle, motion.joint_rate
+        self.joint_acceleration = motion.joint_acceleration
+        self._size = _STRAIN / np.abs(strain_matrix(arm)).max()
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q (T, dof) at times (T,), s; rates and accelerations are not used."""
+        phase = 2.0 * np.pi * times / self._motion.duration
+        q = self._size * np.sin(phase[:, None] + np.arange(self._arm.dof))
+        q[:, self._arm.joint_index] = self._motion.joint_angle(times)
+        return [q]
+
+
+def _within(k: int, *intervals: tuple[int, int]) -> bool:
+    return any(first <= k < end for first, end in intervals)
+
+
+def contact_readings(controller: object, count: int) -> FloatArray:
+    """Return contact forces (count, 1, 2) N of a tip that touches and leaves a surface."""
+    size = getattr(controller, "nominal_force", 1.0)
+    felt = [
+        0.0 if _within(k, *_NO_CONTACT) else size * (1.0 + 0.3 * np.sin(k)) for k in range(count)
+    ]
+    forces: FloatArray = np.outer(felt, _FORCE)[:, None]
+    return forces
+
+
+class PressedRun:
+    """Reference with a motion of the joints, and with and without a force and a surface.
+
+    Args:
+        motion: motion of the joints.
+        controller: controller of the tip, whose nominal force and speed are exceeded.
+        count: number of samples.
+        bent: factor of the joint motion.
+        friction: coefficient of friction of the motion.
+    """
+
+    def __init__(
+        self,
+        motion: Any,
+        controller: Any,
+        count: int,
+        bent: float = 1.0,
+        friction: float = _FRICTION,
+    ) -> None:
+        self._given, self._motion, self.friction = (motion, controller, count), motion, friction
+        self._bent, self._h = bent, controller.sample_time
+        self._size = getattr(controller, "nominal_force", 1.0)
+        self._turn = 2.0 * np.pi / (count * self._h)
+        self._reach = _FAST * getattr(controller, "nominal_speed", 0.1) / self._turn
+
+    @property
+    def rougher(self) -> PressedRun:
+        """The motion for more friction."""
+        return PressedRun(*self._given, _BENT, _ROUGHER)
+
+    def joint_angle(self, t: float) -> FloatArray:
+        """Return the joint angles (joints,), rad."""
+        return self._bent * np.asarray(self._motion.joint_angle(t))
+
+    def joint_rate(self, t: float) -> FloatArray:
+        """Return the joint rates (joints,), rad/s."""
+        return self._bent * np.asarray(self._motion.joint_rate(t))
+
+    def joint_acceleration(self, t: float) -> FloatArray:
+        """Return the joint accelerations (joints,), rad/s^2."""
+        return self._bent * np.asarray(self._motion.joint_acceleration(t))
+
+    def tip(self, t: float) -> FloatArray:
+        """Return the position of the tip (2,), m, which slides to and fro."""
+        place = self._reach * np.sin(self._turn * t)
+        return np.array([-place * _NORMAL[1], place * _NORMAL[0]])
+
+    def contact_force(self, t: float) -> float:
+        """Return the force on the surface, N."""
+        force = self._size * (1.0 + 0.5 * np.sin(self._turn * t))
+        return 0.0 if _within(self._sample(t), _NO_FORCE) else float(force)
+
+    def normal(self, t: float) -> FloatArray:
+        """Return the normal of the surface (2,), zero without a surface."""
+        k = self._sample(t)
+        if _within(k, _FREE):
+            return np.zeros(2)
+        return _NORMAL if k < _FREE[1] else np.array([0.0, 1.0])
+
+    def pressing_torque(self, t: float) -> FloatArray:
+        """Return the torques to press (joints,), N m."""
+        return _PRESSING * self._bent * np.ones_like(self.joint_angle(t))
+
+    def _sample(self, t: float) -> int:
+        return int(np.round(t / self._h))
+
+
+def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str, FloatArray]:
+    """Return the inputs of an exported controller of the tip at t (s), by name."""
+    found = {
+        "reference_force": [reference.contact_force(t)],
+        "reference_normal": reference.normal(t),
+    }
+    for prefix, motion in {"reference": reference, "rougher": reference.rougher}.items():
+        found |= {
+            f"{prefix}_angle": motion.joint_angle(t),
+            f"{prefix}_rate": motion.joint_rate(t),
+            f"{prefix}_acceleration": motion.joint_acceleration(t),
+            f"{prefix}_pressing": motion.pressing_torque(t),
+            f"{prefix}_friction": [motion.friction],
+        }
+    if "surface" in planned:
+        *path, speed, force_rate = planned["surface"]
+        found |= {
+            "path_position": path,
+            "path_speed": [speed],
+            "reference_force_rate": [force_rate],
+        }
+    return {name: np.array(value, dtype=np.float64) for name, value in found.items()}

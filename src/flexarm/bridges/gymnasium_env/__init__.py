@@ -15,9 +15,7 @@ except ImportError:
     raise ImportError(reported) from None
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
-from flexarm.bridges.gymnasium_env.reach import ReachEnv
-from flexarm.bridges.gymnasium_env.track_force import TrackForceEnv
-from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
+from flexarm.bridges.gymnasium_env.tasks import ReachEnv, TrackForceEnv, TrackPathEnv
 from flexarm.bridges.gymnasium_env.vector import (
     ArmVectorEnv,
     ReachVectorEnv,

@@ -1,10 +1,11 @@
-"""Base class of the environments: one step is one sample time of the arm."""
+"""Base class of the environments: one step is one sample time; its observation vector."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar
 
@@ -23,17 +24,130 @@ from flexarm.base.errors import (
     public_call,
     shown,
 )
-from flexarm.bridges.gymnasium_env.observation import (
-    FloatArray,
-    Observation,
-    Part,
-    Vector,
-    exact_instruments,
-    reach_of,
-)
 from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
-from flexarm.model import Change, Contact, Gauge, Hardware, Joint, Link, ModalDamping, Motors
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.model import (
+    Change,
+    Contact,
+    Gauge,
+    Hardware,
+    Instrument,
+    Joint,
+    Link,
+    ModalDamping,
+    Motors,
+)
 from flexarm.simulation.calls.plant import Plant
+
+FloatArray = NDArray[np.float64]
+Vector = NDArray[np.float32]
+
+#: Bounds far above the values of a working arm, for clipping: rad/s, and strain in 1e-3.
+_MOST_RATE, _MOST_STRAIN = 50.0, 10.0
+#: Largest contact force in an observation, N.
+MOST_FORCE = 100.0
+#: Limit on the ratio of tip distance to reach, which exceeds 1 for a bent arm in the linear theory.
+_STRETCH = 1.2
+
+
+@dataclass(frozen=True)
+class Part:
+    """Group of components of the observation vector."""
+
+    name: str  # common name of the components
+    unit: str  # common unit of the components
+    size: int  # number of components
+    bound: float  # largest magnitude
+    axes: bool = False  # whether the components are x and y, instead of numbers from 1
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the components with units, in the form of the signals of linear models."""
+        ends = ("x", "y") if self.axes else range(1, self.size + 1)
+        return [f"{self.name}[{end}] ({self.unit})" for end in ends]
+
+
+class Observation:
+    """Layout of the observation vector, and conversion of measurements to it.
+
+    A joint angle appears as cosine and sine, because angles that differ by a full turn are the same
+    posture. Strains are in units of 1e-3, so that the components have similar magnitudes.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        instruments: Sequence[Instrument],
+        example: Measurement,
+        task: Sequence[Part],
+    ) -> None:
+        signals = {label: signal for item in instruments for label, signal in _named(item)}
+        reach = _reach_of(arm)
+        limits = {item.label: float(item.limit) for item in instruments}
+        self.parts: list[Part] = []
+        self._signals = [(label, signals[label]) for label in example]
+        known = {  # unit, bound, and whether the components are x and y
+            "joint_rate": ("rad/s", _MOST_RATE, False),
+            "strain": ("1e-3", _MOST_STRAIN, False),
+            "tip": ("m", _STRETCH * reach, True),
+            "tip_velocity": ("m/s", _MOST_RATE * reach, True),
+            "contact_force": ("N", MOST_FORCE, True),
+        }
+        for label, value in example.items():
+            signal = str(signals[label])
+            if signal == "joint_angle":
+                self.parts += [Part(f"{f} {label}", "1", value.size, 1.0) for f in ("cos", "sin")]
+            else:
+                unit, bound, axes = known.get(signal, ("SI", limits.get(label, np.inf), False))
+                self.parts.append(Part(label, unit, value.size, bound, axes))
+        self.parts += task
+        bounds = np.concatenate([np.full(part.size, part.bound) for part in self.parts])
+        self._most = bounds.astype(np.float32)
+        self._least = -self._most
+        self.space = Box(self._least, self._most, dtype=np.float32)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the components with units, such as ``tip[x] (m)``."""
+        return [name for part in self.parts for name in part.names]
+
+    def vector(self, measurement: Mapping[str, FloatArray], task: FloatArray) -> Vector:
+        """Return the observation (..., size), clipped to the bounds of the space."""
+        values = []
+        for label, signal in self._signals:
+            value = measurement[label]
+            if value.ndim != task.ndim:
+                value = value.reshape(*task.shape[:-1], -1)
+            if signal == "joint_angle":
+                values.append(np.cos(value))
+                values.append(np.sin(value))
+            else:
+                values.append(1e3 * value if signal == "strain" else value)
+        values.append(task)
+        seen = np.concatenate(values, axis=-1, dtype=np.float32, casting="same_kind")
+        # Clip after the conversion, because rounding to single precision may exceed a bound.
+        np.minimum(seen, self._most, out=seen)
+        return np.maximum(seen, self._least, out=seen)
+
+
+def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
+    """Return exact instruments of the joints, strain, tip and the signals ``extra``."""
+    strain = ["strain"] if arm.gauges else []
+    signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity", *extra]
+    return [Instrument(signal=signal) for signal in signals]
+
+
+def _reach_of(arm: Arm) -> float:
+    """Return the length (m) of the straight arm."""
+    return float(np.sum(arm.lengths))
+
+
+def _named(item: Instrument) -> list[tuple[str, object]]:
+    """Return the names of an instrument in measurements, each with its signal."""
+    rate = {"joint_angle": "joint_rate", "tip": "tip_velocity"}
+    signals = [item.signal, rate.get(str(item.signal), "")]
+    return list(zip(item.labels, signals, strict=False))
+
 
 #: An arm, or a function that draws one for each episode.
 PlantSource = Arm | Callable[[np.random.Generator], Arm]
@@ -128,8 +242,12 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             given = self.laboratory_torque if arm is None else None
             torque_limit = _default_limit(given, hardware.motors)
         self.arm = arm or laboratory_arm()
-        self.reach = reach_of(self.arm)
-        self.torque_limit = _checked_limit(self.arm, torque_limit)
+        self.reach = _reach_of(self.arm)
+        #: Torques (joints,) N m of an action of 1.
+        self.torque_limit = np.full(
+            self.arm.joints,
+            check_each("torque_limit", torque_limit, self.arm.joints, positive=True),
+        )
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = hardware.replace(instruments=instruments)
         self._source: PlantSource = self.arm if plant is None else plant
@@ -292,10 +410,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
             rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
             raise InputError(Problem("plant", rule, f"{arm.joints} and {len(arm.gauges)}"))
-        touching = self.contacts()
-        return Plant(
-            arm, sample_time, self._hardware, contacts=touching, changes=changes, warn=False
-        )
+        acting: dict[str, Any] = {"contacts": self.contacts(), "changes": changes}
+        return Plant(arm, sample_time, self._hardware, **acting, warn=False)
 
     def _look(self, torque: FloatArray, reason: str) -> tuple[Vector, dict[str, Any]]:
         """Return the observation and the info after a step."""
@@ -344,8 +460,3 @@ def _default_limit(laboratory: ArrayLike | None, motors: Motors | None) -> Array
         return laboratory
     hint = "Give it, or hardware whose motors have a torque_limit."
     raise InputError(Problem("torque_limit", "is required with an arm", hint=hint))
-
-
-def _checked_limit(arm: Arm, given: ArrayLike) -> FloatArray:
-    """Return the torques (joints,) N m of an action of 1, after validation."""
-    return np.full(arm.joints, check_each("torque_limit", given, arm.joints, positive=True))

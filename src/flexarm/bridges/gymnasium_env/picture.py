@@ -18,15 +18,10 @@ _LINK, _JOINT, _TARGET, _PATH = "#0072B2", "#262626", "#D55E00", "#8C8C8C"
 
 @dataclass(frozen=True)
 class Scene:
-    """Objects of a picture in addition to the arm.
+    """Objects of a picture in addition to the arm."""
 
-    Attributes:
-        target: (2,) m, current target of the tip.
-        path: (points, 2) m, targets at other times.
-    """
-
-    target: FloatArray
-    path: FloatArray | None = None
+    target: FloatArray  # (2,) m, current target of the tip
+    path: FloatArray | None = None  # (points, 2) m, targets at other times
 
 
 def scene_of(table: FloatArray, tick: int) -> Scene:
@@ -36,11 +31,7 @@ def scene_of(table: FloatArray, tick: int) -> Scene:
 
 
 class Picture:
-    """Square picture around the base, reused for all frames.
-
-    Args:
-        reach: m, length of the straight arm.
-    """
+    """Square picture around the base, reused for all frames."""
 
     def __init__(self, reach: float) -> None:
         size = _PIXELS / _DPI

@@ -17,10 +17,8 @@ from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.base.processes import check_workers
-from flexarm.bridges.gymnasium_env.base import ArmEnv
-from flexarm.bridges.gymnasium_env.observation import FloatArray, Vector, exact_instruments
-from flexarm.bridges.gymnasium_env.reach import ReachEnv
-from flexarm.bridges.gymnasium_env.track_path import TrackPathEnv
+from flexarm.bridges.gymnasium_env.base import ArmEnv, FloatArray, Vector, exact_instruments
+from flexarm.bridges.gymnasium_env.tasks import ReachEnv, TrackPathEnv
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
 from flexarm.simulation.batch.lanes import arm_fits_lanes
 from flexarm.simulation.batch.plants import LanePlants, Places

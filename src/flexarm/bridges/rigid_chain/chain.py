@@ -40,19 +40,13 @@ class Comparison(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RigidChain:
-    """Arm of rigid links.
+    """Arm of rigid links."""
 
-    Attributes:
-        arm: the rigid arm; the bending of links is the rotation of some of its joints.
-        starts: for each link of the flexible arm the place of its first bar in ``arm``, from 0.
-        driven: the same for its joints that are not fixed.
-        comparisons: frequencies and static flexibilities.
-    """
-
-    arm: Arm
+    arm: Arm  # the rigid arm; the bending of links is the rotation of some of its joints
+    #: For each link of the flexible arm the place of its first bar in ``arm``, from 0
     starts: tuple[int, ...]
-    driven: tuple[int, ...]
-    comparisons: tuple[Comparison, ...]
+    driven: tuple[int, ...]  # the same for its joints that are not fixed
+    comparisons: tuple[Comparison, ...]  # frequencies and static flexibilities
 
 
 def rigid_chain(arm: Arm, count: int) -> RigidChain:
@@ -137,10 +131,7 @@ def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatA
 
 
 def _damping_factor(link: Link, bars: list[Link], springs: list[Joint]) -> float:
-    """Return the factor (s) of the springs' stiffness that is their damping.
-
-    The damping ratio of the first mode of the link is that of a `ModalDamping`.
-    """
+    """Return the damping of springs over stiffness (s): that of the first mode stays."""
     damping = link.damping
     if damping is None:
         return 0.0
@@ -180,3 +171,70 @@ def _comparisons(arm: Arm, chain: Arm, driven: list[int]) -> tuple[Comparison, .
     for k, pair in enumerate(zip(exact[0][:4], found[0][:4], strict=False), 1):
         rows.append(Comparison(f"frequency {k}, Hz", *(one / (2.0 * np.pi) for one in pair)))
     return tuple(Comparison(row.name, float(row.flexible), float(row.chain)) for row in rows)
+
+
+class Body(NamedTuple):
+    """A rigid body on a hinge, or welded to the body before. SI units.
+
+    Body axes: origin at the hinge, x along the bar. Inertia is about the centre of mass.
+    """
+
+    name: str
+    offset: float  # of the hinge along the x axis of the body before
+    angle: float  # of a welded body, rad
+    length: float
+    mass: float
+    centre: tuple[float, float]
+    inertia: float
+    joint: str | None  # name of the hinge; None if it is welded
+    stiffness: float
+    damping: float
+    rest_angle: float
+
+
+def bodies(chain: RigidChain) -> list[Body]:
+    """Return the bodies from the base to the tip: bars, then a payload with an offset.
+
+    Raises:
+        InputError: if a body has no mass or no inertia, which simulators refuse.
+    """
+    arm, constants = chain.arm, chain.arm.assembly.constants
+    numbers = {place: number for number, place in enumerate(chain.driven, 1)}
+    link, bar, found, offset = 0, 0, [], 0.0
+    for i in range(arm.assembly.bodies):
+        length, tip = float(constants.length[i]), float(constants.tip_mass[i])
+        mass = float(constants.mass[i]) + tip
+        x = (float(constants.first_moment_x[i]) + tip * length) / mass if mass else 0.0
+        y = float(constants.first_moment_y[i]) / mass if mass else 0.0
+        about_hinge = float(constants.inertia[i] + constants.tip_inertia[i]) + tip * length**2
+        is_bar = i < arm.links
+        free = bool(constants.free[i]) and is_bar
+        if i in chain.starts:
+            link, bar = link + 1, 0
+        bar += 1
+        name = f"link{link}_{bar}" if is_bar else "payload"
+        joint = f"joint{numbers[i]}" if i in numbers else f"bending{link}_{bar - 1}"
+        found.append(
+            Body(
+                name,
+                offset,
+                0.0 if free else float(constants.joint_angle[i]),
+                length,
+                mass,
+                (x, y),
+                about_hinge - mass * (x * x + y * y),
+                joint if free else None,
+                float(constants.joint_stiffness[i]),
+                float(constants.joint_damping[i]),
+                float(constants.joint_rest[i]),
+            )
+        )
+        offset = length
+    problems = [
+        Problem("arm", f"has no mass or no inertia in {body.name}")
+        for body in found
+        if body.mass <= 0.0 or body.inertia <= 0.0
+    ]
+    if problems:
+        raise InputError(*problems)
+    return found

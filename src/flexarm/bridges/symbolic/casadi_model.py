@@ -16,6 +16,7 @@ from flexarm.base.errors import public_call
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.linear.statics.gaps import warn_of_creep
 
 if TYPE_CHECKING:
     import casadi
@@ -95,15 +96,24 @@ def to_casadi(
             mode shapes, or a joint of ``prescribed`` is fixed.
 
     Warns:
-        AccuracyWarning: friction has bristles, which the functions do not contain.
+        AccuracyWarning: friction has bristles or holds joints, which the functions do not contain.
     """
-    return casadi_model(arm, parameters, prescribed)
+    return exported_model(arm, parameters, prescribed)
+
+
+def exported_model(
+    arm: Arm, parameters: Sequence[str], prescribed: Sequence[int] = ()
+) -> CasadiModel:
+    """Return the model of `to_casadi`, with its warnings, for exports, which errors then name."""
+    model = casadi_model(arm, parameters, prescribed)
+    warn_of_creep(arm, "the exported model")
+    return model
 
 
 def casadi_model(
     arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] = ()
 ) -> CasadiModel:
-    """Return the model of `to_casadi`, for other public calls, which errors then name."""
+    """Return the model of `to_casadi` for computations with the friction of the model."""
     try:
         import casadi
     except ImportError:

@@ -11,6 +11,7 @@ from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.bridges.symbolic.parameters import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.linear.statics.gaps import warn_of_creep
 
 if TYPE_CHECKING:
     from jax import Array
@@ -191,10 +192,15 @@ def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] =
 
     Raises:
         InputError: if JAX is not installed, or under the conditions of ``to_casadi``.
+
+    Warns:
+        AccuracyWarning: as in ``to_casadi``.
     """
     try:
         import jax  # noqa: F401
     except ImportError:
         raise library_missing("JAX", "jax") from None
     check_kind("arm", arm, Arm)
-    return JaxModel(ParametricArm(arm, parameters, prescribed))
+    model = JaxModel(ParametricArm(arm, parameters, prescribed))
+    warn_of_creep(arm, "the exported model")
+    return model

@@ -48,12 +48,9 @@ Force = Objects | None
 class KernelCalls:
     """Kernels of one arm, evaluated over objects.
 
-    Args:
-        arm: the arm.
-        constants: its constants as arrays of objects.
-        gauge_bodies, gauge_rows: bodies (gauges,) and strain per modal coordinate (gauges, m).
-        free: (n,) values that replace those of the constants in ``forward_dynamics``: 0 for a
-            joint with a prescribed acceleration.
+    ``gauge_rows`` (gauges, m) are the strains per modal coordinate of the ``gauge_bodies``;
+    ``free`` (n,) replaces the values of the constants in ``forward_dynamics``: 0 for a joint with a
+    prescribed acceleration.
     """
 
     def __init__(

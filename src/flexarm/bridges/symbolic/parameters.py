@@ -1,7 +1,7 @@
 """Constants of an arm as functions of parameters, which are identified by paths in its file.
 
-The formulas are those of `formulas`. A number of a link that changes the mode shapes has none and
-is rejected.
+The formulas are those of `constants_at`. A number of a link that changes the mode shapes has none
+and is rejected.
 
 Each formula is verified numerically: the parameter is multiplied by four, and the constants from
 the formula are compared with those of an arm with the changed number.
@@ -22,7 +22,7 @@ from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.bridges.symbolic.kernel_calls import KernelCalls
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.formulas import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at
 from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a
@@ -32,20 +32,9 @@ _MOST_LISTED = 12
 
 
 class ParametricArm:
-    """Arm whose constants are functions of parameters.
+    """Arm whose constants are functions of parameters, with prescribed joints by number.
 
-    Args:
-        arm: the arm.
-        paths: of the parameters.
-        prescribed: numbers of the joints with prescribed accelerations.
-
-    Attributes:
-        paths: as given.
-        nominal: (k,) values of the parameters in the arm.
-
-    Raises:
-        InputError: if a path is not that of a number, is repeated, or has no exact formula; or
-            if a joint does not exist or is fixed.
+    ``nominal`` (k,) are the values of the parameters in the arm. A path must have an exact formula.
     """
 
     def __init__(self, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]) -> None:

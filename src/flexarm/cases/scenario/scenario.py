@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from inspect import Parameter, signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,17 @@ import numpy as np
 from flexarm.arm.actions.contacts import place_contacts
 from flexarm.arm.arm import Arm, described_arm
 from flexarm.base.arguments import check_path
-from flexarm.base.errors import InputError, SimulationError, public_call
-from flexarm.cases.scenario.controllers import DriveContext, controller_of
-from flexarm.cases.scenario.file_errors import Where, problems_at
+from flexarm.base.errors import InputError, Problem, SimulationError, public_call
+from flexarm.cases.scenario.file_errors import Where, problems_at, problems_under
 from flexarm.cases.scenario.initial_state import Start, start_of, with_holding
 from flexarm.cases.scenario.motions import TaskReference, motion_of
 from flexarm.cases.scenario.references import Followed, reference_of, torque_of
+from flexarm.control.contract.base import Controller
+from flexarm.control.filters.estimator import StateEstimator
+from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
+from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
+from flexarm.control.laws import CONTROLLERS
 from flexarm.model import (
     Change,
     EventSpec,
@@ -28,22 +34,29 @@ from flexarm.model import (
     file_text,
     locate_scenario,
 )
-from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive, in_volts
+from flexarm.model.drives import (
+    FEEDFORWARD_DRIVES,
+    ControllerDrive,
+    FlexibleTorqueDrive,
+    RigidInverseDynamicsDrive,
+    in_volts,
+)
 from flexarm.model.wording import path_of
 from flexarm.motion import Motion
-from flexarm.simulation.calls.plausible_run import implausible_run
+from flexarm.simulation.calls.preparation import implausible_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import sampled_torque
-from flexarm.simulation.loop.requirements import misfits
+from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
+    AnalysedLoop,
     LoopPole,
     describe_instability,
     describe_slow_instability,
     loop_poles,
 )
-from flexarm.simulation.run.changes.schedule import arm_changes
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.changes import arm_changes
+from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import event_log, events_of
 from flexarm.simulation.run.integrator_choice import check_integrator
 
@@ -116,7 +129,7 @@ class Prepared:
         log = event_log(self.arm, options.get("events", ()))
         both = [*options.get("changes", ()), *changes]
         coming = arm_changes(simulated, both, duration, log)
-        return loop_poles(
+        loop = AnalysedLoop(
             self.arm,
             simulated,
             options["controller"],
@@ -125,8 +138,8 @@ class Prepared:
             options.get("contacts", ()),
             simulated.rest(self.arm.joint_angles(options["initial"])),
             duration,
-            changed=coming.ahead(duration) if coming else (),
         )
+        return loop_poles(loop, changed=coming.ahead(duration) if coming else ())
 
     def arguments(
         self,
@@ -253,11 +266,7 @@ def prepare(
 def _check_touch(
     arm: Arm, place: Where, options: dict[str, Any], motion: TaskReference | None
 ) -> None:
-    """Raise the errors that contacts cause at the beginning of the run.
-
-    Raises:
-        InputError: if the start is deep in a surface, or the motion presses away from one.
-    """
+    """Raise the errors that contacts cause at the beginning of the run."""
     contacts = options["contacts"]
     placed = place_contacts(arm, contacts)
     q = np.asarray(options["initial"])
@@ -351,3 +360,112 @@ def _set_drive(
         options["reference"] = followed.motion
     elif start.holding is not None:
         options["torque"] = PiecewiseCubic.constant(start.holding)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveContext:
+    """Objects of the scenario that the keys of a drive refer to.
+
+    Attributes:
+        arm: the controllers' model of the arm.
+        motion: of the rigid model, or None.
+        followed: the reference of the controller, with its torque.
+        start: of the run.
+        hardware: of the scenario, or None.
+    """
+
+    arm: Arm
+    motion: Motion | None
+    followed: Followed
+    start: Start
+    hardware: Hardware | None
+
+
+def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
+    """Create the controller that a drive describes.
+
+    Raises:
+        InputError: if a value does not fit the arm; problems have the names of the drive's keys.
+    """
+    given: dict[str, Any] = {}
+    for name in type(drive).model_fields:
+        value = getattr(drive, name)
+        if name == "feedforward":
+            value = feedforward_kind(drive, around)
+        if name in ("kind", "reference") or value is None:  # the class's own default
+            continue
+        make = _MADE.get(name)
+        given |= {name: value} if make is None else make(value, around)
+    kind: Any = CONTROLLERS[drive.kind]  # type: ignore[attr-defined]
+    needed = signature(kind).parameters.get("arm")
+    if needed is not None and needed.default is Parameter.empty:
+        given["arm"] = around.arm
+    made: Controller = kind(**given)
+    return made
+
+
+def feedforward_kind(drive: Any, around: DriveContext) -> str:
+    """Return the kind of feedforward of a drive: the given one, or by default the reference.
+
+    Gravity compensation replaces it, and so does the model of computed torque on a rigid arm.
+    """
+    if drive.feedforward is not None:
+        return str(drive.feedforward)
+    compensated = getattr(drive, "gravity", "none") != "none"
+    modelled = drive.kind == "computed_torque" and around.followed.initial is None
+    return "none" if compensated or modelled else "reference"
+
+
+def _feedforward(asked: str, around: DriveContext) -> dict[str, Any]:
+    torque = None
+    if asked == "reference":
+        torque = around.followed.torque
+    elif asked != "none" and around.motion is not None:
+        torque = torque_of(around.arm, FEEDFORWARDS[asked](), around.motion).torque
+    return {"feedforward": with_holding(torque, around.start)}
+
+
+def _gravity(asked: str, around: DriveContext) -> dict[str, Any]:
+    return {"arm": None if asked == "none" else around.arm, "sag": asked == "sag"}
+
+
+def _inner(drive: ControllerDrive, around: DriveContext) -> dict[str, Any]:
+    with problems_under("inner"):
+        return {"inner": controller_of(drive, around)}
+
+
+def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
+    instruments = spec.instruments
+    if instruments is None:
+        instruments = (around.hardware and around.hardware.instruments) or ()
+    if not instruments:
+        rule = "are required, because the hardware has none"
+        raise InputError(Problem("estimator.instruments", rule))
+    kind = FILTERS[spec.kind]
+    names = [name for name in type(spec).model_fields if name in signature(kind).parameters]
+    options = {name: getattr(spec, name) for name in names}
+    options["instruments"] = list(instruments)
+    with problems_under("estimator"):
+        return {"estimator": kind(around.arm, **options)}
+
+
+#: Drives without feedback whose torque can be a feedforward, by the value of the key.
+FEEDFORWARDS: dict[str, Callable[[], Any]] = {
+    "rigid_inverse_dynamics": RigidInverseDynamicsDrive,
+    "flexible_torque": FlexibleTorqueDrive,
+}
+
+#: Estimators, by the kind of a filter.
+FILTERS: dict[str, Callable[..., StateEstimator]] = {
+    "extended": ExtendedKalmanFilter,
+    "unscented": UnscentedKalmanFilter,
+    "moving_horizon": MovingHorizonEstimator,
+}
+
+#: Functions that convert the value of a key to arguments, for keys that are not arguments.
+_MADE: dict[str, Callable[[Any, DriveContext], dict[str, Any]]] = {
+    "estimator": _estimator,
+    "feedforward": _feedforward,
+    "gravity": _gravity,
+    "inner": _inner,
+}

@@ -1,19 +1,27 @@
-"""Statistics of a study: quantiles, rates of failures, and what the varied numbers explain."""
+"""Statistics of a study: quantiles, rates of failures, and what the varied numbers explain.
+
+Indices of sensitivity follow from polynomial chaos, the expansion of a metric in orthonormal
+polynomials of the varied numbers. The terms are chosen one after the other, each the one that
+reduces the residual most (orthogonal least squares, Chen, Cowan and Grant 1991). Their number and
+degree are those with the least error of cross-validation, in which parts of the samples are
+predicted from the others: the terms, too, because the leave-one-out error of terms that were chosen
+with all samples is ten times too small. The squares of the coefficients are parts of the variance,
+so that the indices of Sobol' follow from their sums (Sudret, Reliability Engineering and System
+Safety 93, 2008).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import (
     check_choice,
-    check_count,
     check_dataset,
     check_mapping,
-    check_number,
 )
 from flexarm.base.errors import (
     AccuracyWarning,
@@ -25,18 +33,17 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.cases.studies.expansion import indices_of
-from flexarm.cases.studies.germs import Germ, counted_germ
-from flexarm.cases.studies.samples import Samples
+from flexarm.cases.studies.samples import Germ, Samples, counted_germ
 from flexarm.cases.studies.table import DIMS
+from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
+from flexarm.model.quantities import Count, CountOrZero, Probability
 from flexarm.simulation.calls.metrics import METRICS
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_LIKELY = "be greater than 0 and less than 1"
 #: Samples below which indices are not computed: cross-validation would have too few of them.
 _LEAST_SAMPLES = 20
 #: Unexplained part of the variance, and part of the runs without a value, that give a warning.
@@ -50,7 +57,7 @@ def study_statistics(
     *,
     limits: Mapping[str, float] | None = None,
     nominal: xr.Dataset | None = None,
-    confidence: float = 0.95,
+    confidence: Probability = 0.95,
 ) -> xr.Dataset:
     """Return quantiles of the metrics of a study and the rate of its failures.
 
@@ -86,32 +93,35 @@ def study_statistics(
     probabilities = check_array("quantiles", quantiles, (-1,))
     if not probabilities.size or not np.all((probabilities >= 0.0) & (probabilities <= 1.0)):
         raise InputError(Problem("quantiles", "be numbers from 0 to 1", shown(quantiles)))
-    level = check_number("confidence", confidence, lambda value: 0.0 < value < 1.0, _LIKELY)
     failed = table["failure"].transpose(*DIMS).values != ""
     possible = _possible(table)
     for name, limit in _limits(table, limits).items():
         failed |= possible & ~(table[name].transpose(*DIMS).values <= limit)
-    found = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
-    found = found.assign_coords(quantile=probabilities)
+    statistics = xr.Dataset(coords={dim: table[dim] for dim in DIMS[1:]})
+    statistics = statistics.assign_coords(quantile=probabilities)
     for metric in METRICS:
         if metric.name not in table:
             continue
         of_metric = _quantiles(table[metric.name].transpose(*DIMS).values, probabilities)
         labels = {"units": metric.unit, "long_name": metric.meaning}
-        found[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
+        statistics[metric.name] = (("quantile", *DIMS[1:]), of_metric, labels)
     if nominal is not None:
-        found = found.assign(_ratios(found, nominal))
-    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), level)
+        statistics = statistics.assign(_ratios(statistics, nominal))
+    rates = _rates(failed.sum(axis=0), possible.sum(axis=0), confidence)
     complete = possible & (table["failure"].transpose(*DIMS).values == "")
-    found["samples"] = (DIMS[1:], complete.sum(axis=0), {"long_name": "runs that did not fail"})
+    statistics["samples"] = (
+        DIMS[1:],
+        complete.sum(axis=0),
+        {"long_name": "runs that did not fail"},
+    )
     label = {"long_name": "runs whose numbers are not possible"}
-    found["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
+    statistics["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
     label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
-    found["failure_rate"] = (DIMS[1:], rates[..., 0], label)
+    statistics["failure_rate"] = (DIMS[1:], rates[..., 0], label)
     for j, end in enumerate(("low", "high"), start=1):
         label = {"long_name": f"{end} limit of the confidence interval"}
-        found[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
-    return found
+        statistics[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    return statistics
 
 
 def _rates(
@@ -129,7 +139,11 @@ def _rates(
 
 @public_call
 def sensitivity_indices(
-    table: xr.Dataset, metric: str = "tip_error_rms", *, resamples: int = 100, seed: int = 0
+    table: xr.Dataset,
+    metric: str = "tip_error_rms",
+    *,
+    resamples: Count = 100,
+    seed: CountOrZero = 0,
 ) -> xr.Dataset:
     """Return how much of the variation of a metric each varied number explains.
 
@@ -166,7 +180,6 @@ def sensitivity_indices(
     paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
     if not paths:
         raise InputError(Problem("table", "has no varied numbers"))
-    count, seed = check_count("resamples", resamples), check_count("seed", seed, least=0)
     values, possible = table[metric].transpose(*DIMS).values, _possible(table)
     indices = xr.Dataset(coords={**{dim: table[dim] for dim in DIMS[1:]}, "parameter": paths})
     names = "first_order", "total", "first_order_confidence", "total_confidence"
@@ -180,7 +193,7 @@ def sensitivity_indices(
         least = max(_LEAST_SAMPLES, 2 * len(paths))
         if finite.sum() < least or np.ptp(metrics[finite]) == 0.0:
             continue
-        sobol = indices_of(_germs(table, paths, finite), metrics[finite], count, seed)
+        sobol = indices_of(_germs(table, paths, finite), metrics[finite], resamples, seed)
         for name, array in zip(names, sobol[:4], strict=True):
             indices[name].values[index] = array
         indices["unexplained"].values[index] = sobol.unexplained
@@ -217,11 +230,7 @@ def _warn_of_poor(metric: str, unexplained: float, finite: int, runs: int) -> No
 
 
 def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
-    """Return the quantiles of metrics divided by their nominal values.
-
-    Raises:
-        InputError: if the runs have no nominal values.
-    """
+    """Return the quantiles of metrics divided by their nominal values."""
     known = check_dataset("nominal", nominal, DIMS[1:], "a table of Study.nominal")
     if DIMS[0] in known.dims:
         raise InputError(Problem("nominal", "be a table of Study.nominal", "one with samples"))
@@ -286,3 +295,152 @@ def _limits(table: xr.Dataset, limits: object) -> dict[str, float]:
     if problems:
         raise InputError(*problems)
     return found
+
+
+#: Highest degree; norm of the degrees of a term that the degree bounds: below 1, so that products
+#: of many numbers come last; most terms, and most numbers in the matrix of the candidates.
+_MOST_DEGREE, _NORM, _MOST_TERMS, _MOST_NUMBERS = 12, 0.75, 150, 3 * 10**5
+#: Parts of the samples that are predicted from the others; degrees without a smaller error after
+#: which the search ends; error that is small enough.
+_PARTS, _PATIENCE, _ENOUGH = 5, 2, 1e-5
+
+
+class Indices(NamedTuple):
+    """Indices of Sobol' of a metric.
+
+    Attributes:
+        first, total: (numbers,) fractions of the variance that a number explains alone, and with
+            all others.
+        first_width, total_width: (numbers,) half the widths of their 95 % intervals.
+        unexplained: fraction of the variance that the expansion does not predict, from
+            cross-validation.
+    """
+
+    first: FloatArray
+    total: FloatArray
+    first_width: FloatArray
+    total_width: FloatArray
+    unexplained: float
+
+
+def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) -> Indices:
+    """Return the indices of a metric (samples,) that is not constant.
+
+    The intervals contain the scatter of the coefficients, and on both sides the unexplained part of
+    the variance, which may belong to any number.
+    """
+    scale = y.std()
+    terms, basis, error = _expansion(germs, (y - y.mean()) / scale)
+    coefficients = np.linalg.lstsq(basis, (y - y.mean()) / scale, rcond=None)[0]
+    within = (terms > 0).T
+    alone = within & (within.sum(axis=0) == 1)
+
+    def fractions(c: FloatArray) -> FloatArray:
+        squares = c**2 * terms.any(axis=1)
+        whole = squares.sum(axis=-1, keepdims=True) + error
+        parts: FloatArray = np.stack([squares @ alone.T, squares @ within.T]) / whole
+        return parts
+
+    first, total = fractions(coefficients)
+    factor = np.linalg.qr(basis, mode="r")
+    draws = np.random.default_rng(seed).normal(size=(resamples, len(terms)))
+    scatter = np.sqrt(error) * np.linalg.solve(factor, draws.T).T
+    widths = 1.96 * fractions(coefficients + scatter).std(axis=1) + error
+    return Indices(first, total, widths[0], widths[1], min(error, 1.0))
+
+
+def _expansion(germs: Sequence[Germ], y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return the degrees (terms, numbers) of an expansion, its basis (samples, terms), its error.
+
+    The error is that of cross-validation, divided by the variance.
+    """
+    most = min(y.size, max(_MOST_NUMBERS // y.size, 2 * len(germs) + 1))
+    degrees = [min(_MOST_DEGREE, germ.nodes.size - 1) for germ in germs]
+    powers = [_polynomials(germ, degree) for germ, degree in zip(germs, degrees, strict=True)]
+    parts = np.random.default_rng(0).permutation(y.size) % _PARTS
+    best = np.zeros((1, len(germs)), dtype=int), np.ones((y.size, 1)), np.inf
+    since = 0
+    for degree in range(1, max(degrees) + 1):
+        terms = np.array(list(_terms(degrees, degree, most)))
+        if (degree > 1 and len(terms) > most) or since >= _PATIENCE or best[2] < _ENOUGH:
+            break
+        basis = np.ones((y.size, len(terms)))
+        for j, columns in enumerate(powers):
+            basis *= columns[:, terms[:, j]]
+        errors = [_chosen(basis, y, parts != part)[1] for part in range(_PARTS)]
+        length = min(map(len, errors))
+        error = np.sum([one[:length] for one in errors], axis=0) / y.size
+        count = int(np.argmin(error))
+        since += 1
+        if error[count] < best[2]:
+            chosen = _chosen(basis, y, np.ones(y.size, dtype=bool))[0][: count + 1]
+            best, since = (terms[chosen], basis[:, chosen], float(error[count])), 0
+    return best
+
+
+def _terms(degrees: Sequence[int], degree: int, most: int) -> Iterator[tuple[int, ...]]:
+    """Yield the degrees of all terms up to a degree, and at most one more than ``most``."""
+    count = 0
+
+    def extended(head: tuple[int, ...], left: float) -> Iterator[tuple[int, ...]]:
+        nonlocal count
+        if len(head) == len(degrees):
+            count += 1
+            yield head
+            return
+        for power in range(degrees[len(head)] + 1):
+            rest = left - power**_NORM
+            if rest < -1e-9 or count > most:
+                return
+            yield from extended((*head, power), rest)
+
+    yield from extended((), degree**_NORM)
+
+
+def _chosen(
+    basis: FloatArray, y: FloatArray, learned: NDArray[np.bool_]
+) -> tuple[list[int], list[float]]:
+    """Return the columns of a basis in their order of importance; the first one is constant.
+
+    Args:
+        learned: (samples,) those from which columns and coefficients follow.
+
+    Returns:
+        The columns, and for each number of them the sum of squared errors of the other samples.
+    """
+    left, residual = basis.copy(), y.copy()
+    norms = np.einsum("ij,ij->j", left[learned], left[learned])
+    floor = 1e-6 * norms  # a column that others represent almost has no digits left
+    chosen: list[int] = []
+    errors: list[float] = []
+    for count in range(min(basis.shape[1], int(learned.sum()) // 2, _MOST_TERMS)):
+        gains = (residual * learned) @ left
+        gains = np.where(norms > floor, gains, 0.0) ** 2 / np.maximum(norms, floor)
+        column = int(np.argmax(gains)) if count else 0
+        if norms[column] <= floor[column]:
+            break
+        unit = left[:, column] / np.sqrt(norms[column])
+        residual -= unit * (unit[learned] @ residual[learned])
+        products = (unit * learned) @ left
+        left -= np.outer(unit, products)
+        norms -= products**2
+        norms[column] = 0.0
+        chosen.append(column)
+        errors.append(float(np.sum(residual[~learned] ** 2)))
+        if np.mean(residual[learned] ** 2) < 1e-3 * _ENOUGH:
+            break
+    return chosen, errors
+
+
+def _polynomials(germ: Germ, degree: int) -> FloatArray:
+    """Return the orthonormal polynomials (samples, degree + 1) of a variable (Stieltjes)."""
+    x = np.concatenate([germ.nodes, germ.values])
+    weights = np.concatenate([germ.weights, np.zeros(germ.values.size)])
+    columns = [np.zeros(x.size), np.ones(x.size)]
+    size = 0.0
+    for _ in range(degree):
+        centre = weights @ (x * columns[-1] ** 2)
+        following = (x - centre) * columns[-1] - size * columns[-2]
+        size = float(np.sqrt(weights @ following**2))
+        columns.append(following / size)
+    return np.stack(columns[1:], axis=1)[germ.nodes.size :]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_choice, check_count, check_flag, check_path
+from flexarm.base.arguments import check_choice, check_path
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -43,6 +43,7 @@ from flexarm.model import StudySpec, file_text, locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.checks import checked_arguments
 from flexarm.model.plausible import warn_of
+from flexarm.model.quantities import Count, CountOrZero, Flag, Workers
 from flexarm.model.scenarios.sampling import RareFailures
 from flexarm.simulation.batch.lanes import arm_fits_lanes
 from flexarm.simulation.run.progress import Meter
@@ -104,9 +105,9 @@ class Study:
         store: str | os.PathLike[str] | None = None,
         client: Any = None,
         *,
-        resume: bool = False,
+        resume: Flag = False,
         workers: int | None = None,
-        chunk: int | None = None,
+        chunk: Count | None = None,
         progress: bool | None = None,
     ) -> xr.Dataset:
         """Execute all runs and return their metrics.
@@ -141,9 +142,7 @@ class Study:
         study that was killed and resumed leaves the same files as one that was not. In a script,
         processes require the guard ``if __name__ == "__main__":``.
         """
-        check_flag("resume", resume)
         count = check_workers("workers", workers)
-        chunk = None if chunk is None else check_count("chunk", chunk)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))
         check_client(client)
@@ -166,7 +165,7 @@ class Study:
         return kept.table()
 
     @public_call
-    def nominal(self, *, workers: int = 1, progress: bool | None = None) -> xr.Dataset:
+    def nominal(self, *, workers: Workers = 1, progress: bool | None = None) -> xr.Dataset:
         """Run the study once with the numbers of its file, without variation.
 
         Args:
@@ -179,7 +178,7 @@ class Study:
         Raises:
             InputError: if the first run cannot start.
         """
-        return self._prepared.run(progress, check_workers("workers", workers))
+        return self._prepared.run(progress, workers or 1)
 
     @public_call
     def rare_failures(
@@ -188,6 +187,7 @@ class Study:
         *,
         samples: int | None = None,
         seed: int | None = None,
+        workers: int | None = 1,
         progress: bool | None = None,
     ) -> xr.Dataset:
         """Return the probability of failures that are too rare for samples, down to 1e-8.
@@ -198,7 +198,9 @@ class Study:
                 values of the key `rare_failures`.
             samples: of each level, at least 100; a probability of 1e-4 takes four levels.
             seed: of the samples.
-            progress: True or False shows or hides the bar.
+            workers: number of processes, which the numbers do not depend on; None for one for each
+                core.
+            progress: True or False shows or hides the bar, which assumes a probability of 1e-8.
 
         Returns:
             Dataset over controller, plant and reference: ``probability`` among the possible runs,
@@ -215,6 +217,7 @@ class Study:
         The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
         with adaptive conditional samples. Its runs follow from the seed and stay in memory.
         """
+        count = check_workers("workers", workers)
         given = {"limits": limits, "samples": samples, "seed": seed}
         changes = {name: value for name, value in given.items() if value is not None}
         rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
@@ -223,10 +226,12 @@ class Study:
             check_choice("limits", name, names)
         if not self._executor.samples.paths:
             raise InputError(Problem("study", "has no varied numbers"))
-        return rare_failures(self._executor, self._prepared.names, rare, progress)
+        return rare_failures(self._text, self._prepared.names, rare, count, progress)
 
     @public_call
-    def verify(self, store: str | os.PathLike[str], count: int = 10, seed: int = 0) -> list[int]:
+    def verify(
+        self, store: str | os.PathLike[str], count: Count = 10, seed: CountOrZero = 0
+    ) -> list[int]:
         """Repeat random samples of a store and return the numbers of those that differ.
 
         Args:
@@ -240,11 +245,11 @@ class Study:
         """
         kept = self._existing(check_path("store", store), True)
         samples, missing = kept.lacking()
-        count = min(check_count("count", count), samples)
+        count = min(count, samples)
         if missing:
             rule = f"has {len(missing)} of {kept.chunks} chunks missing or damaged"
             raise InputError(Problem("store", rule, hint="Resume the study."))
-        random = np.random.default_rng(check_count("seed", seed, least=0))
+        random = np.random.default_rng(seed)
         chosen = np.sort(random.choice(samples, count, replace=False)).tolist()
         return [k for k in chosen if not self._repeats(kept, k)]
 

@@ -2,54 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import log, pi
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-from flexarm.arm.arm import described_arm
 from flexarm.base.errors import InputError, Problem
-from flexarm.cases.scenario.file_errors import Where
-from flexarm.cases.scenario.scenario import prepare
-from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.scenario.summary import about_arm, about_run
-from flexarm.cases.studies.samples import Samples
-from flexarm.cli.advice import about_integrator, about_prepared, about_vibration
 from flexarm.cli.failures import collected_warnings, warn
+from flexarm.cli.options import Sets, argument, changed_document
 from flexarm.cli.tables import console, facts
-from flexarm.model import StudySpec, load_arm_spec, locate_scenario, locate_study
-from flexarm.model.arm.plausibility import implausible
-from flexarm.model.file_format.changes import change_of, changed
-from flexarm.model.file_format.files import describes_arm_only, load_document
-from flexarm.model.plausible import warn_of
+
+if TYPE_CHECKING:
+    from flexarm.arm.arm import Arm
+    from flexarm.cases.scenario.file_errors import Where
+    from flexarm.cases.scenario.scenario import Prepared
+    from flexarm.integrate.base import FloatArray
+    from flexarm.model import StudySpec
+    from flexarm.simulation.loop.stability import LoopPole
+
+Rows = list[tuple[str, str]]
+
+_MOST_FREQUENCIES = 4
 
 
-def check_file(path: Path, sets: Sequence[str] = ()) -> None:
-    """Check an arm file, a scenario with its motion, or a study, and print a summary.
+def check(
+    file: Annotated[Path, argument("FILE", "Arm, scenario or study.")], sets: Sets = None
+) -> None:
+    """Check an arm, scenario or study file and report every problem with its line."""
+    from flexarm.arm.arm import described_arm
+    from flexarm.cases.scenario.scenario import prepare
+    from flexarm.cases.scenario.study import PreparedStudy
+    from flexarm.cases.scenario.summary import about_arm, about_run
+    from flexarm.model import load_arm_spec, locate_scenario, locate_study
+    from flexarm.model.arm.plausibility import implausible
+    from flexarm.model.file_format.files import describes_arm_only
+    from flexarm.model.plausible import warn_of
 
-    Args:
-        sets: values in place of those of the file, as ``PATH=VALUE``.
-
-    Raises:
-        InputError: if the file is not valid; it lists every problem.
-    """
-    document = changed(load_document(path), [change_of("--set", text) for text in sets])
+    document = changed_document(file, sets)
     if "records" in document.value:
         rule = "describes an identification, which `check` does not read"
-        hint = f"`flexarm identify {path}` validates it before the first run."
-        raise InputError(Problem(path.name, rule, hint=hint))
-    is_study = "drives" in document.value
+        hint = f"`flexarm identify {file}` validates it before the first run."
+        raise InputError(Problem(file.name, rule, hint=hint))
     unstable: list[str] = []
     odd: list[str] = []
-    with collected_warnings() as built:
-        if is_study:
+    with collected_warnings() as texts:
+        if "drives" in document.value:
             located = locate_study(document)
             study = PreparedStudy(*located)
             arm = study.arm
             warn_of(implausible(arm.spec))
             unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-            found = [*about_arm(study.arm), *_about_study(*located), *about_vibration(study.arm)]
+            rows = [*_about_study(*located), *_about_vibration(arm)]
         elif describes_arm_only(document):
             arm = described_arm(load_arm_spec(document))
-            found = [*about_arm(arm), *about_vibration(arm), *about_integrator(arm)]
+            rows = [*_about_vibration(arm), *_about_integrator(arm)]
         else:
             scenario, where = locate_scenario(document)
             prepared = prepare(scenario, where)
@@ -57,16 +63,12 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
             odd = prepared.implausible()
             warn_of(odd)
             poles = prepared.loop_poles()
-            texts = prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)
-            unstable = list(filter(None, texts))
-            found = [
-                *about_arm(prepared.arm),
-                *about_run(scenario),
-                *about_prepared(prepared, poles),
-            ]
-    unstable = [*dict.fromkeys(built), *unstable]
+            unstable = [prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)]
+            rows = [*about_run(scenario), *_about_prepared(prepared, poles)]
+        rows = [*about_arm(arm), *rows]
+    unstable = [*dict.fromkeys(texts), *filter(None, unstable)]
     screen = console()
-    screen.print(facts(found))
+    screen.print(facts(rows))
     for text in unstable:
         warn(text)
     if odd or implausible(arm.spec):
@@ -75,7 +77,9 @@ def check_file(path: Path, sets: Sequence[str] = ()) -> None:
         screen.print("ok, but for the warning" if unstable else "ok")
 
 
-def _about_study(study: StudySpec, where: Where) -> list[tuple[str, str]]:
+def _about_study(study: StudySpec, where: Where) -> Rows:
+    from flexarm.cases.studies.samples import Samples
+
     names = (("drives", study.drives), ("plants", study.plants), ("motions", study.motions))
     rows = [(kind, ", ".join(list(items))) for kind, items in names]
     samples = Samples(study, where).count
@@ -84,3 +88,75 @@ def _about_study(study: StudySpec, where: Where) -> list[tuple[str, str]]:
         varied = ", ".join(study.vary) or "noise"
         rows.append(("samples", f"{samples}, {study.samples.method}: {varied}"))
     return [*rows, ("runs", f"{runs} of {study.run.duration:g} s")]
+
+
+def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
+    """Return the rows of a scenario."""
+    arm, options = prepared.arm, prepared.options
+    angles = arm.joint_angles(options["initial"])
+    rows = _about_vibration(arm, angles, prepared.sample_time)
+    rows += _about_integrator(arm, options)
+    if prepared.sample_time is not None:
+        missing = "not analysed: the controller or an instrument does not permit it"
+        rows.append(("loop", "; ".join(map(_pole, poles)) or missing))
+    return rows
+
+
+def _about_vibration(
+    arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
+) -> Rows:
+    """Return the lowest frequencies with locked joints, and the sample time that suits them.
+
+    Args:
+        angles: posture (joints,), rad; zero by default.
+        sample_time: of the controller, s.
+    """
+    from flexarm.control.analysis.sample_time import (
+        PHASE,
+        controlled_modes,
+        recommended_sample_time,
+    )
+    from flexarm.linear import modes
+
+    frequencies = modes(arm, angles).frequency_hz
+    frequencies = frequencies[frequencies > 0.0]
+    if not frequencies.size:
+        return []
+    where = "at joint angles of zero" if angles is None else "at the start"
+    listed = ", ".join(f"{frequency:.4g}" for frequency in frequencies[:_MOST_FREQUENCIES])
+    rows = [("frequencies", f"{listed} Hz with the joints locked, {where}")]
+    longest = recommended_sample_time(arm, angles)
+    if longest is not None:
+        text = f"{1e3 * longest:g} ms or less for a controller: {2.0 * pi / PHASE:.0f} samples "
+        text += f"in a period of mode {controlled_modes(arm, frequencies)}"
+        if sample_time is not None:
+            text += f"; this one has {1e3 * sample_time:g} ms"
+        rows.append(("sample time", text))
+    return rows
+
+
+def _about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Rows:
+    """Return the integrator of a run with these arguments of ``simulate``, and the reason.
+
+    Without arguments, it is that of an arm which moves freely for one second.
+    """
+    from flexarm.simulation.calls.preparation import integrator_of
+
+    arguments = dict(options or {"duration": 1.0})
+    requested, step = arguments.get("integrator", "auto"), arguments.get("step")
+    recommended = integrator_of(arm, **{**arguments, "integrator": "auto", "step": None})
+    text = f"{recommended.integrator.name} is recommended: {recommended.reason}"
+    if requested == "auto" and step is None:
+        return [("integrator", text)]
+    used = integrator_of(arm, **arguments)
+    reason = f" ({used.reason})" if requested == "auto" else ""
+    return [("integrator", f"{used.integrator.name}{reason}; {text}")]
+
+
+def _pole(pole: LoopPole) -> str:
+    """Describe the sampled loop at the start or at the end of a motion."""
+    grows = pole.growth > 0.0
+    time = log(10.0) / max(abs(pole.growth), 1e-12)
+    changes = f"the {'fastest' if grows else 'slowest'} pole, at {pole.frequency:.3g} Hz,"
+    changes += f" {'grows' if grows else 'decays'} tenfold in {time:.2g} s"
+    return f"{'unstable' if grows else 'stable'} {pole.when}: {changes}"

@@ -1,93 +1,171 @@
-"""``flexarm export``: an arm, and the controller of a scenario, for other programs."""
+"""``flexarm export``: an arm, and the controller or the run of a scenario, for other programs."""
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import typer
 
-from flexarm.arm.arm import Arm, described_arm, load_arm
-from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.bridges.c_code.export import export_c
-from flexarm.bridges.fmu.export import export_fmu
-from flexarm.bridges.rigid_chain.export import (
-    export_exudyn,
-    export_mjcf,
-    export_urdf,
+from flexarm.base.errors import FlexarmWarning, InputError
+from flexarm.cli.failures import report_failures, reported_warnings, warn
+from flexarm.cli.options import (
+    Angles,
+    ArmFile,
+    Inputs,
+    Outputs,
+    Parameters,
+    argument,
+    comma_separated,
+    joint_numbers,
+    option,
 )
-from flexarm.cases.scenario.scenario import prepare
-from flexarm.cli.failures import collected_warnings, warn
-from flexarm.cli.tables import console
-from flexarm.control.contract.base import Controller
-from flexarm.control.filters.estimator_controller import EstimatorController
-from flexarm.model import load_arm_spec, locate_scenario
-from flexarm.model.file_format.files import describes_arm_only, load_document
-from flexarm.simulation.calls.preparation import start_of
+from flexarm.cli.tables import print_line
 
-#: Exports as chains of rigid bodies, by the suffix of their files.
-_CHAINS = {"xml": export_mjcf, "urdf": export_urdf, "py": export_exudyn}
+if TYPE_CHECKING:
+    import xarray as xr
 
+    from flexarm.arm.arm import Arm
+    from flexarm.arm.assembly.assemble import FloatArray
+    from flexarm.control.contract.base import Controller
 
-def export_c_file(path: Path, out: Path | None, name: str, parameters: list[str]) -> None:
-    """Write C code for an arm file, or for arm, controller and filter of a scenario file.
+export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
 
-    Raises:
-        InputError: if the file is not valid, or under the conditions of ``export_c``.
-    """
-    arm, controller, _ = _arm_and_controller(path)
-    controller, observer = _separated(controller)
-    folder = out if out is not None else path.with_name(f"{path.stem}_c")
-    options: dict[str, Any] = {"name": name, "parameters": parameters}
-    with collected_warnings() as found:
-        files = export_c(arm, folder, **options, controller=controller, observer=observer)
-    for text in found:
-        warn(text)
-    screen = console()
-    for file in files:
-        screen.print(str(file), soft_wrap=True)
-    for kind, one in (("controller", controller), ("observer", observer)):
-        if one is not None:
-            screen.print(f"with the {kind} {type(one).__name__}", soft_wrap=True)
-    screen.print(f"next: make -C {folder} test", soft_wrap=True)
+_Exported = Annotated[Path, argument("FILE", "Arm, or a scenario, whose controller is exported.")]
+_Out = Annotated[Path | None, option("FILE", "The file; by default beside the arm's.")]
+_VirtualJoints = Annotated[
+    int, typer.Option(min=2, max=64, help="Virtual joints of each flexible link.")
+]
 
 
-def export_fmu_file(
-    path: Path, out: Path | None, fmi: str, name: str, parameters: list[str]
+@export.command("c")
+@report_failures
+def export_c(
+    file: _Exported,
+    out: Annotated[
+        Path | None, option("DIR", "Folder; by default beside the file: FILE_c.")
+    ] = None,
+    name: Annotated[str, option("NAME", "Prefix of the functions and of the files.")] = "arm",
+    parameters: Parameters = None,
 ) -> None:
-    """Write an FMU of an arm file, or of the arm and the controller of a scenario file.
+    """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
+    from flexarm.bridges.c_code.export import export_c
 
-    Raises:
-        InputError: if the file is not valid, or under the conditions of ``export_fmu``.
-    """
-    arm, controller, (q, qd) = _arm_and_controller(path)
-    place = out if out is not None else path.with_suffix(".fmu")
-    options: dict[str, Any] = {"fmi": fmi, "name": name, "parameters": parameters}
-    with collected_warnings() as found:
-        written = export_fmu(
-            arm, place, **options, controller=controller, initial=q, initial_rate=qd
-        )
-    for text in found:
-        warn(text)
-    screen = console()
-    screen.print(str(written), soft_wrap=True)
+    arm, controller, _ = _arm_and_controller(file)
+    controller, observer = _separated(controller)
+    folder = out or file.with_name(f"{file.stem}_c")
+    options: dict[str, Any] = {"name": name, "parameters": parameters or []}
+    with reported_warnings():
+        files = export_c(arm, folder, **options, controller=controller, observer=observer)
+    for path in files:
+        print_line(path)
+    for kind, law in (("controller", controller), ("observer", observer)):
+        if law is not None:
+            print_line(f"with the {kind} {type(law).__name__}")
+    print_line(f"next: make -C {folder} test")
+
+
+@export.command("fmu")
+@report_failures
+def export_fmu(
+    file: _Exported,
+    out: Annotated[
+        Path | None, option("FILE", "The file; by default beside the given one: FILE.fmu.")
+    ] = None,
+    fmi: Annotated[str, option("2.0|3.0", "Version of the standard.")] = "2.0",
+    name: Annotated[str, option("NAME", "Identifier of the model and of its C functions.")] = "arm",
+    parameters: Annotated[
+        list[str] | None,
+        option(
+            "PATH",
+            "A number that can be set before a run, such as payload.mass; repeatable.",
+            "--parameter",
+        ),
+    ] = None,
+) -> None:
+    """Write an FMU for model exchange and co-simulation, with source and Linux binary."""
+    from flexarm.bridges.fmu.export import export_fmu
+
+    arm, controller, (q, qd) = _arm_and_controller(file)
+    options: dict[str, Any] = {"fmi": fmi, "name": name, "parameters": parameters or []}
+    options |= {"controller": controller, "initial": q, "initial_rate": qd}
+    with reported_warnings():
+        written = export_fmu(arm, out or file.with_suffix(".fmu"), **options)
+    print_line(written)
     if controller is not None:
-        screen.print(f"with the controller {type(controller).__name__}", soft_wrap=True)
+        print_line(f"with the controller {type(controller).__name__}")
 
 
-def export_chain_file(path: Path, out: Path | None, virtual_joints: int, suffix: str) -> None:
-    """Write an arm file for a simulator of rigid bodies; ``suffix`` is one of `_CHAINS`.
+@export.command("mat")
+@report_failures
+def export_mat(
+    file: Annotated[Path, argument("FILE", "Arm; scenario, which is simulated; or result (.nc).")],
+    out: Annotated[Path | None, option("FILE", "The .mat file; by default beside FILE.")] = None,
+    angles: Angles = None,
+    inputs: Inputs = "torque",
+    outputs: Outputs = "joint_angle,tip",
+    parameters: Parameters = None,
+) -> None:
+    """Write MATLAB files: a linear model, the result of a run, a function of the dynamics."""
+    from flexarm.arm.bending import bending_warning
+    from flexarm.bridges.matlab.export import export_mat
+    from flexarm.linear import equilibrium, linearize
+    from flexarm.simulation.calls.compare import warnings_of
 
-    Raises:
-        InputError: if the file is not valid, or under the conditions of ``export_mjcf``.
-    """
-    place = out if out is not None else path.with_suffix(f".{suffix}")
-    written = _CHAINS[suffix](load_arm(path), place, virtual_joints=virtual_joints)
-    console().print(str(written), soft_wrap=True)
+    with warnings.catch_warnings():  # printed below in one line
+        warnings.simplefilter("ignore", FlexarmWarning)
+        arm, result = _arm_and_result(file)
+        rest = equilibrium(arm, joint_numbers("--angles", arm, angles, "rad"))
+        signals = comma_separated(inputs), comma_separated(outputs)
+        linear = linearize(arm, rest, inputs=signals[0], outputs=signals[1])
+    place = out or file.with_suffix(".mat")
+    files = export_mat(arm, place, linear=linear, result=result, parameters=parameters or [])
+    texts = [bending_warning(arm, rest.q), *([] if result is None else warnings_of(result))]
+    for text in filter(None, texts):
+        warn(text)
+    for path in files:
+        print_line(path)
+
+
+@export.command("mjcf")
+@report_failures
+def export_mjcf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a model of MuJoCo: links as rigid bars on virtual joints."""
+    from flexarm.bridges.rigid_chain.export import export_mjcf
+
+    _export_chain(export_mjcf, arm, out or arm.with_suffix(".xml"), virtual_joints)
+
+
+@export.command("urdf")
+@report_failures
+def export_urdf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a robot in URDF: links as rigid bars on virtual joints."""
+    from flexarm.bridges.rigid_chain.export import export_urdf
+
+    _export_chain(export_urdf, arm, out or arm.with_suffix(".urdf"), virtual_joints)
+
+
+@export.command("exudyn")
+@report_failures
+def export_exudyn(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+    """Write a Python script for Exudyn: links as rigid bars on virtual joints."""
+    from flexarm.bridges.rigid_chain.export import export_exudyn
+
+    _export_chain(export_exudyn, arm, out or arm.with_suffix(".py"), virtual_joints)
+
+
+def _export_chain(write: Any, path: Path, place: Path, virtual_joints: int) -> None:
+    """Write an arm as a chain of rigid bodies."""
+    from flexarm.arm.arm import load_arm
+
+    print_line(write(load_arm(path), place, virtual_joints=virtual_joints))
 
 
 def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
     """Return a controller and its filter, which are two functions in C."""
+    from flexarm.control.filters.estimator_controller import EstimatorController
+
     if not isinstance(controller, EstimatorController):
         return controller, None
     controller.reset()  # which gives the filter the sample time of the controller
@@ -96,6 +174,14 @@ def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
 
 def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]:
     """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
+    import numpy as np
+
+    from flexarm.arm.arm import described_arm
+    from flexarm.cases.scenario.scenario import prepare
+    from flexarm.model import load_arm_spec, locate_scenario
+    from flexarm.model.file_format.files import describes_arm_only, load_document
+    from flexarm.simulation.calls.preparation import start_of
+
     document = load_document(path)
     if describes_arm_only(document):
         arm = described_arm(load_arm_spec(document))
@@ -105,3 +191,25 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
     names = ("initial", "initial_rate", "reference", "torque")
     state = start_of(arm, *(options.get(name) for name in names))
     return arm, options.get("controller"), state.reshape(2, -1)[:, arm.assembly.coordinates]
+
+
+def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
+    """Return the arm of a file, and the result of a scenario or of a result file."""
+    from flexarm.arm.arm import described_arm
+    from flexarm.cases.results import read_result
+    from flexarm.cases.scenario.scenario import prepare
+    from flexarm.model import load_arm_spec, locate_scenario
+    from flexarm.model.file_format.files import describes_arm_only, load_document
+    from flexarm.view.plot.drawn_arm import arm_of
+
+    if path.suffix.lower() == ".nc":
+        result = read_result(path)
+        try:
+            return arm_of("the file", result), result
+        except InputError as error:
+            raise error.at(str(path)) from None
+    document = load_document(path)
+    if describes_arm_only(document):
+        return described_arm(load_arm_spec(document)), None
+    prepared = prepare(*locate_scenario(document))
+    return prepared.arm, prepared.run()

@@ -1,47 +1,152 @@
-"""``flexarm init``: write an arm and a scenario to start from."""
+"""``flexarm init``: write an arm and a scenario with comments to start from."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.base.writing.places import check_folder, write_text
-from flexarm.cli.starting_files import arm_text, scenario_text
-from flexarm.cli.tables import console
+from flexarm.cli.options import argument, flag
+from flexarm.cli.tables import print_line
+
+REACH = 2.0
+MOST_LINKS = 8
+"""With more links of this kind the gains below are too high for the sample time."""
+_WIDTH, _MATERIAL = 0.05, "aluminium"
+_MOTOR, _PAYLOAD = 0.4, 0.3
 
 
-def write_starting_files(folder: Path, links: int, gravity: bool) -> None:
-    """Write ``arm.yaml`` and ``scenario.yaml`` with comments, and print what to do next.
+def init(
+    folder: Annotated[Path, argument("[FOLDER]", "Output folder; created if missing.")] = Path(),
+    links: Annotated[int, typer.Option(min=1, max=MOST_LINKS, help="Number of links.")] = 2,
+    gravity: Annotated[bool, flag("--gravity", "The arm moves in a vertical plane.")] = False,
+) -> None:
+    """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
+    from flexarm.base.writing.places import check_folder, write_text
 
-    Args:
-        folder: where to write; created if missing.
-        links: number of links, 1 to 8.
-        gravity: whether the arm moves in a vertical plane.
-
-    Raises:
-        InputError: if one of the files exists, or the folder cannot be written in; nothing is
-            written then.
-    """
-    texts = {
-        folder / "arm.yaml": arm_text(links, gravity),
-        folder / "scenario.yaml": scenario_text(links, gravity),
-    }
+    arm, scenario = folder / "arm.yaml", folder / "scenario.yaml"
     hint = "Give another folder: flexarm init FOLDER."
-    found = [
+    problems = [
         Problem(shown(str(path)), "already exists", hint=hint)
-        for path in texts
+        for path in (arm, scenario)
         if os.path.lexists(path)
     ]
-    if found:
-        raise InputError(*found)
+    if problems:
+        raise InputError(*problems)
     check_folder("FOLDER", folder)
-    for path, text in texts.items():
-        write_text(text, path)
-    screen = console()
-    arm, scenario = texts
-    screen.print(f"arm in {arm}", soft_wrap=True)
-    screen.print(f"scenario in {scenario}", soft_wrap=True)
-    page = folder / "arm.html"
-    screen.print(f"next: flexarm check {scenario}", soft_wrap=True)
-    screen.print(f"      flexarm run {scenario} --animate {page}", soft_wrap=True)
+    write_text(arm_text(links, gravity), arm)
+    write_text(scenario_text(links, gravity), scenario)
+    print_line(f"arm in {arm}")
+    print_line(f"scenario in {scenario}")
+    print_line(f"next: flexarm check {scenario}")
+    print_line(f"      flexarm run {scenario} --animate {folder / 'arm.html'}")
+
+
+def arm_text(links: int, gravity: bool) -> str:
+    """Return the arm file of an arm with 1 to 8 equal links."""
+    described = "\n".join(_link(k, links, gravity) for k in range(links))
+    inertia = 0.2 if gravity else 0.1
+    base = f"    - {{hub_inertia: {inertia}, damping: 0.1}}  # joint 1, on the ground"
+    elbow = f"    - {{mass: {_MOTOR}, hub_inertia: {inertia}, housing_inertia: 0.1, damping: 0.1}}"
+    joints = "\n".join([base, *[elbow] * (links - 1)])
+    down = -9.81 if gravity else 0.0
+    plane = "vertical" if gravity else "horizontal"
+    return f"""\
+# An arm that moves in a {plane} plane. Units are SI: m, kg, s, N, rad.
+# All keys: docs/reference/file-format.md. Check this file with: flexarm check arm.yaml
+flexarm: 1
+arm:
+  {f"gravity: [0.0, {down}]":<31}# [x, y], m/s^2
+  theory: linear                 # second_order: rotation and axial forces stiffen the links
+  links:
+{described}
+  joints:                        # in the order of the links
+{joints}
+    # hub_inertia: rotor, at the outer link; mass, housing_inertia: motor, on the inner link
+  payload: {{mass: {_PAYLOAD}, inertia: 0.001}}  # at the tip: kg, kg m^2
+"""
+
+
+def _link(k: int, links: int, gravity: bool) -> str:
+    section = f"{{kind: rectangle, width: {_WIDTH}, height: {_height(gravity)}}}"
+    if k > 0:
+        return (
+            "    - {<<: *link}                # as link 1; {<<: *link, length: 0.5}: a shorter one"
+        )
+    return f"""\
+    - &link
+      length: {_length(links)}
+      material: {_MATERIAL}        # or youngs_modulus: 70.0e+9 and density: 2700.0
+      section: {section}  # height: depth in the bending plane
+      elements: 2                # finite elements; more for higher modes
+      modes: 2                   # modes of vibration; a rigid link has flexible: false
+      damping: {{kind: modal, ratio: 0.01}}"""
+
+
+def scenario_text(links: int, gravity: bool) -> str:
+    """Return the scenario file for the arm of `arm_text` in ``arm.yaml``."""
+    inertias = _inertias(links, gravity)
+    frequency = 6.0 if gravity else 2.5  # rad/s, below the first vibration of the arm
+    proportional = [float(f"{inertia * frequency**2:.2g}") for inertia in inertias]
+    derivative = [float(f"{1.4 * inertia * frequency:.2g}") for inertia in inertias]
+    sample_time = 0.00025 if gravity and links > 3 else 0.0005
+    start = "  equilibrium: true   # the run starts in the equilibrium under gravity\n"
+    return f"""\
+# One run of the arm. Simulate it with: flexarm run scenario.yaml --animate arm.html
+# Try other values without editing: flexarm run scenario.yaml --set arm.payload.mass=1
+flexarm: 1
+arm: arm.yaml
+{_motion(links)}
+drive:                # joint PD along the angles of the bent arm, with its torques as feedforward
+  kind: joint_pd
+  proportional: {proportional}  # N m/rad, one for each joint
+  derivative: {derivative}  # N m s/rad
+  sample_time: {sample_time}  # s
+{f"initial:{chr(10)}{start}" if gravity else ""}run:
+  duration: 4.0       # s
+  rate: 500           # recorded samples per second
+  integrator: auto    # flexarm check scenario.yaml prints the choice and its reason
+"""
+
+
+def _motion(links: int) -> str:
+    if links == 1:
+        return """\
+motion:
+  kind: joint         # from one joint angle to another, from rest to rest
+  start: [0.0]        # rad
+  end: [1.0]
+  duration: 2.0       # s"""
+    return """\
+motion:
+  kind: line          # the tip on a straight line, from rest to rest; other paths:
+  start: [1.6, 0.2]   #   {kind: circle, center: [1.2, 0.4], start: [1.6, 0.4], angle: 6.28, ...}
+  end: [0.7, 1.2]     #   {kind: spline, points: [[1.6, 0.2], [1.3, 0.9], [0.7, 1.2]], ...}
+  duration: 2.0       # s"""
+
+
+def _length(links: int) -> float:
+    return round(REACH / links, 4)
+
+
+def _height(gravity: bool) -> float:
+    return 0.02 if gravity else 0.008
+
+
+def _inertias(links: int, gravity: bool) -> list[float]:
+    """Return the inertia of the straight arm about each joint, kg m^2, for its gains."""
+    from flexarm.model.arm.sections import MATERIALS
+
+    length = _length(links)
+    mass = MATERIALS[_MATERIAL].density * _WIDTH * _height(gravity) * length
+    inertias = []
+    for joint in range(links):
+        outboard = range(links - joint)
+        about = sum(mass * length**2 * ((k + 0.5) ** 2 + 1.0 / 12.0) for k in outboard)
+        about += sum(_MOTOR * (k * length) ** 2 for k in outboard)
+        about += _PAYLOAD * ((links - joint) * length) ** 2
+        inertias.append(about + 0.1)
+    return inertias

@@ -2,137 +2,158 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
+import typer
 
-from flexarm.arm.arm import Arm, described_arm
-from flexarm.arm.bending import one_warning
 from flexarm.base.errors import InputError, Problem
-from flexarm.base.writing.places import check_place, write_text
-from flexarm.cases.results import FIGURE_SUFFIXES, write_figure
 from flexarm.cli.failures import warn
-from flexarm.cli.postures import at, joint_numbers
-from flexarm.cli.tables import console, numbers
-from flexarm.linear import Modes, ModeTracks, campbell, equilibrium, track_modes
-from flexarm.linear import modes as modes_of
-from flexarm.linear.vibration.held import Joints
-from flexarm.model import load_arm_spec
-from flexarm.model.file_format.changes import change_of, changed
-from flexarm.model.file_format.files import load_document
+from flexarm.cli.options import (
+    LIST,
+    ArmFile,
+    Plot,
+    Sets,
+    changed_document,
+    check_places,
+    flag,
+    joint_numbers,
+    listed,
+    option,
+)
+from flexarm.cli.tables import console, numbers, print_line, save_figure
+
+if TYPE_CHECKING:
+    from flexarm.arm.arm import Arm
+    from flexarm.linear import Modes, ModeTracks
+    from flexarm.linear.vibration.held import Joints
 
 #: Samples along a range of postures or spins, and stride of the printed rows.
 _SAMPLES, _SHOWN_EVERY = 81, 10
 
 
-class ModesOptions(NamedTuple):
-    """Options of the command, as given on the command line."""
+class JointState(StrEnum):
+    """State of the joints while the arm vibrates."""
 
-    joints: str | None
-    angles: str | None
-    proportional: str | None
-    derivative: str | None
-    sag: bool
-    spin: float
-    to: str | None
-    campbell_to: float | None
-    most: int
-    csv: Path | None
-    plot: Path | None
-    sets: Sequence[str] = ()
+    LOCKED = "locked"
+    FREE = "free"
 
 
-def show_modes(path: Path, options: ModesOptions) -> None:
-    """Print the lowest modes of the arm in a file, and write the requested output files.
+def modes(
+    arm: ArmFile,
+    joints: Annotated[
+        JointState | None, typer.Option(help="Condition of the joints; locked by default.")
+    ] = None,
+    angles: Annotated[
+        str | None, option(LIST, "Relative joint angles, rad; zero by default.")
+    ] = None,
+    proportional: Annotated[
+        str | None, option(LIST, "Proportional gains at the joints, N m/rad.")
+    ] = None,
+    derivative: Annotated[
+        str | None, option(LIST, "Derivative gains at the joints, N m s/rad.")
+    ] = None,
+    sag: Annotated[bool, flag("--sag", "Modes about the equilibrium under gravity.")] = False,
+    spin: Annotated[float, option("RATE", "Spin of the whole arm about its base, rad/s.")] = 0.0,
+    to: Annotated[str | None, option(LIST, "Track the modes from --angles to these, rad.")] = None,
+    campbell: Annotated[
+        float | None, option("RATE", "Track the modes from --spin to this spin, rad/s.")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="Number of modes.")] = 6,
+    sets: Sets = None,
+    csv: Annotated[Path | None, option("FILE", "Save the modes as a table: .csv.")] = None,
+    plot: Plot = None,
+) -> None:
+    """Show natural frequencies and damping of an arm at rest, or along postures or spins."""
+    import numpy as np
 
-    Raises:
-        InputError: if the file is not valid, angles are not one number for each joint, a path
-            cannot be written, or options cannot be combined.
-        EquilibriumError: if there is no equilibrium under gravity or no steady spin.
-    """
-    changes = [change_of("--set", text) for text in options.sets]
-    arm = described_arm(load_arm_spec(changed(load_document(path), changes)))
-    posture = joint_numbers("--angles", arm, options.angles, "rad")
-    joints, joints_text = _joints(arm, options)
-    for option, place, suffixes in (
-        ("--csv", options.csv, (".csv",)),
-        ("--plot", options.plot, FIGURE_SUFFIXES),
-    ):
-        if place is not None:
-            check_place(option, place, suffixes)
-    _check_together(options)
-    if options.to is not None or options.campbell_to is not None:
-        _show_tracks(_tracks(arm, posture, joints, options), joints_text, options)
-        return
-    with one_warning() as kept:  # printed below in one line
-        about = equilibrium(arm, posture) if options.sag else posture
-        found = modes_of(arm, about, joints, spin=options.spin)
-    if warning := next(filter(None, kept), ""):
-        warn(warning)
-    state = " sagging" if options.sag else ""
-    turning = f", turning at {options.spin:g} rad/s" if options.spin else ""
-    title = f"Modes{joints_text}{at(posture)}{state}{turning}"
-    _show(found, title, options)
+    from flexarm import linear
+    from flexarm.arm.arm import described_arm
+    from flexarm.arm.bending import one_warning
+    from flexarm.cases.results import FIGURE_SUFFIXES
+    from flexarm.model import load_arm_spec
+
+    model = described_arm(load_arm_spec(changed_document(arm, sets)))
+    posture = joint_numbers("--angles", model, angles, "rad")
+    condition, text = _joints(model, joints, proportional, derivative)
+    check_places(("--csv", csv, (".csv",)), ("--plot", plot, FIGURE_SUFFIXES))
+    _check_together(sag, spin, to, campbell)
+    if campbell is not None:
+        spins = np.linspace(spin, campbell, _SAMPLES)
+        tracks = linear.campbell(model, spins, posture, condition, count=count)
+        _show_tracks(tracks, text, csv, plot)
+    elif to is not None:
+        postures = np.linspace(posture, joint_numbers("--to", model, to, "rad"), _SAMPLES)
+        tracks = linear.track_modes(model, postures, condition, count=count, sag=sag)
+        _show_tracks(tracks, text, csv, plot)
+    else:
+        with one_warning() as warnings:  # printed below in one line
+            about = linear.equilibrium(model, posture) if sag else posture
+            vibration = linear.modes(model, about, condition, spin=spin)
+        if warning := next(filter(None, warnings), ""):
+            warn(warning)
+        place = f", at {listed(posture)} rad" if posture else ""
+        turning = f", turning at {spin:g} rad/s" if spin else ""
+        title = f"Modes{text}{place}{' sagging' if sag else ''}{turning}"
+        _show(vibration, title, count, csv, plot)
 
 
-def _joints(arm: Arm, options: ModesOptions) -> tuple[Joints, str]:
+def _joints(
+    arm: Arm, state: JointState | None, proportional: str | None, derivative: str | None
+) -> tuple[Joints, str]:
     """Return the condition of the joints, and its text for a title."""
-    if options.proportional is None and options.derivative is None:
-        joints = options.joints or "locked"
-        return joints, f" with the joints {joints}" if arm.joints else ", no joint turns"
-    if options.joints is not None:
+    if proportional is None and derivative is None:
+        word = "free" if state == JointState.FREE else "locked"
+        return word, f" with the joints {word}" if arm.joints else ", no joint turns"
+    if state is not None:
         rule = "cannot be combined with --proportional or --derivative"
         raise InputError(Problem("--joints", rule))
-    stiff = joint_numbers("--proportional", arm, options.proportional, "N m/rad")
-    damping = joint_numbers("--derivative", arm, options.derivative, "N m s/rad")
-    return list(zip(stiff, damping, strict=True)), " with the joints held by gains"
+    stiffness = joint_numbers("--proportional", arm, proportional, "N m/rad")
+    damping = joint_numbers("--derivative", arm, derivative, "N m s/rad")
+    return list(zip(stiffness, damping, strict=True)), " with the joints held by gains"
 
 
-def _check_together(options: ModesOptions) -> None:
-    turns = bool(options.spin) or options.campbell_to is not None
-    if options.sag and turns:
-        raise InputError(Problem("--sag", "is not supported with a rotating arm"))
-    if options.to is not None and turns:
-        raise InputError(Problem("--to", "is not supported with a rotating arm"))
-    if options.campbell_to is not None and options.campbell_to <= options.spin:
-        rule = f"be greater than --spin ({options.spin:g})"
-        raise InputError(Problem("--campbell", rule, f"{options.campbell_to:g}"))
+def _check_together(sag: bool, spin: float, to: str | None, campbell: float | None) -> None:
+    """Raise if the arm rotates and options do not permit it."""
+    if spin or campbell is not None:
+        for name, requested in (("--sag", sag), ("--to", to is not None)):
+            if requested:
+                raise InputError(Problem(name, "is not supported with a rotating arm"))
+    if campbell is not None and campbell <= spin:
+        rule = f"be greater than --spin ({spin:g})"
+        raise InputError(Problem("--campbell", rule, f"{campbell:g}"))
 
 
-def _tracks(arm: Arm, posture: list[float], joints: Joints, options: ModesOptions) -> ModeTracks:
-    if options.campbell_to is not None:
-        spin = np.linspace(options.spin, options.campbell_to, _SAMPLES)
-        return campbell(arm, spin, posture, joints, count=options.most)
-    target = joint_numbers("--to", arm, options.to, "rad")
-    way = np.linspace(posture, target, _SAMPLES)
-    return track_modes(arm, way, joints, count=options.most, sag=options.sag)
-
-
-def _show(found: Modes, title: str, options: ModesOptions) -> None:
-    screen = console()
+def _show(vibration: Modes, title: str, count: int, csv: Path | None, plot: Path | None) -> None:
+    """Print the lowest modes, and write the requested files."""
+    frequencies = vibration.frequency_hz
     heads = ("mode", "frequency [Hz]", "period [s]", "damping ratio [%]")
-    rows = [_row(found, k) for k in range(min(options.most, found.frequency_hz.size))]
-    screen.print(numbers(title, heads, rows))
+    rows = [_row(vibration, k) for k in range(min(count, frequencies.size))]
+    console().print(numbers(title, heads, rows))
     if not rows:
-        screen.print("none: every link is rigid and every joint is locked")
-    if (found.squared_frequency < 0.0).any():
-        cause = "the spin" if found.spin else "gravity"
-        screen.print(f"unstable: {cause} pulls the arm away from this posture")
-    if options.csv is not None:
-        write_text(_table(found), options.csv)
-        screen.print(f"all {found.frequency_hz.size} modes in {options.csv}", soft_wrap=True)
-    if options.plot is not None:
+        print_line("none: every link is rigid and every joint is locked")
+    if (vibration.squared_frequency < 0.0).any():
+        cause = "the spin" if vibration.spin else "gravity"
+        print_line(f"unstable: {cause} pulls the arm away from this posture")
+    if csv is not None:
+        columns = {
+            "mode": range(1, frequencies.size + 1),
+            "frequency [Hz]": frequencies.tolist(),
+            "damping_ratio [1]": vibration.damping_ratio.tolist(),
+            "squared_frequency [rad^2/s^2]": vibration.squared_frequency.tolist(),
+        }
+        _save_table(columns, csv, f"all {frequencies.size} modes")
+    if plot is not None:
         from flexarm.view.plot.vibration import modes_figure
 
-        write_figure(modes_figure(found, options.most), options.plot)
-        screen.print(f"shapes in {options.plot}", soft_wrap=True)
+        save_figure(modes_figure(vibration, count), plot, "shapes")
 
 
-def _row(found: Modes, k: int) -> tuple[str, str, str, str]:
-    frequency, ratio = found.frequency_hz[k], found.damping_ratio[k]
-    if found.squared_frequency[k] < 0.0:
+def _row(vibration: Modes, k: int) -> tuple[str, str, str, str]:
+    frequency, ratio = vibration.frequency_hz[k], vibration.damping_ratio[k]
+    if vibration.squared_frequency[k] < 0.0:
         return str(k + 1), "unstable", "-", "-"
     if frequency == 0.0:
         return str(k + 1), "0 (rigid)", "-", "-"
@@ -140,42 +161,38 @@ def _row(found: Modes, k: int) -> tuple[str, str, str, str]:
     return str(k + 1), f"{frequency:.6g}", f"{1.0 / frequency:.4g}", f"{percent:.4g}"
 
 
-def _table(found: Modes) -> str:
-    lines = ["mode,frequency [Hz],damping_ratio [1],squared_frequency [rad^2/s^2]"]
-    columns = (found.frequency_hz, found.damping_ratio, found.squared_frequency)
-    for number, row in enumerate(zip(*(column.tolist() for column in columns), strict=True), 1):
-        lines.append(",".join([str(number), *map(repr, row)]))
-    return "\n".join(lines) + "\n"
-
-
-def _show_tracks(tracks: ModeTracks, joints: str, options: ModesOptions) -> None:
-    screen = console()
-    modes = [f"mode {k + 1}" for k in range(tracks.frequency_hz.shape[1])]
+def _show_tracks(tracks: ModeTracks, joints: str, csv: Path | None, plot: Path | None) -> None:
+    """Print every tenth sample of tracked modes, and write the requested files."""
     unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
-    way = tracks.parameter
+    name, along = f"{tracks.parameter_name}{unit}", tracks.parameter
+    head = name if unit else "way"
     if tracks.parameter_name == "posture":
-        way, unit = tracks.parameter / tracks.parameter[-1], ""
-    heads = [f"{'way' if not unit else tracks.parameter_name}{unit}", *modes]
+        head, along = "way", along / along[-1]
+    modes = range(tracks.frequency_hz.shape[1])
     rows = [
-        [f"{way[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
-        for k in range(0, way.size, _SHOWN_EVERY)
+        [f"{along[k]:.4g}", *(f"{value:.5g}" for value in tracks.frequency_hz[k])]
+        for k in range(0, along.size, _SHOWN_EVERY)
     ]
-    screen.print(numbers("Frequencies [Hz]" + joints.replace(" with the", ","), heads, rows))
-    if options.csv is not None:
-        write_text(_tracks_table(tracks), options.csv)
-        screen.print(f"all {way.size} samples in {options.csv}", soft_wrap=True)
-    if options.plot is not None:
+    title = "Frequencies [Hz]" + joints.replace(" with the", ",")
+    console().print(numbers(title, [head, *(f"mode {k + 1}" for k in modes)], rows))
+    if csv is not None:
+        columns = {name: tracks.parameter.tolist()}
+        for quantity, values in (
+            ("frequency_{} [Hz]", tracks.frequency_hz),
+            ("damping_ratio_{} [1]", tracks.damping_ratio),
+        ):
+            columns |= {quantity.format(k + 1): values[:, k].tolist() for k in modes}
+        _save_table(columns, csv, f"all {along.size} samples")
+    if plot is not None:
         from flexarm.view.plot.vibration import tracks_figure
 
-        write_figure(tracks_figure(tracks), options.plot)
-        screen.print(f"plot in {options.plot}", soft_wrap=True)
+        save_figure(tracks_figure(tracks), plot)
 
 
-def _tracks_table(tracks: ModeTracks) -> str:
-    count = range(1, tracks.frequency_hz.shape[1] + 1)
-    unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
-    heads = [f"{tracks.parameter_name}{unit}"]
-    heads += [f"frequency_{k} [Hz]" for k in count] + [f"damping_ratio_{k} [1]" for k in count]
-    columns = [tracks.parameter[:, None], tracks.frequency_hz, tracks.damping_ratio]
-    rows = np.concatenate(columns, axis=1).tolist()
-    return "\n".join([",".join(heads), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+def _save_table(columns: Mapping[str, Sequence[float]], path: Path, content: str) -> None:
+    """Write columns as CSV, and print their content and the path."""
+    from flexarm.base.writing.places import write_text
+
+    rows = (",".join(map(repr, row)) for row in zip(*columns.values(), strict=True))
+    write_text("\n".join([",".join(columns), *rows]) + "\n", path)
+    print_line(f"{content} in {path}")

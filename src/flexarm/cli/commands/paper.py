@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.resources import files
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console, Group, RenderableType
 
-from flexarm.base.writing.places import check_folder, write_text
-from flexarm.cli.drawing import Drawing, draw_figures
-from flexarm.cli.tables import console, numbers
+from flexarm.cli.options import flag, option
+from flexarm.cli.tables import console, numbers, print_line
 
 if TYPE_CHECKING:
     from flexarm.view.paper import PaperCase
@@ -36,18 +34,20 @@ tip error: distance of the flexible arm's tip from the rigid arm's
 """
 
 
-def reproduce(folder: Path, with_report: bool = False) -> None:
-    """Write figures, data and numbers of the paper's example to ``folder``; print the numbers.
+def paper(
+    out: Annotated[Path, option("DIR", "Folder for figures and data.")] = Path("flexarm-paper"),
+    report: Annotated[
+        bool, flag("--report", "Also write report.html: animation, all numbers.")
+    ] = False,
+) -> None:
+    """Reproduce the paper: its arm, its figures 3 to 16, and a table of numbers."""
+    from importlib.resources import files
 
-    Args:
-        with_report: whether to write ``report.html``, the report of the flexible arm.
+    from flexarm.base.writing.places import check_folder, write_text
+    from flexarm.cli.drawing import Drawing, draw_figures
 
-    Raises:
-        InputError: if the folder is not writable, or a report is requested and Jinja2 is not
-            installed.
-    """
-    check_folder("--out", folder)
-    if with_report:
+    check_folder("--out", out)
+    if report:
         from flexarm.view.reporting.document import template_engine
 
         template_engine()
@@ -61,21 +61,21 @@ def reproduce(folder: Path, with_report: bool = False) -> None:
         shown = histories(slow)
         # The overview takes as long as seven single figures. Small tasks after it keep both
         # processes busy to the end.
-        drawing.submit(draw_figures, ["overview"], shown, folder)
+        drawing.submit(draw_figures, ["overview"], shown, out)
         for k in range(0, len(FIGURE_NAMES), _AT_ONCE):
-            drawing.submit(draw_figures, FIGURE_NAMES[k : k + _AT_ONCE], shown, folder)
+            drawing.submit(draw_figures, FIGURE_NAMES[k : k + _AT_ONCE], shown, out)
         compared = histories(fast, ("flexible", "rigid", "second_order"))
-        drawing.submit(draw_figures, ["theories"], compared, folder)
-        report = Group(*_report(slow, fast))
-        console().print(report)
-        write_result(slow.flexible, folder / "result.nc")
-        write_result(slow.rigid, folder / "result_rigid.nc")
-        write_text(_as_text(report), folder / "numbers.txt")
-        text = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
-        write_text(text, folder / "paper.yaml")
-        if with_report:
-            _write_report(slow, _as_text(report), folder / "report.html")
-    console().print(f"figures, data and numbers in {folder}", soft_wrap=True)
+        drawing.submit(draw_figures, ["theories"], compared, out)
+        text = Group(*_report(slow, fast))
+        console().print(text)
+        write_result(slow.flexible, out / "result.nc")
+        write_result(slow.rigid, out / "result_rigid.nc")
+        write_text(_as_text(text), out / "numbers.txt")
+        arm = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
+        write_text(arm, out / "paper.yaml")
+        if report:
+            _write_report(slow, _as_text(text), out / "report.html")
+    print_line(f"figures, data and numbers in {out}")
 
 
 def _write_report(case: PaperCase, numbers: str, path: Path) -> None:
@@ -95,7 +95,7 @@ def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:
     yield from _frequencies(slow)
 
 
-def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, str, str]]:
+def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, ...]]:
     from flexarm.view.paper import link_numbers, tip_numbers, torque_range
 
     cases = (slow, fast)
@@ -106,9 +106,9 @@ def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, str, st
         for name, meaning in _ROWS.items():
             a, b = (_millimetres(getattr(link, name)) for link in links)
             yield f"link {k}: {meaning} [mm]", a, b
-    one, other = (tip_numbers(case) for case in cases)
-    yield "largest tip error [mm]", _millimetres(one.largest), _millimetres(other.largest)
-    yield "tip error at the end [mm]", _millimetres(one.at_end), _millimetres(other.at_end)
+    tips = [tip_numbers(case) for case in cases]
+    yield "largest tip error [mm]", *(_millimetres(tip.largest) for tip in tips)
+    yield "tip error at the end [mm]", *(_millimetres(tip.at_end) for tip in tips)
 
 
 def _millimetres(metres: float) -> str:

@@ -3,33 +3,44 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from flexarm.base.errors import InputError
-from flexarm.base.writing.places import check_place
-from flexarm.cases.results import read_result
-from flexarm.cli.tables import console
-from flexarm.identification.storage import is_identification
-from flexarm.view.plot.drawn_arm import check_drawable
-from flexarm.view.reporting import report
-from flexarm.view.reporting.document import template_engine
+from flexarm.cli.options import argument, flag, option
+from flexarm.cli.tables import print_line
 
 
-def report_file(
-    path: Path, out: Path | None, title: str | None, magnify: float, rigid: bool
+def report(
+    result: Annotated[Path, argument("RESULT.nc", "Result of `flexarm run` or `identify`.")],
+    out: Annotated[Path | None, option("FILE", "The .html file; default: beside it.")] = None,
+    title: Annotated[str | None, option("TEXT", "Title; by default the name of the file.")] = None,
+    magnify: Annotated[
+        float,
+        typer.Option(
+            metavar="FACTOR", min=0, max=10_000, help="Factor on the drawn bending of the links."
+        ),
+    ] = 1.0,
+    rigid: Annotated[
+        bool, flag("--rigid", "Also draw the rigid arm at the same joint angles.")
+    ] = False,
 ) -> None:
-    """Write the report of a result file, by default beside it.
+    """Write a report of a run or an identification: one HTML page with all numbers."""
+    from flexarm.base.writing.places import check_place
+    from flexarm.cases.results import read_result
+    from flexarm.identification.result import is_identification
+    from flexarm.view import reporting
+    from flexarm.view.plot.drawn_arm import check_drawable
+    from flexarm.view.reporting.document import template_engine
 
-    Raises:
-        InputError: if the file is not a result with an arm, the report cannot be written, or
-            Jinja2 is not installed.
-    """
     template_engine()
-    result = read_result(path)
-    if not is_identification(result):
+    dataset = read_result(result)
+    if not is_identification(dataset):
         try:
-            check_drawable("the file", result)
+            check_drawable("the file", dataset)
         except InputError as error:
-            raise error.at(str(path)) from None
-    place = check_place("--out", out or path.with_suffix(".html"), (".html",))
-    report(result, place, title=title or path.stem, magnify=magnify, rigid=rigid)
-    console().print(f"report in {place}", soft_wrap=True)
+            raise error.at(str(result)) from None
+    place = check_place("--out", out or result.with_suffix(".html"), (".html",))
+    reporting.report(dataset, place, title=title or result.stem, magnify=magnify, rigid=rigid)
+    print_line(f"report in {place}")

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-import json
+from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
-from flexarm.model.file_format.schema import json_schema
+import typer
+
+from flexarm.cli.options import option
 
 
-def print_schema(kind: str, out: Path | None) -> None:
-    """Print the JSON schema of a kind of file, or write it to ``out``."""
-    text = json.dumps(json_schema(kind), indent=2) + "\n"
+class Kind(StrEnum):
+    """Kinds of files."""
+
+    SCENARIO = "scenario"
+    ARM = "arm"
+    STUDY = "study"
+
+
+def schema(
+    kind: Annotated[Kind, typer.Option(help="Kind of file.")] = Kind.SCENARIO,
+    out: Annotated[Path | None, option("FILE", "Save the schema: .json.")] = None,
+) -> None:
+    """Print the JSON schema of files, from which editors complete and check."""
+    import json
+
+    from flexarm.base.writing.places import check_place, write_text
+    from flexarm.model.file_format.schema import json_schema
+
+    text = json.dumps(json_schema(kind.value), indent=2) + "\n"
     if out is None:
         print(text, end="")
-        return
-    from flexarm.base.writing.places import check_place, write_text
-
-    write_text(text, check_place("--out", out, (".json",)))
+    else:
+        write_text(text, check_place("--out", out, (".json",)))

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import secrets
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.cli.tables import console
+from flexarm.cli.options import argument, flag, option
+from flexarm.cli.tables import print_line
 
 
-def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
-    """Serve the studio until Ctrl-C; print its address.
+def studio(
+    file: Annotated[
+        Path | None, argument("[FILE]", "Arm, scenario or study; by default the paper's arm.")
+    ] = None,
+    host: Annotated[str, option("ADDRESS", "Address of this machine to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8550,
+    browser: Annotated[bool, flag("--browser/--no-browser", "Open a browser window.")] = True,
+) -> None:
+    """Change an arm and its run in the browser and see it move: a local web application."""
+    import secrets
 
-    Raises:
-        InputError: if NiceGUI or Jinja2 is not installed, the file is not valid, or the address
-            cannot be used.
-    """
     for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
         if find_spec(module) is None:
             raise library_missing(name, "studio")
@@ -29,20 +36,15 @@ def open_studio(file: Path | None, host: str, port: int, show: bool) -> None:
     _check_address(host, port)
     token = secrets.token_urlsafe(24)
     name = f"[{host}]" if ":" in host else host
-    screen = console()
-    screen.print(f"studio at http://{name}:{port}/?token={token}", soft_wrap=True)
+    print_line(f"studio at http://{name}:{port}/?token={token}")
     if not is_loopback(host):
-        screen.print("Anyone with this address can use the studio. It is not encrypted.")
-    screen.print("Ctrl-C ends it.")
-    serve(project, host, port, token, show)
+        print_line("Anyone with this address can use the studio. It is not encrypted.")
+    print_line("Ctrl-C ends it.")
+    serve(project, host, port, token, browser)
 
 
 def _check_address(host: str, port: int) -> None:
-    """Raise if the address cannot be used.
-
-    Raises:
-        InputError: if the host is not an address of this machine, or the port is in use.
-    """
+    """Raise if the address cannot be used."""
     import socket
 
     try:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
+import typer
 
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, SimulationError, shown
-from flexarm.base.writing.places import check_place
-from flexarm.cases.results import FIGURE_SUFFIXES, write_figure
-from flexarm.cases.studies.execution import RECORDED
-from flexarm.cases.studies.statistics import study_statistics
-from flexarm.cases.studies.study import Study
-from flexarm.cli.failures import collected_warnings, warn
-from flexarm.cli.tables import console, numbers
+from flexarm.cli.failures import reported_warnings, warn
+from flexarm.cli.options import Plot, argument, check_places, flag, option
+from flexarm.cli.tables import console, numbers, print_line, save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from flexarm.cases.studies.study import Study
 
 #: Columns of the printed table: metric, heading, factor to the displayed unit.
 _COLUMNS = (
@@ -42,62 +39,56 @@ _REPORTED = {
 _REPEATED = 10
 
 
-@dataclass(frozen=True)
-class SweepOptions:
-    """Options of the command.
+def sweep(
+    study: Annotated[Path, argument("STUDY.yaml", "A study with varied numbers.")],
+    out: Annotated[
+        Path | None, option("DIR", "Folder of the results; by default STUDY.zarr.")
+    ] = None,
+    resume: Annotated[bool, flag("--resume", "Continue the results if they exist.")] = False,
+    verify: Annotated[bool, flag("--verify", "Repeat ten samples and compare all digits.")] = False,
+    scheduler: Annotated[
+        str | None, option("ADDRESS", "Scheduler of a Dask cluster: tcp://HOST:8786.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="Processes here; by default one for each core."),
+    ] = None,
+    chunk: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Samples of a task; measured by default.")
+    ] = None,
+    limits: Annotated[
+        list[str] | None,
+        option(
+            "NAME=VALUE",
+            "A run above it counts as failed: tip_error_peak=0.01; repeatable.",
+            "--limit",
+        ),
+    ] = None,
+    plot: Plot = None,
+) -> None:
+    """Run a study for many samples of uncertain numbers: quantiles and failure rates."""
+    from flexarm.cases.results import FIGURE_SUFFIXES
 
-    Attributes:
-        out: folder of the store; None for one beside the study.
-        plot: file of the plot.
-        scheduler: address of a scheduler of Dask, or None for processes of this computer.
-        workers: number of those processes; None for one for each core.
-        chunk: samples of a task; None for a measured number.
-        limits: largest acceptable metrics, as ``NAME=VALUE``.
-        resume: whether an existing store is continued.
-        verify: whether a random part of the samples is repeated.
-    """
-
-    out: Path | None = None
-    plot: Path | None = None
-    scheduler: str | None = None
-    workers: int | None = None
-    chunk: int | None = None
-    limits: Sequence[str] = ()
-    resume: bool = False
-    verify: bool = False
-
-
-def sweep_file(path: Path, options: SweepOptions) -> None:
-    """Run the study in a file; the file and the options are validated before the runs.
-
-    Raises:
-        InputError: if the file or an option is not valid, or the store exists.
-        SimulationError: if a repeated sample differs.
-    """
-    limits = limits_of(options.limits)
-    study = read_study_file(path)
-    if options.plot is not None:
-        check_place("--plot", options.plot, FIGURE_SUFFIXES)
-    out = options.out or path.with_suffix(".zarr")
-    if study.spec.rare_failures is not None:
-        print_rare_failures(study)
-        if study.spec.samples is None:
+    largest = limits_of(limits)
+    sampled = read_study_file(study)
+    check_places(("--plot", plot, FIGURE_SUFFIXES))
+    out = out or study.with_suffix(".zarr")
+    if sampled.spec.rare_failures is not None:
+        print_rare_failures(sampled, workers)
+        if sampled.spec.samples is None:
             return
-    given: dict[str, Any] = {"workers": options.workers, "chunk": options.chunk}
-    table = study.run(out, options.scheduler, resume=options.resume, **given)
-    print_statistics(table, limits)
-    screen = console()
-    if study.samples == 1:
+    table = sampled.run(out, scheduler, resume=resume, workers=workers, chunk=chunk)
+    print_statistics(table, largest)
+    if sampled.samples == 1:
         warn("the study has one sample. Add `vary` and `samples`, or use `flexarm compare`.")
-    screen.print(f"{table['failure'].size} runs in {out}", soft_wrap=True)
-    if options.plot is not None:
-        draw_samples(table, options.plot)
-    if options.verify:
-        different = study.verify(out, _REPEATED)
+    print_line(f"{table['failure'].size} runs in {out}")
+    draw_samples(table, plot)
+    if verify:
+        different = sampled.verify(out, _REPEATED)
         if different:
             names = ", ".join(map(str, different))
             raise SimulationError(0.0, f"samples {names} of the store differ when repeated.")
-        screen.print(f"{min(_REPEATED, table.sizes['sample'])} samples repeated: identical")
+        console().print(f"{min(_REPEATED, table.sizes['sample'])} samples repeated: identical")
 
 
 def read_study_file(path: Path) -> Study:
@@ -106,11 +97,10 @@ def read_study_file(path: Path) -> Study:
     Raises:
         InputError: if the file is not valid.
     """
-    with collected_warnings() as found:
-        study = Study(path)
-    for text in found:
-        warn(text)
-    return study
+    from flexarm.cases.studies.study import Study
+
+    with reported_warnings():
+        return Study(path)
 
 
 def print_statistics(
@@ -121,54 +111,54 @@ def print_statistics(
     Args:
         nominal: table without variation, for the ratios to it.
     """
-    found = study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
+    from flexarm.cases.studies.statistics import study_statistics
+
+    statistics = study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
     if nominal is not None:
-        found["nominal"] = 1e3 * nominal["tip_error_rms"]
-    screen = console()
-    for reference in found["reference"].values:
-        screen.print(_printed(found.sel(reference=reference), str(reference)), soft_wrap=True)
+        statistics["nominal"] = 1e3 * nominal["tip_error_rms"]
+    for reference in statistics["reference"].values:
+        print_line(_printed(statistics.sel(reference=reference), str(reference)))
     for kind, runs in _REPORTED.items():
         for text in _first_of(table, kind, runs):
             warn(text)
 
 
-def print_rare_failures(study: Study) -> None:
+def print_rare_failures(study: Study, workers: int | None) -> None:
     """Estimate the probabilities of rare failures and print them."""
-    with collected_warnings() as found:
-        table = study.rare_failures()
-    screen = console()
-    for reference in table["reference"].values:
-        rows = []
-        for drive in table["controller"].values:
-            for plant in table["plant"].values:
-                one = table.sel(controller=drive, plant=plant, reference=reference)
-                ends = one["probability_low"].item(), one["probability_high"].item()
-                cells = [f"{one['probability'].item():.2g}", f"{ends[0]:.2g} - {ends[1]:.2g}"]
-                rows.append([str(drive), str(plant), *cells, str(one["runs"].item())])
-        heads = ["drive", "plant", "probability", "95 % interval", "runs"]
-        screen.print(numbers(f"Along {reference}: rare failures", heads, rows), soft_wrap=True)
-    for text in found:
-        warn(text)
+    with reported_warnings():
+        table = study.rare_failures(workers=workers)
+        for reference in table["reference"].values:
+            rows = []
+            for drive in table["controller"].values:
+                for plant in table["plant"].values:
+                    case = table.sel(controller=drive, plant=plant, reference=reference)
+                    low, high = case["probability_low"].item(), case["probability_high"].item()
+                    cells = [f"{case['probability'].item():.2g}", f"{low:.2g} - {high:.2g}"]
+                    rows.append([str(drive), str(plant), *cells, str(case["runs"].item())])
+            heads = ["drive", "plant", "probability", "95 % interval", "runs"]
+            print_line(numbers(f"Along {reference}: rare failures", heads, rows))
 
 
-def draw_samples(table: xr.Dataset, plot: Path) -> None:
-    """Write the figure of the samples."""
-    from flexarm.view.plot.samples import samples_figure
+def draw_samples(table: xr.Dataset, plot: Path | None) -> None:
+    """Write the figure of the samples, if requested."""
+    if plot is not None:
+        from flexarm.view.plot.comparison import samples_figure
 
-    write_figure(samples_figure(table), plot)
-    console().print(f"plot in {plot}", soft_wrap=True)
+        save_figure(samples_figure(table), plot)
 
 
-def limits_of(texts: Sequence[str]) -> dict[str, float]:
+def limits_of(texts: Sequence[str] | None) -> dict[str, float]:
     """Return limits of metrics from texts ``NAME=VALUE``.
 
     Raises:
         InputError: if a text is not such a limit.
     """
-    return dict(map(_limit, texts))
+    return dict(map(_limit, texts or ()))
 
 
 def _limit(text: str) -> tuple[str, float]:
+    from flexarm.cases.studies.execution import RECORDED
+
     name, _, value = text.partition("=")
     name = check_choice("--limit", name.strip(), [metric.name for metric in RECORDED])
     try:
@@ -178,28 +168,30 @@ def _limit(text: str) -> tuple[str, float]:
         raise InputError(Problem("--limit", rule, shown(text))) from None
 
 
-def _printed(found: xr.Dataset, reference: str) -> object:
-    compared = "nominal" in found
-    columns = _ROBUSTNESS if compared else _COLUMNS
-    shown_columns = [c for c in columns if np.isfinite(found[c[0]].values).any()]
+def _printed(statistics: xr.Dataset, reference: str) -> object:
+    import numpy as np
+
+    compared = "nominal" in statistics
+    metrics = _ROBUSTNESS if compared else _COLUMNS
+    columns = [column for column in metrics if np.isfinite(statistics[column[0]]).any()]
     rows = []
-    for drive in found["controller"].values:
-        for k, plant in enumerate(found["plant"].values):
-            one = found.sel(controller=drive, plant=plant)
-            cells = [f"{one['nominal'].item():.3g}"] if compared else []
+    for drive in statistics["controller"].values:
+        for k, plant in enumerate(statistics["plant"].values):
+            case = statistics.sel(controller=drive, plant=plant)
+            cells = [f"{case['nominal'].item():.3g}"] if compared else []
             cells += [
-                " / ".join(f"{factor * value:.3g}" for value in one[name].values)
-                for name, _, factor in shown_columns
+                " / ".join(f"{factor * value:.3g}" for value in case[name].values)
+                for name, _, factor in columns
             ]
             rate, low, high = (
-                _percent(float(one[f"failure_rate{end}"])) for end in ("", "_low", "_high")
+                _percent(float(case[f"failure_rate{end}"])) for end in ("", "_low", "_high")
             )
             cells.append(f"{rate} ({low}-{high})")
             rows.append([str(drive) if k == 0 else "", str(plant), *cells])
     title = f"Along {reference}: median / 95 % quantile; failures with their 95 % interval"
     if compared:
         title += "; ratio: to the RMS without variation"
-    heads = ["drive", "plant", *["nominal"] * compared, *(c[1] for c in shown_columns)]
+    heads = ["drive", "plant", *["nominal"] * compared, *(column[1] for column in columns)]
     return numbers(title, [*heads, "failed %"], rows)
 
 
@@ -211,10 +203,10 @@ def _first_of(table: xr.Dataset, kind: str, runs: str) -> Iterator[str]:
     """Yield the first failure or warning of each drive, plant and motion, and their number."""
     stacked = table[kind].stack(run=("controller", "plant", "reference"))
     for drive, plant, reference in stacked["run"].values:
-        one = table[kind].sel(controller=drive, plant=plant, reference=reference)
-        given = one.values != ""
-        if given.any():
-            k = int(np.argmax(given))
-            where = f"{drive} on {plant} along {reference}"
-            count = f"{int(given.sum())} of {given.size} {runs}"
-            yield f"{where}: {count}, the first of sample {one.sample.values[k]}: {one.values[k]}"
+        texts = table[kind].sel(controller=drive, plant=plant, reference=reference)
+        reported = texts.values != ""
+        if reported.any():
+            k = int(reported.argmax())
+            count = f"{int(reported.sum())} of {reported.size} {runs}"
+            first = f"the first of sample {texts.sample.values[k]}: {texts.values[k]}"
+            yield f"{drive} on {plant} along {reference}: {count}, {first}"

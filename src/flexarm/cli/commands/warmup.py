@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import time
-from concurrent.futures import as_completed
-
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from flexarm.base.errors import InputError, Problem
-from flexarm.base.processes import process_pool, usable_cores
-from flexarm.cli.features import FEATURES, compile_feature
 from flexarm.cli.tables import console
-from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
 
 
-def compile_everything() -> None:
-    """Compile all features, store the machine code, and print the time.
+def warmup() -> None:
+    """Compile everything now, so that no later run waits; needed once on a machine."""
+    from concurrent.futures import as_completed
 
-    Raises:
-        InputError: if the machine code cannot be stored.
-    """
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    from flexarm.base.processes import process_pool, usable_cores
+    from flexarm.cli.features import FEATURES, compile_feature
+    from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
+
     if CACHE_DIRECTORY is None:
         rule = "cannot be created as a private folder of this user"
         raise InputError(Problem("the cache folder", rule))

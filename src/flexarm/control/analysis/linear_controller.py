@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import deepcopy
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.contract.base import Controller, Reference, declares
+from flexarm.control.contract.base import Arrays, Controller, Reference, Rest, declares
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
-#: Step of the central differences, relative to the size of a number. The error is about 1e-9 for
-#: smooth controllers, and rounding only for linear ones.
-_STEP = 1e-5
+#: Step of the central differences of laws that do not accept complex numbers, relative to the size
+#: of a number. The error is about 1e-9 for smooth laws. Imaginary step of the others, exact.
+_STEP, _TINY = 1e-5, 1e-30
 #: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples.
 _RATE = 1e-3
 #: Most reductions of a step of the memory that changes a torque more than those of the readings do.
 _REDUCTIONS = 8
+#: Name of the first measured angles among the numbers of a memory.
+_REST = "rest"
 
 
 class LinearController(NamedTuple):
@@ -78,31 +79,6 @@ def _tiled(value: Any, t: Any) -> FloatArray:
     return np.array(np.broadcast_to(value, np.shape(t) + value.shape))
 
 
-class MemoryNameError(InputError):
-    """Error in ``memory``: a name is not a numeric attribute of the controller."""
-
-
-def memory_of(controller: object) -> tuple[str, ...] | None:
-    """Return the memory that a controller declares, or None without a declaration.
-
-    See `declares` about derived classes, which may keep other numbers.
-
-    Raises:
-        MemoryNameError: if ``memory`` is not a tuple or list of names.
-    """
-    memory = getattr(controller, "memory", None)
-    if memory is None or not declares(controller, "memory"):
-        return None
-    if not isinstance(memory, tuple | list) or not all(isinstance(name, str) for name in memory):
-        hint = 'Write memory = ("name",) for one attribute.'
-        raise MemoryNameError(_problem(controller, "be a tuple of names", shown(memory), hint))
-    return tuple(memory)
-
-
-def _problem(controller: object, rule: str, value: str, hint: str = "") -> Problem:
-    return Problem(f"{type(controller).__name__}.memory", rule, value, hint)
-
-
 def linear_controller(
     controller: Controller,
     measured: Mapping[str, FloatArray],
@@ -110,74 +86,30 @@ def linear_controller(
     t: float = 0.0,
     signals: Mapping[str, Any] | None = None,
 ) -> LinearController:
-    """Linearise a controller about a constant measurement, by central differences.
+    """Linearise a law about a constant measurement, after a first sample with it.
 
-    A copy of the controller is updated repeatedly at the same time. Each update starts from the
-    same memory (``Controller.memory``) and measurement, except for one number that is changed.
     Differences are relative to the size of a number, so that they do not depend on units.
 
     Args:
-        controller: controller that declares its ``memory``; it is not modified.
+        controller: controller with a ``step``; it is not modified.
         measured: the readings by name, in the order of the columns of B and D.
         reference: constant reference, see `FrozenReference`; None for none.
-        t: time of all updates, s.
+        t: time of the update, s.
         signals: what the readings measure, by name, if it is not the name. Angles and strains have
             the size one, rates that in 1000 samples, and others that of the largest number of the
             reading. Memory has the size of its change by the readings.
-
-    Raises:
-        MemoryNameError: if ``memory`` names something that is not a number or an array.
     """
-    mine: Any = deepcopy(controller)
-    if hasattr(mine, "_ignore_rate_limit"):
-        mine._ignore_rate_limit()
-    mine.reset()
-    sizes = [np.shape(value) for value in measured.values()]
-    ends = np.cumsum([0, *(int(np.prod(size)) for size in sizes)])
-
-    def respond(memory: FloatArray, readings: FloatArray) -> FloatArray:
-        kept.write(memory)
-        values = {
-            name: readings[start:end].reshape(size)
-            for name, start, end, size in zip(measured, ends, ends[1:], sizes, strict=False)
-        }
-        torque = np.asarray(mine.update(t, Measurement(**values), reference), dtype=np.float64)
-        return np.concatenate([kept.read(), torque])
-
-    readings = np.concatenate([np.zeros(0), *(np.ravel(value) for value in measured.values())])
-    mine.update(t, Measurement(**{k: np.array(v) for k, v in measured.items()}), reference)
-    kept = Memory(mine)
-    start = kept.read()
-    n = start.size
-    whole = np.concatenate([start, readings])
-    names = {name: name for name in measured} | dict(signals or {})
-    scale = np.concatenate(
-        [np.zeros(n), *(_sizes(names[k], v, mine.sample_time) for k, v in measured.items())]
-    )
-    slope = np.zeros((n + respond(start, readings)[n:].size, whole.size))
-    waiting, changes = np.flatnonzero(scale), np.zeros_like(scale)
-    largest = np.inf  # change of a torque by a reading
-    while waiting.size:
-        for k in waiting:
-            step = _STEP * max(scale[k], abs(whole[k]))
-            for _ in range(_REDUCTIONS):
-                unit = np.zeros_like(whole)
-                unit[k] = step
-                more, less = whole + unit, whole - unit
-                rise = respond(more[:n], more[n:]) - respond(less[:n], less[n:])
-                slope[:, k] = rise / (2.0 * step)
-                changes[k] = np.abs(rise[n:]).max(initial=0.0)
-                if not changes[k] > largest:
-                    break
-                step *= 0.1
-        # Memory after a fast filter would request torques beyond the limits of the controller.
-        largest = float(changes[n:].max(initial=0.0)) or np.inf
-        left = np.flatnonzero(scale == 0.0)
-        changed = np.abs(slope[left]) @ scale
-        # No reading reaches the rest, so that its size does not matter for the loop.
-        scale[left] = changed if np.any(changed) else 1.0
-        waiting = left[scale[left] > 0.0]
-    return LinearController(slope[:n, :n], slope[:n, n:], slope[n:, :n], slope[n:, n:])
+    law = deepcopy(controller)
+    law.reset()
+    readings = Measurement(**{name: np.array(value) for name, value in measured.items()})
+    inputs = law.planned(t, Rest(readings) if reference is None else reference)
+    memory, _ = law.step(law.initial_memory(readings, inputs), readings, inputs)
+    step = StepMap(law, memory, readings, inputs)
+    if step.analytic:
+        return step.linear(step.slope())
+    kinds = dict(signals or {})
+    sizes = [_sizes(kinds.get(k, k), value, law.sample_time) for k, value in readings.items()]
+    return step.linear(_differences(step, np.concatenate([np.zeros(0), *sizes])))
 
 
 def _sizes(signal: Any, value: FloatArray, sample_time: float) -> FloatArray:
@@ -191,54 +123,123 @@ def _sizes(signal: Any, value: FloatArray, sample_time: float) -> FloatArray:
     return np.full(np.size(value), size)
 
 
-class Memory:
-    """Memory of a controller between samples, as one vector.
+def _differences(step: StepMap, sizes: FloatArray) -> FloatArray:
+    """Return the derivatives (m, n) of a step, for readings of these sizes."""
+    point = step.point
+    n = point.size - sizes.size
+    scale = np.concatenate([np.zeros(n), sizes])
+    values = step(point[None])[0]
+    slope, change = np.zeros((values.size, point.size)), np.zeros(point.size)
+    waiting, largest = np.flatnonzero(scale), np.inf  # largest: change of a torque by a reading
+    while waiting.size:
+        shift = _STEP * np.maximum(scale, np.abs(point))
+        moving = waiting
+        for _ in range(_REDUCTIONS):
+            shifts = np.diag(shift)[moving]
+            rise = step(point + shifts) - step(point - shifts)
+            slope[:, moving] = rise.T / (2.0 * shift[moving])
+            change[moving] = np.abs(rise[:, n:]).max(axis=1, initial=0.0)
+            moving = moving[change[moving] > largest]
+            if not moving.size:
+                break
+            shift[moving] *= 0.1
+        # Memory after a fast filter would request torques beyond the limits of the controller.
+        largest = float(change[n:].max(initial=0.0)) or np.inf
+        rest = np.flatnonzero(scale == 0.0)
+        changed = np.abs(slope[rest]) @ scale
+        # No reading reaches the rest, so that its size does not matter for the loop.
+        scale[rest] = changed if np.any(changed) else 1.0
+        waiting = rest[scale[rest] > 0.0]
+    return slope
+
+
+class StepMap:
+    """Step of a law as a function of numbers: its memory and the readings.
+
+    A point is [memory, readings]; its value is [memory after the step, torques]. Numbers of the
+    memory that are no floats are constant.
 
     Args:
-        controller: controller that declares its ``memory``, after an update.
-        kinds: allowed kinds of NumPy's number types. Truth values that they do not include are
-            left out, because they cannot be differentiated.
-        more: attributes beside the declared ones.
+        law: the law. memory: before the step; None for the first step, which begins with the
+            initial memory of the readings.
+        readings, inputs: of the sample.
+        rests: whether the first measured joint angles are the ``reference_angle`` among the inputs;
+            they are then the last numbers of the memory.
 
-    Raises:
-        MemoryNameError: if ``memory`` names something that is not a number or an array.
+    Attributes:
+        point: the numbers of memory and readings. analytic: whether ``slope`` is possible.
     """
 
-    def __init__(self, controller: Any, kinds: str = "iuf", more: Sequence[str] = ()) -> None:
-        self._places = []
-        for path in (*(memory_of(controller) or ()), *more):
-            *owners, name = path.split(".")
-            try:
-                owner = reduce(getattr, owners, controller)
-                value = getattr(owner, name)
-            except AttributeError:
-                hint = f"There is no attribute {path!r} after the first update."
-                rule = "name attributes of the controller"
-                raise MemoryNameError(_problem(controller, rule, shown(path), hint)) from None
-            kind = np.asarray(value).dtype.kind
-            # An unused attribute has no state.
-            if value is None or (kind == "b" and kind not in kinds):
-                continue
-            if kind not in kinds:
-                rule = f"name numbers and arrays; {path!r} is neither"
-                raise MemoryNameError(_problem(controller, rule, shown(value)))
-            self._places.append((owner, name, np.shape(value)))
+    def __init__(
+        self,
+        law: Controller,
+        memory: Arrays | None,
+        readings: Measurement,
+        inputs: Arrays,
+        rests: bool = False,
+    ) -> None:
+        self._law, self._memory, self._inputs, self._rests = law, memory, inputs, rests
+        self._together, self.analytic = declares(law, "vectorized"), declares(law, "analytic")
+        before = _floats(memory or {})
+        if rests and memory is not None:
+            before[_REST] = inputs["reference_angle"]
+        self._kinds = {name: np.shape(value) for name, value in before.items()}
+        self._readings = {name: np.shape(value) for name, value in readings.items()}
+        self._count = sum(np.size(value) for value in before.values())
+        parts = [np.ravel(value) for value in (*before.values(), *readings.values())]
+        self.point = np.concatenate([np.zeros(0), *parts])
 
-    @property
-    def shapes(self) -> list[tuple[str, tuple[int, ...]]]:
-        """Names of the attributes, without their owners, and their shapes."""
-        return [(name, shape) for _, name, shape in self._places]
+    def __call__(self, points: Any) -> Any:
+        """Return the values (p, m) at points (p, n)."""
+        if self._together and len(points):
+            return self._at(points)
+        return np.array([self._at(point) for point in points])
 
-    def read(self) -> FloatArray:
-        """Return the numbers (n,)."""
-        values = [np.ravel(getattr(owner, name)) for owner, name, _ in self._places]
-        return np.concatenate([np.zeros(0), *values])
+    def slope(self) -> FloatArray:
+        """Return the derivatives (m, n) at the point, exact to rounding, by complex numbers."""
+        values = self(self.point + _TINY * 1j * np.eye(self.point.size))
+        slope: FloatArray = values.imag.T / _TINY
+        return slope
 
-    def write(self, numbers: FloatArray) -> None:
-        """Write the numbers (n,) to the controller."""
-        start = 0
-        for owner, name, shape in self._places:
-            end = start + int(np.prod(shape))
-            value = numbers[start:end].reshape(shape).copy()
-            setattr(owner, name, value if shape else value.item())
-            start = end
+    def linear(self, slope: FloatArray) -> LinearController:
+        """Return derivatives (m, n) as matrices."""
+        n, after = self._count, len(slope) - self._joints
+        return LinearController(
+            slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]
+        )
+
+    def _at(self, x: Any) -> Any:
+        """Return the values at a point (n,), or at many (p, n) in one call of the law."""
+        runs, inputs = x.shape[:-1], self._inputs
+        readings = Measurement(**_split(x[..., self._count :], self._readings))
+        memory = _split(x[..., : self._count], self._kinds)
+        if self._rests:
+            rest = readings.joint_angle if self._memory is None else memory.pop(_REST)
+            inputs = {**inputs, "reference_angle": rest}
+        if self._memory is None:
+            memory = dict(self._law.initial_memory(readings, inputs))
+        after, torque = self._law.step({**(self._memory or {}), **memory}, readings, inputs)
+        torque = np.asarray(torque)
+        self._joints = torque.shape[-1]
+        parts = [np.reshape(value, (*runs, -1)) for value in _floats(after).values()]
+        parts += [rest] if self._rests else []
+        return np.concatenate([*parts, np.broadcast_to(torque, (*runs, self._joints))], axis=-1)
+
+
+def _floats(memory: Arrays) -> dict[str, Any]:
+    """Return the numbers of a memory that are differentiated."""
+    return {
+        name: value
+        for name, value in memory.items()
+        if np.asarray(value).dtype.kind in "fc" and not name.rpartition(".")[2].startswith("_")
+    }
+
+
+def _split(numbers: Any, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
+    """Return numbers (..., n) as named arrays of given shapes."""
+    arrays, start, runs = {}, 0, numbers.shape[:-1]
+    for name, shape in shapes.items():
+        end = start + int(np.prod(shape))
+        arrays[name] = numbers[..., start:end].reshape((*runs, *shape))[()]
+        start = end
+    return arrays

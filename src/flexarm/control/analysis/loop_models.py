@@ -105,7 +105,7 @@ def loop_models(
     feedback: ``control.feedback(plant, controller, sign=1)`` is the closed loop.
 
     Args:
-        controller: a controller that declares its ``memory``; all built-in ones do except
+        controller: a controller with a ``step`` that can be linearised, as all built-in ones except
             `EstimatorController`, `NonlinearMPC`, `RBFAdaptive` and `RepetitiveControl`.
         plant: the arm; None for the model of the controller.
         posture: (joints,) rad; None for the first posture of the design, or zeros if the
@@ -116,7 +116,7 @@ def loop_models(
         reference: motion that presses (`pressed_motion`), for the force controllers.
 
     Raises:
-        InputError: if the controller does not declare its memory, an instrument has its own
+        InputError: if the controller has no ``step``, an instrument has its own
             ``sample_time``, or an argument has the wrong shape.
         EquilibriumError: if the arm has no equilibrium at the posture.
 

@@ -12,7 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.control.analysis.linear_controller import FrozenReference, memory_of
+from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.plant_model import (
     instruments_of,
     loop_of,
@@ -26,6 +26,7 @@ from flexarm.control.contract.base import (
     Reference,
     check_controller,
     check_reference,
+    has_poles,
     requirements_of,
 )
 from flexarm.control.hardware.measurement import FloatArray
@@ -69,7 +70,7 @@ def loop_at(
     """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
 
     Args:
-        controller: controller that declares its ``memory``.
+        controller: controller with a ``step``.
         plant: the arm; None for the model of the controller.
         posture: (joints,) rad.
         hardware: instruments and motors; None for exact ones.
@@ -122,7 +123,7 @@ def loop_margins(
     start of a run to its end; others do not.
 
     Args:
-        controller: a controller that declares its ``memory``; all built-in ones do except
+        controller: a controller with a ``step`` that can be linearised, as all built-in ones except
             `EstimatorController`, `NonlinearMPC`, `RBFAdaptive` and `RepetitiveControl`.
         plants: arms to combine with the controller, as a list or by name; None for the model of
             the controller.
@@ -145,7 +146,7 @@ def loop_margins(
         poles that decay slowest, one for each complex pair; NaN if there are fewer.
 
     Raises:
-        InputError: if the controller does not declare its memory, an instrument has its own
+        InputError: if the controller has no ``step``, an instrument has its own
             ``sample_time``, or an argument has the wrong shape.
         EquilibriumError: if an arm has no equilibrium at a posture.
 
@@ -239,11 +240,11 @@ def plants_of(
     """Return the arms by name, after checking them and the controller.
 
     Raises:
-        InputError: if the controller does not declare its memory, or an arm does not fit it.
+        InputError: if the controller has no ``step``, or an arm does not fit it.
     """
     check_controller("controller", controller)
-    if memory_of(controller) is None:
-        rule = "does not declare its memory, the attributes that it keeps between samples"
+    if not has_poles(controller):
+        rule = "has no step, which poles and margins need"
         raise InputError(Problem("controller", rule))
     own = getattr(controller, "arm", None)
     if plants is None and not isinstance(own, Arm):

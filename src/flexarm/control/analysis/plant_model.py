@@ -156,7 +156,7 @@ def loop_of(
     believed: PlantModel | None = None,
     rate: float = 0.0,
 ) -> SampledLoop:
-    """Close the loop of a controller that declares its memory around a linear arm.
+    """Close the loop of a law around a linear arm.
 
     The controller is linearised about the readings of its own model ``believed``, by default
     ``model``, and about the force that the ``reference`` requests. Errors are zero there, and no

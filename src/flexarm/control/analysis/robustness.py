@@ -54,7 +54,7 @@ def robustness(
     one may be stable for all arms; it is for balls that are smaller by this factor.
 
     Args:
-        controller: a controller that declares its ``memory``, see `loop_margins`.
+        controller: a controller with a ``step``, see `loop_margins`.
         plants: sample of the uncertain arm, such as arms made by `varied`; the model of the
             controller belongs to the sample, too.
         posture: (joints,) rad; None for the first posture of the design, or zeros.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from abc import ABC
+from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 from weakref import WeakSet
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
@@ -39,98 +40,13 @@ class Reference(Protocol):
         """Return the joint accelerations (joints,) at time t, rad/s^2."""
 
 
-class Controller(ABC):
-    """Base class of all controllers.
-
-    ``simulate`` relies on these rules:
-
-    1. ``sample_time`` (s) is constant during a run.
-    2. ``reset`` is called once before a run and clears all state, so that runs are repeatable.
-    3. ``update`` is called at 0, sample_time, 2 sample_time, ... in order, with the measurement at
-       that time. It returns torques (joints,) N m, which a zero-order hold applies until the next
-       call.
-    4. ``update`` receives the measurement and the reference only, never the simulated state.
-    5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
-       ``simulate`` raises if one is not met.
-    6. ``memory`` lists the attributes (numbers, truth values or arrays) that carry information from
-       one sample to the next; None if they are not declared. The stability analysis of the sampled
-       loop uses it. ``start_memory`` lists those that the first update stores and later ones do not
-       change. With both, ``sensitivities`` differentiates runs with this controller.
-    7. Everything that a controller stores is in its attributes. ``simulate_batch`` executes runs
-       side by side, with a copy of the controller (``copy.deepcopy``) for each.
-    8. If ``vectorized`` is true, ``update`` also accepts the readings of many runs at the same
-       time, (runs, k) instead of (k,), and returns torques (runs, joints). Each row has the numbers
-       of its run alone. ``simulate_batch`` then calls it once for all runs.
-
-    Any object with ``sample_time``, ``reset`` and ``update`` is accepted; deriving from this class
-    is optional.
-    """
-
-    sample_time: float
-    memory: tuple[str, ...] | None = None
-    start_memory: tuple[str, ...] = ()
-    vectorized: bool = False
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Wrap the methods of built-in controllers with checks of their arguments."""
-        super().__init_subclass__(**options)
-        if cls.__module__.startswith("flexarm."):
-            checks = (
-                ("update", _checked_update),
-                ("feedback", _checked_update),
-                ("requirements", _checked_requirements),
-            )
-            for name, checked in checks:
-                if name in vars(cls):
-                    setattr(cls, name, checked(vars(cls)[name]))
-
-    def reset(self) -> None:  # noqa: B027  (most controllers keep nothing between samples)
-        """Clear all state of the previous run."""
-
-    @abstractmethod
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> ArrayLike:
-        """Return the joint torques (joints,) N m to apply from time t to the next sample."""
-
-    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """Return the requirements for controlling ``arm`` along ``reference``; none by default."""
-        return ControllerRequirements()
-
-    def needs(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """Return ``requirements``; deprecated name."""
-        kind = type(self).__name__
-        warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
-        return self.requirements(arm, reference)
-
-    def report(self) -> dict[str, float]:
-        """Return numbers about the run since ``reset``, stored as attributes of its result."""
-        return {}
-
-
-def declares(controller: object, name: str) -> bool:
-    """Return whether an attribute of a controller, such as ``memory``, is about its ``update``.
-
-    It is not, if a base class has the attribute and a derived class overrides ``update``.
-    """
-    if name in getattr(controller, "__dict__", {}):
-        return True
-    for kind in type(controller).__mro__:
-        if name in vars(kind):
-            return True
-        if "update" in vars(kind):
-            return False
-    return True
-
-
-def _checked_update(update: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
+def _checked_update(update: Callable[..., Any]) -> Callable[..., Any]:
     @public_call
     @wraps(update)
     def checked(
         self: Controller, t: float, measurement: Measurement, reference: Reference | None
-    ) -> FloatArray:
+    ) -> Any:
         # The tests are cheap because they run at every sample time. NaN fails the comparison.
-        # A law that is exported is evaluated over symbols.
-        if type(t) is not float and getattr(t, "symbolic", False):
-            return update(self, t, measurement, reference)
         if type(t) is not float or not -_LATEST < t < _LATEST:
             t = check_number("t", t, _counts, f"be a time within {_LATEST:g} s")
         if not isinstance(measurement, Measurement):
@@ -156,6 +72,241 @@ def _checked_requirements(
         return found
 
     return checked
+
+
+class Rest:
+    """Reference at rest at the first measured joint angles, for a loop without a reference.
+
+    Attributes:
+        angle: (joints,) rad, or (runs, joints) of many runs; empty if they are not measured.
+    """
+
+    vectorized = True
+
+    def __init__(self, measurement: Mapping[str, Any]) -> None:
+        self.angle: FloatArray = np.array(measurement.get("joint_angle", ()))
+        self._still: FloatArray = 0.0 * self.angle
+
+    def joint_angle(self, t: Any) -> FloatArray:
+        """Return the joint angles, (joints,) or (T, joints), rad."""
+        return self.angle if np.ndim(t) == 0 else np.tile(self.angle, (len(t), 1))
+
+    def joint_rate(self, t: Any) -> FloatArray:
+        """Return zeros, rad/s."""
+        return self._still if np.ndim(t) == 0 else np.tile(self._still, (len(t), 1))
+
+    joint_acceleration = joint_rate
+
+
+#: Named arrays: the memory of a law, or its planned inputs.
+Arrays = Mapping[str, Any]
+
+
+class Controller(ABC):
+    """Base class of all controllers.
+
+    A controller is written as a *law*: a pure step from one sample to the next. ``update``,
+    ``reset`` and ``memory`` follow from it, and many runs, poles and margins, derivatives of runs
+    and exported C code evaluate the step itself.
+
+    1. ``step`` returns the next memory and the torques (joints,) N m, which a zero-order hold
+       applies until the next sample. It depends on its arguments and on the parameters of the
+       controller only, and changes no attribute and no argument.
+    2. The memory is a dictionary of arrays. ``initial_memory`` returns that of the first sample;
+       the names and shapes stay the same. Not differentiated are numbers that are no floats, such
+       as counters and truth values, and names with an underscore: iterates that change little.
+    3. ``planned`` returns the inputs of a sample that are known in advance, by name: those of the
+       reference by default. Exported code has them as arguments. Without a reference, a loop
+       follows a `Rest` at its first measured angles.
+    4. ``sample_time`` (s) is constant during a run. ``reset`` is called once before a run; then
+       ``update`` is called at 0, sample_time, 2 sample_time, ... in order.
+    5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
+       ``simulate`` raises if one is not met.
+    6. If ``vectorized`` is true, ``step`` also accepts the readings and the memory of many runs,
+       (runs, k) instead of (k,), and returns torques (runs, joints). Each row has the numbers
+       of its run alone. If ``analytic`` is true, too, ``step`` accepts complex readings and memory
+       and is an analytic function of them, except at limits; its derivatives are then exact.
+    7. If ``linearizable`` is false, loops have no poles and margins: too many numbers change.
+
+    A class with an ``update`` of its own instead of ``step`` is accepted, and so is any object with
+    ``sample_time``, ``reset`` and ``update``: by ``simulate``, ``simulate_batch`` (with a copy,
+    ``copy.deepcopy``, for each run), ``compare`` and ``Plant``, and within other controllers. Its
+    loops have no poles, margins and derivatives, and it is not exported.
+    """
+
+    sample_time: float
+    vectorized: bool = False
+    analytic: bool = False
+    linearizable: bool = True
+    _memory: Arrays | None = None
+    _rest: Rest | None = None
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Wrap the methods of built-in controllers with checks of their arguments."""
+        super().__init_subclass__(**options)
+        if cls.__module__.startswith("flexarm."):
+            checks = (
+                ("update", _checked_update),
+                ("feedback", _checked_update),
+                ("requirements", _checked_requirements),
+            )
+            for name, checked in checks:
+                if name in vars(cls):
+                    setattr(cls, name, checked(vars(cls)[name]))
+
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the inputs at time t (s) that are known in advance, by name."""
+        return {
+            "reference_angle": reference.joint_angle(t),
+            "reference_rate": reference.joint_rate(t),
+            "reference_acceleration": reference.joint_acceleration(t),
+        }
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """Return the memory before the first step, by name; empty by default."""
+        return {}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
+        """Return the next memory, and the torques (joints,) N m of a sample."""
+        raise NotImplementedError(f"{type(self).__name__} has no step")
+
+    @property
+    def memory(self) -> Arrays:
+        """Memory after the last update, by name; empty after ``reset``."""
+        return {} if self._memory is None else self._memory
+
+    @memory.setter
+    def memory(self, value: Arrays) -> None:
+        self._memory = value
+
+    def reset(self) -> None:
+        """Clear all state of the previous run."""
+        self._memory = self._rest = None
+
+    @_checked_update
+    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> ArrayLike:
+        """Return the joint torques (joints,) N m to apply from time t to the next sample."""
+        inputs = self.planned(t, self._reference_or_rest(measurement, reference))
+        memory = self._memory
+        if memory is None:
+            memory = self.initial_memory(measurement, inputs)
+        after, torque = self.step(memory, measurement, inputs)
+        self._keep(after)
+        return cast("ArrayLike", torque)
+
+    def _keep(self, memory: Arrays) -> None:
+        """Store the memory after an update."""
+        self._memory = memory
+
+    def _reference_or_rest(
+        self, measurement: Measurement, reference: Reference | None
+    ) -> Reference:
+        """Return the reference; without one, rest at the angles of the first measurement."""
+        if reference is not None:
+            return reference
+        if self._rest is None:
+            self._rest = Rest(measurement)
+        return self._rest
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """Return the requirements for controlling ``arm`` along ``reference``; none by default."""
+        return ControllerRequirements()
+
+    def needs(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        """Return ``requirements``; deprecated name."""
+        kind = type(self).__name__
+        warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
+        return self.requirements(arm, reference)
+
+    def report(self) -> dict[str, float]:
+        """Return numbers about the run since ``reset``, stored as attributes of its result."""
+        return {}
+
+
+class UpdateLaw(Controller):
+    """Controller with an ``update`` alone, as a part of a law: its state stays in the object.
+
+    Such a law is not pure: it is for runs only.
+    """
+
+    def __init__(self, controller: Any) -> None:
+        self.controller = controller
+
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the time and the reference itself."""
+        return {"time": t, "reference": reference}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
+        """See ``Controller.step``."""
+        reference = inputs["reference"]
+        if "reference_angle" in inputs:
+            reference = ShiftedReference(inputs, reference)
+        elif isinstance(reference, Rest):
+            reference = None
+        return memory, np.asarray(self.controller.update(inputs["time"], readings, reference))
+
+
+class ShiftedReference:
+    """Reference with given angles and rates at one sample time; else that of another reference."""
+
+    def __init__(self, inputs: Arrays, outer: Reference) -> None:
+        self._angle, self._rate = inputs["reference_angle"], inputs["reference_rate"]
+        self.joint_acceleration = outer.joint_acceleration
+
+    def joint_angle(self, t: float) -> FloatArray:
+        """Return the joint angles (joints,), rad."""
+        return cast("FloatArray", self._angle)
+
+    def joint_rate(self, t: float) -> FloatArray:
+        """Return the joint rates (joints,), rad/s."""
+        return cast("FloatArray", self._rate)
+
+
+def law_of(controller: Any) -> Controller:
+    """Return a controller whose torque is that of its step, or the `UpdateLaw` of another one."""
+    own = controller if isinstance(controller, Controller) and _steps(controller) else None
+    return own or UpdateLaw(controller)
+
+
+def has_poles(controller: Any) -> bool:
+    """Return whether the loop of a controller has poles and margins."""
+    inner = getattr(controller, "inner", None)
+    linearizable = is_law(controller) and controller.linearizable
+    return linearizable and (inner is None or has_poles(inner))
+
+
+def is_law(controller: Any) -> bool:
+    """Return whether the torque of a controller, and of that inside it, is that of a pure step."""
+    inner = getattr(controller, "inner", None)
+    pure = isinstance(controller, Controller) and _steps(controller)
+    return pure and (inner is None or is_law(inner))
+
+
+def declares(controller: object, name: str) -> bool:
+    """Return whether an attribute of a controller, such as ``vectorized``, is true of its law.
+
+    It is not, if a base class has the attribute and a derived class overrides the law.
+    """
+    if name in getattr(controller, "__dict__", {}):
+        return bool(getattr(controller, name))
+    for kind in type(controller).__mro__:
+        if name in vars(kind):
+            return bool(getattr(controller, name))
+        if "update" in vars(kind) or "step" in vars(kind):
+            return False
+    return bool(getattr(controller, name, False))
+
+
+def _steps(controller: Controller) -> bool:
+    """Return whether no class overrides ``update`` after ``step``."""
+    if "update" in vars(controller):
+        return False
+    for kind in type(controller).__mro__:
+        if "update" in vars(kind):
+            return False
+        if "step" in vars(kind):
+            return True
+    return False
 
 
 def _check_feedforward(controller: Any, joints: int) -> None:

@@ -42,7 +42,7 @@ class Parametrised(Parameters):
         own = cls.__init__ is not Parametrised.__init__
         kind.__signature__ = _without_self(kind) if own else _signature(kind)
         if vars(cls).get("__doc__") and cls.__module__.startswith("flexarm."):
-            cls.__doc__ = _documented(kind)
+            cls.__doc__ = _Documented(cleandoc(cls.__doc__ or ""))  # type: ignore[assignment]
 
     @public_call
     def __init__(self, *values: Any, **named: Any) -> None:
@@ -157,14 +157,20 @@ def _without_self(kind: Any) -> Signature:
     return whole.replace(parameters=list(whole.parameters.values())[1:])
 
 
-def _documented(kind: Any) -> str:
-    """Return the docstring of a class with the arguments of its constructor."""
-    text = cleandoc(kind.__doc__ or "")
-    entries = {name: item.description for name, item in _parameters(kind).items()}
-    if not entries:
-        return text
-    at = min((text.find(section) for section in _AFTER_ARGS if section in text), default=len(text))
-    return "\n".join([text[:at].rstrip(), "", *args_text(entries), text[at:]]).rstrip()
+class _Documented:
+    """Docstring of a class; the arguments of its constructor are added when it is read."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+
+    def __get__(self, instance: object, kind: Any) -> str:
+        text = self._text
+        entries = {name: item.description for name, item in _parameters(kind).items()}
+        if not entries:
+            return text
+        ends = (text.find(section) for section in _AFTER_ARGS if section in text)
+        at = min(ends, default=len(text))
+        return "\n".join([text[:at].rstrip(), "", *args_text(entries), text[at:]]).rstrip()
 
 
 class OfArm(Parametrised):

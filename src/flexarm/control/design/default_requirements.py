@@ -18,7 +18,7 @@ from flexarm.model.drives.linear import LQGParameters
 #: Outputs that can be measured, because their nominal values are computed.
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 #: Default acceptable deviations: of angles (rad), of the tip relative to the reach, of rates
-#: relative to `typical_rate`. They are those of docs/how-to/measure_robustness.py, for
+#: relative to `typical_rate`. They are those of docs/performance/measure_robustness.py, for
 #: whose arm they are round numbers: 10 mrad, 10 mm and 0.2 rad/s.
 _ANGLE, TIP, _RATE = 0.01, 0.004, 0.032
 #: Outputs that can be integrated, and their default acceptable integrals times `typical_rate`: rad,

@@ -34,26 +34,18 @@ class SaggingArm:
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
         self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
-        self.reset()
 
-    def reset(self) -> None:
-        """Reset the sag to zero."""
-        self._bend = np.zeros(len(self._compliance))
-        self._known = False
+    def first_sag(self, angle: FloatArray) -> FloatArray:
+        """Return the sag, in elastic coordinates, at the first joint angles."""
+        sag = np.zeros(len(self._compliance))
+        for _ in range(_FIRST_CORRECTIONS):
+            _, sag = self.gravity_torque(angle, sag)
+        return sag
 
-    def gravity_torque(self, angle: FloatArray) -> FloatArray:
-        """Return the torque (joints,) N m of the arm at rest, joint springs included."""
+    def gravity_torque(self, angle: FloatArray, sag: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the torque (joints,) N m at rest, joint springs included, and the next sag."""
         self._state[0, self._bodies, 0] = angle
-        if not self._known:
-            for _ in range(_FIRST_CORRECTIONS):
-                self._correct()
-            self._known = True
-        return self._correct()
-
-    def _correct(self) -> FloatArray:
-        """Return the torque at the current sag, and correct the sag."""
-        self._state[0][self._places] = self._bend
+        self._state[0][self._places] = sag
         force = self._kernels.inverse_dynamics(self._state, self._still)
         torque: FloatArray = force[self._bodies, 0]
-        self._bend = self._bend - self._compliance @ force[self._places]
-        return torque
+        return torque, sag - self._compliance @ force[self._places]

@@ -13,7 +13,7 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.linear.vibration.held import Joints, joint_feedback
 from flexarm.linear.vibration.tracking import track_modes
 from flexarm.model.checks import checked_arguments
-from flexarm.model.scenarios.shaping import ShapingSpec
+from flexarm.model.scenarios.motions import ShapingSpec
 from flexarm.motion.impulses import Impulses, impulses, residual
 from flexarm.motion.motion import Motion, check_motion
 from flexarm.motion.shaping import Clock, ShapedMotion

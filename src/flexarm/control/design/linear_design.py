@@ -22,7 +22,7 @@ from flexarm.model.wording import nearest
 #: Energy of the unknown elastic forces relative to that of `bending`, and acceptable relative
 #: size of the bending, both for an uncertainty of one: (C.39). With these values and an uncertainty
 #: of 0.3, LQG with its default weights is stable on the three arms of
-#: docs/how-to/measure_robustness.py with links 30 % softer and stiffer, and with twice the payload.
+#: docs/performance/measure_robustness.py: links 30 % softer and stiffer, and twice the payload.
 _NOISE, _BEND = 0.25, 0.02
 
 

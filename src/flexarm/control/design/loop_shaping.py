@@ -20,8 +20,8 @@ from flexarm.model.drives.linear import LoopShapingParameters
 #: under unit feedback of its output are real and equal.
 _LEAD = 0.25
 #: Damping ratio that stands for an uncertainty of one. With this value and an uncertainty of 0.3
-#: the default design is stable on the three arms of docs/how-to/measure_robustness.py with links
-#: 30 % softer and stiffer, and with twice the payload.
+#: the default design is stable on the three arms of docs/performance/measure_robustness.py: links
+#: 30 % softer and stiffer, and twice the payload.
 DAMPING = 1.0 / 3.0
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 

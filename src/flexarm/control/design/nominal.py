@@ -80,16 +80,15 @@ class PreviewedReference:
         self.reset()
 
     def reset(self) -> None:
-        """Clear the stored posture and the samples computed in advance."""
-        self._held: FloatArray | None = None
+        """Clear the samples computed in advance."""
         self._reference: Reference | None = None
         self._first_tick = 0
         self._now: float | None = None
         self._start = self._end = 0  # index of the current sample, and end of the computed ones
         self.missing = self._missing[: self._steps]
 
-    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
-        """Return the nominal motion at t (s); without a reference, rest at the first angles.
+    def at(self, t: float, reference: Reference) -> Nominal:
+        """Return the nominal motion at t (s).
 
         Call it in the order of the samples; at the same time again, it returns the same.
         """
@@ -101,7 +100,7 @@ class PreviewedReference:
                 self._end = min(self._end, self._start + self._steps - 1)
         self._reference, self._now = reference, t
         if self._start + self._steps > self._end:
-            self._go_on(angle_now, reference)
+            self._go_on(reference)
         k = self._start
         self.missing = self._missing[k : k + self._steps]
         return Nominal(*[buffer[k] for buffer in self._buffers])
@@ -115,9 +114,9 @@ class PreviewedReference:
         here = slice(self._start, self._start + min(count, self._steps))
         return np.hstack([self._q[here], self._qd[here]])
 
-    def _go_on(self, angle_now: FloatArray, reference: Reference | None) -> None:
+    def _go_on(self, reference: Reference) -> None:
         """Compute more samples, at least up to the end of the preview."""
-        many = reference is None or bool(getattr(reference, "vectorized", False))
+        many = bool(getattr(reference, "vectorized", False))
         count = self._start + self._steps - self._end
         count = max(count, _AHEAD) if many else count
         if self._end + count > len(self._angle):
@@ -128,17 +127,10 @@ class PreviewedReference:
             self._start, self._end = 0, known
         samples = self._first_tick + np.arange(self._end, self._end + count)
         times = np.asarray(samples * self._sample_time, dtype=np.float64)
-        self._fill(*self._motion(times, angle_now, reference, many))
+        self._fill(*self._motion(times, reference, many))
 
-    def _motion(
-        self, times: FloatArray, angle_now: FloatArray, reference: Reference | None, many: bool
-    ) -> list[FloatArray]:
+    def _motion(self, times: FloatArray, reference: Reference, many: bool) -> list[FloatArray]:
         """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
-        if reference is None:
-            if self._held is None:
-                self._held = np.array(angle_now, dtype=np.float64)
-            angle = np.tile(self._held, (len(times), 1))
-            return [angle, np.zeros_like(angle), np.zeros_like(angle)]
         # Motions end at rest, and need not be defined beyond their end.
         end = float(getattr(reference, "end_time", np.inf))
         rests = times > end
@@ -206,7 +198,7 @@ class RecordedRun:
         """Return to the start of the run."""
         self._now = 0.0
 
-    def at(self, t: float, angle_now: FloatArray, reference: Reference | None) -> Nominal:
+    def at(self, t: float, reference: Reference | None) -> Nominal:
         """Return the nominal motion at t (s)."""
         self._now = t
         q, qd = self._state(t)

@@ -100,24 +100,19 @@ class Interpolated:
         self._grid, self._values, self._shapes = state
         self._begin()
 
-    def move(self, angle: FloatArray) -> bool:
-        """Interpolate ``arrays`` at a posture; return whether they changed."""
+    def at(self, angle: FloatArray) -> list[FloatArray]:
+        """Return the arrays at a posture, which the next call overwrites."""
         corners = self._grid.weights(angle)
-        if corners == self._at:
-            return False
-        self._at = corners
-        first, weight = corners[0]
-        np.multiply(self._values[first], weight, out=self._now)
-        for node, weight in corners[1:]:
-            self._now += weight * self._values[node]
-        return True
+        if corners != self._at:
+            self._at = corners
+            first, weight = corners[0]
+            np.multiply(self._values[first], weight, out=self._now)
+            for node, weight in corners[1:]:
+                self._now += weight * self._values[node]
+        return self.arrays
 
     def first_at(self, angles: FloatArray) -> FloatArray:
         """Return the first array at postures (T, joints), with shape (T, ...)."""
         if len(self._values) == 1:
             return np.broadcast_to(self.arrays[0], (len(angles), *self.arrays[0].shape))
-        found = []
-        for angle in angles:
-            self.move(angle)
-            found.append(self.arrays[0].copy())
-        return np.array(found)
+        return np.array([self.at(angle)[0].copy() for angle in angles])

@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Reference
 from flexarm.control.contract.feedforward import SampledFeedforward
-from flexarm.control.design.task_plan import NUMBERS, Rows, TaskPlan, TaskReference, values_of
+from flexarm.control.design.task_plan import Rows, values_of
 from flexarm.control.hardware.measurement import FloatArray
 
 
@@ -23,44 +22,16 @@ class SurfaceMotion(NamedTuple):
 
 
 class SurfacePlan:
-    """Plan of the requested tip motion for a coefficient of friction that changes during a run.
+    """Plan of the requested motion along the surface; at rest for a reference without ``tip``."""
 
-    The request is interpolated between the reference and its ``rougher`` counterpart. A reference
-    without one is planned as it is, and without ``tip`` at rest.
-    """
-
-    def __init__(self, arm: Arm, sample_time: float) -> None:
-        self._plan, self._rougher = TaskPlan(arm, sample_time), TaskPlan(arm, sample_time)
-        self._joints, self._sample_time = arm.joints, sample_time
+    def __init__(self, sample_time: float) -> None:
+        self._sample_time = sample_time
         self.reset()
 
     def reset(self) -> None:
-        """Clear the reference and the stored angles."""
-        self._plan.reset()
-        self._rougher.reset()
+        """Clear the reference."""
         self._reference: Any = None
         self._rows: SampledFeedforward | None = None
-
-    def at(
-        self,
-        t: float,
-        angle: FloatArray,
-        reference: Reference | None,
-        friction: float,
-        friction_rate: float,
-    ) -> TaskReference:
-        """Return the request at t (s) for a coefficient of friction and its rate (1/s)."""
-        given: Any = reference
-        rougher = getattr(given, "rougher", None)
-        if rougher is None:
-            return self._plan.at(t, angle, reference)
-        row = self._plan.row(t, given)
-        slope = (self._rougher.row(t, rougher) - row) / (rougher.friction - given.friction)
-        row = row + (friction - given.friction) * slope
-        rates = NUMBERS + self._joints
-        row[2:4] += friction_rate * slope[0:2]
-        row[rates : rates + self._joints] += friction_rate * slope[NUMBERS:rates]
-        return self._plan.request(row)
 
     def along(self, t: float, reference: Reference) -> SurfaceMotion:
         """Return the requested motion along the surface at t (s)."""

@@ -11,8 +11,7 @@ from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Reference
 from flexarm.control.contract.feedforward import SampledFeedforward
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.motion.geometry.chain import rigid_chain
-from flexarm.motion.geometry.kinematics import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.chain import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 
 class TaskReference(NamedTuple):
@@ -38,7 +37,7 @@ NUMBERS = 9
 
 
 class TaskPlan:
-    """Plan of the requested tip motion along a reference, or at the first angles without one.
+    """Plan of the requested tip motion along a reference.
 
     A reference with ``vectorized`` true accepts arrays of times, and is evaluated at many sample
     times at once. A reference without ``contact_force``, ``normal`` and ``pressing_torque``
@@ -51,20 +50,10 @@ class TaskPlan:
         self._sample_time = sample_time
         self._reference: Any = None
         self._rows: SampledFeedforward | None = None
-        self._held: TaskReference | None = None
 
     def reset(self) -> None:
-        """Clear the reference and the stored angles."""
-        self._reference = self._rows = self._held = None
-
-    def at(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
-        """Return the request at t (s); without a reference, rest at the first ``angle``."""
-        if reference is None:
-            if self._held is None:
-                here, still = np.array([angle]), np.zeros((1, self._joints))
-                self._held = self.request(self._row(here, still, still, None, np.zeros(1))[0])
-            return self._held
-        return self.request(self.row(t, reference))
+        """Clear the reference."""
+        self._reference = self._rows = None
 
     def row(self, t: float, reference: Reference) -> FloatArray:
         """Return the numbers of the request at t (s), in the order of ``TaskReference``."""

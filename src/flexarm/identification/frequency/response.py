@@ -1,9 +1,15 @@
-"""Frequency responses of measured records: ``flexarm.frequency_response``."""
+"""Frequency responses of measured records: ``flexarm.frequency_response``.
+
+Spectra: Bendat and Piersol, *Random Data*, 4th ed., 2010, chapters 6, 7 and 9; Pintelon and
+Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2012, chapters 2 and 3;
+for segments that overlap Harris, Proceedings of the IEEE 66 (1978) 51.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,15 +24,8 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.identification.frequency.fit import fitted
-from flexarm.identification.frequency.measured_modes import MeasuredModes
-from flexarm.identification.frequency.spectra import (
-    ComplexArray,
-    Spectra,
-    instrument_response,
-    periodic_spectra,
-    segment_spectra,
-)
+from flexarm.identification.filtering import coefficients
+from flexarm.identification.frequency.fit import MeasuredModes, fitted
 from flexarm.identification.labels import MEASURED, Label
 from flexarm.identification.record import MeasuredRecord, Records, check_some_records
 from flexarm.integrate.base import FloatArray
@@ -170,20 +169,16 @@ def frequency_response(
     inputs, outputs = _signals_of(given)
     if period is not None:
         length = check_positive("period", period, "s")
-        parts = [periodic_spectra(record, length, start) for record in given.values()]
+        parts = [_periodic_spectra(record, length, start) for record in given.values()]
     else:
         width = None if segment is None else check_positive("segment", segment, "s")
-        parts = [segment_spectra(record, width, start) for record in given.values()]
+        parts = [_segment_spectra(record, width, start) for record in given.values()]
     spectra = _average(parts)
     return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
 
 
 def _check_band(band: ArrayLike | None) -> tuple[float, float]:
-    """Return the lowest and the highest frequency, Hz; all without a band.
-
-    Raises:
-        InputError: if the band is not a pair of ascending numbers.
-    """
+    """Return the lowest and the highest frequency, Hz; all without a band."""
     if band is None:
         return 0.0, np.inf
     low, high = check_array("band", band, (2,)).tolist()
@@ -193,12 +188,7 @@ def _check_band(band: ArrayLike | None) -> tuple[float, float]:
 
 
 def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], list[Label]]:
-    """Return the inputs and outputs that all records have.
-
-    Raises:
-        InputError: if records have no input, prescribed joints, or other signals or settings than
-            the first.
-    """
+    """Return the inputs and outputs that all records have, with the same settings."""
     names = list(records)
     first = records[names[0]]
     inputs, outputs = list(first.inputs), list(first.outputs)
@@ -220,12 +210,8 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
     return inputs, outputs
 
 
-def _average(parts: list[Spectra]) -> Spectra:
-    """Return the average of the spectra of records, weighted by their numbers of averages.
-
-    Raises:
-        InputError: if segments of records have different lengths.
-    """
+def _average(parts: list[_Spectra]) -> _Spectra:
+    """Return the average of the spectra of records, weighted by their numbers of averages."""
     if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
         hint = "Give its length in seconds."
         raise InputError(
@@ -233,21 +219,17 @@ def _average(parts: list[Spectra]) -> Spectra:
         )
     averages = sum(part.averages for part in parts)
     total = sum(part.averages * part.matrix for part in parts) / averages
-    return Spectra(parts[0].frequency_hz, np.asarray(total), averages)
+    return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
 
 
 def _estimate(
-    spectra: Spectra,
+    spectra: _Spectra,
     record: MeasuredRecord,
     inputs: list[Label],
     outputs: list[Label],
     band: tuple[float, float],
 ) -> FrequencyResponse:
-    """Return H1 = S_yu S_uu^-1 with its deviation and multiple coherence.
-
-    Raises:
-        InputError: if no frequency in the band is excited by all inputs independently.
-    """
+    """Return H1 = S_yu S_uu^-1 with its deviation and multiple coherence."""
     m, hertz = len(inputs), spectra.frequency_hz
     driven = spectra.matrix[:, :m, :m]
     power = np.diagonal(driven, axis1=1, axis2=2).real
@@ -265,7 +247,9 @@ def _estimate(
         raise InputError(Problem("records", rule, hint=hint))
     hertz, matrix = hertz[kept], spectra.matrix[kept]
     response, deviation, coherence = _h1(matrix, m, spectra.averages)
-    path = [[instrument_response(record, one, hertz) for one in part] for part in (inputs, outputs)]
+    path = [
+        [_instrument_response(record, one, hertz) for one in part] for part in (inputs, outputs)
+    ]
     removed = np.stack(path[1], axis=1)[:, :, None] * np.stack(path[0], axis=1)[:, None, :]
     return FrequencyResponse(
         hertz,
@@ -280,8 +264,8 @@ def _estimate(
 
 
 def _h1(
-    matrix: ComplexArray, m: int, averages: float
-) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    matrix: _ComplexArray, m: int, averages: float
+) -> tuple[_ComplexArray, FloatArray, FloatArray]:
     """Return responses, their deviations and coherences from spectra (F, n, n) with m inputs."""
     inverse = np.linalg.inv(matrix[:, :m, :m])
     crossed = matrix[:, m:, :m]
@@ -295,3 +279,135 @@ def _h1(
     noise = np.maximum(own - explained, 0.0) * averages / (averages - m)
     spread = np.diagonal(inverse, axis1=1, axis2=2).real / averages
     return response, np.sqrt(noise[:, :, None] * spread[:, None, :]), coherence
+
+
+_ComplexArray = NDArray[np.complex128]
+#: Distance of a period from a whole number of samples, in samples.
+_WHOLE = 1e-3
+#: Change of inputs from period to period, as a fraction of their size, that noise may cause.
+_REPEATED = 0.3
+#: Correlation of neighbouring segments that overlap by half, with Hann's window.
+_OVERLAP = 1.0 / 6.0
+#: Segments of a record by default, without their overlap, and the fewest samples of one.
+_SEGMENTS, _FEWEST = 8, 8
+
+
+class _Spectra(NamedTuple):
+    """Averaged spectra of inputs and outputs, the inputs first."""
+
+    frequency_hz: FloatArray  # (F,)
+    matrix: _ComplexArray  # (F, n, n) averages of Z Z^H of the transforms Z (n,), squared SI units
+    averages: float  # number of independent averages
+
+
+def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _Spectra:
+    """Return the spectra of whole periods (s) of a record, without a drift between periods."""
+    from scipy.signal import csd
+
+    rate, values = record.rate, _signals(record)
+    size = round(period * rate)
+    if size < _FEWEST or abs(period * rate - size) > _WHOLE:
+        rule = f"be at least {_FEWEST} samples, and a whole number of them, at {rate:g} Hz"
+        hint = "read_record(path, rate=...) resamples a record."
+        raise InputError(Problem("period", rule, f"{period * rate:.6g}", hint))
+    first = int(np.ceil(start * rate - _WHOLE))
+    count = (values.shape[1] - first) // size
+    if count < 1:
+        rule = f"leave a whole period in the record of {record.duration:g} s"
+        raise InputError(Problem("start", rule, f"{start:g}"))
+    values = values[:, first : first + count * size]
+    if count > 1:
+        ends = values[:, -size:].mean(axis=1) - values[:, :size].mean(axis=1)
+        slope = ends / ((count - 1) * size)
+        values = values - slope[:, None] * np.arange(count * size)
+        _warn_of_other_period(values[: len(record.inputs)], count, period)
+    frequency, found = csd(
+        values[:, None],
+        values[None],
+        fs=rate,
+        window="boxcar",
+        nperseg=size,
+        noverlap=0,
+        detrend=False,
+        scaling="spectrum",
+    )
+    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), float(count))
+
+
+def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None:
+    """Warn if inputs (inputs, samples) differ from one of ``count`` periods to the next."""
+    parts = inputs.reshape(len(inputs), count, -1)
+    middle = parts.mean(axis=(1, 2), keepdims=True)
+    changed = np.linalg.norm(np.diff(parts, axis=1)) / np.sqrt(2.0 * (count - 1))
+    size = np.linalg.norm(parts - middle) / np.sqrt(count)
+    if changed > _REPEATED * size:
+        text = f"the inputs do not repeat after the period of {period:g} s: they change by "
+        text += f"{100.0 * changed / size:.0f} % of their size from one to the next. "
+        warn_caller(text + "Give the period of the torque, or segment.", AccuracyWarning)
+
+
+def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float) -> _Spectra:
+    """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch)."""
+    from scipy.signal import csd
+
+    rate = record.rate
+    values = _signals(record)[:, int(np.ceil(start * rate - _WHOLE)) :]
+    length = values.shape[1]
+    if length < _FEWEST:
+        rule = f"leave at least {_FEWEST} samples in the record of {record.duration:g} s"
+        raise InputError(Problem("start", rule, f"{start:g}"))
+    size = length // _SEGMENTS if segment is None else round(segment * rate)
+    if not _FEWEST <= size <= length:
+        rule = f"have {_FEWEST} to {length} samples"
+        raise InputError(Problem("segment", rule, shown(size)))
+    frequency, found = csd(
+        values[:, None],
+        values[None],
+        fs=rate,
+        window="hann",
+        nperseg=size,
+        noverlap=size // 2,
+        detrend="linear",
+        scaling="spectrum",
+    )
+    count = (length - size // 2) // (size - size // 2)
+    averages = count / (1.0 + 2.0 * _OVERLAP**2 * (1.0 - 1.0 / count))
+    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), averages)
+
+
+def _signals(record: MeasuredRecord) -> FloatArray:
+    """Return the inputs and outputs (n, samples) of a record without missing samples."""
+    columns = {**record.inputs, **record.outputs}
+    missing = [label.text for label, column in columns.items() if np.isnan(column).any()]
+    if missing:
+        hint = "read_record(path, start=..., end=...) reads the part between gaps."
+        raise InputError(*(Problem(name, "has missing samples", hint=hint) for name in missing))
+    return np.stack(list(columns.values()))
+
+
+def _instrument_response(record: MeasuredRecord, label: Label, hertz: FloatArray) -> _ComplexArray:
+    """Return the response (F,) of the path between a quantity and its samples in the record.
+
+    That of an input is the response of its interpolation: a zero-order hold delays a sine by half
+    a sample. Delays and filters with ``recorded`` are included. Other filters are not, because the
+    samples have not passed through them.
+    """
+    from scipy.signal import freqz
+
+    settings, rate = record.settings, record.rate
+    found = np.exp(-2j * np.pi * hertz * settings.delays.get(label.channel, 0.0))
+    if label in record.inputs:
+        hold = np.sinc(hertz / rate)
+        if record.interpolation == "hold":
+            found = found * hold * np.exp(-1j * np.pi * hertz / rate)
+        elif record.interpolation == "linear":
+            found = found * hold**2
+    for item in settings.filters.get(label.channel, ()):
+        if not item.recorded or item.kind == "remove_mean":
+            continue
+        if item.kind == "gain":
+            assert item.factor is not None
+            found = found * item.factor
+            continue
+        found = found * freqz(*coefficients(item, rate), worN=hertz, fs=rate)[1]
+    return np.asarray(found)

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.explicit_runge_kutta.explicit import ExplicitRecord, advance_explicit
 from flexarm.integrate.tableau import Tableau
-from flexarm.kernels.compilation.dual_arrays import zeros_like
+from flexarm.kernels.compilation.duals import zeros_like
 from flexarm.kernels.layout import ArmConstants
 
 

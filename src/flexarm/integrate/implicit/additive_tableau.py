@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.additive import AdditiveRecord, advance_additive
 from flexarm.integrate.tableau import demand, demand_order, demand_zero
-from flexarm.kernels.compilation.dual_arrays import zeros_like
+from flexarm.kernels.compilation.duals import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 

@@ -10,7 +10,7 @@ from flexarm.base.arguments import check_number
 from flexarm.base.errors import public_call
 from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.newmark import NewmarkRecord, advance_newmark
-from flexarm.kernels.compilation.dual_arrays import zeros_like
+from flexarm.kernels.compilation.duals import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 

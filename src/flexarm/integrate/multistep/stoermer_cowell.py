@@ -10,7 +10,7 @@ from flexarm.integrate.base import FloatArray, Integrator
 from flexarm.integrate.implicit.additive_tableau import additive_record
 from flexarm.integrate.implicit.kennedy_carpenter import ORDER_4
 from flexarm.integrate.multistep.cowell import CowellRecord, advance_cowell
-from flexarm.kernels.compilation.dual_arrays import zeros_like
+from flexarm.kernels.compilation.duals import zeros_like
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.implicit_step import constants_to_soften
 

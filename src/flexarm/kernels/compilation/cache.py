@@ -7,11 +7,10 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import event
-from numba.core.cpu import CPUTargetOptions
 
 from flexarm.kernels.compilation.code_cache import cache_folder, cache_of, code_library
 from flexarm.kernels.compilation.compile_notice import CompileNotice
+from flexarm.kernels.compilation.numba_internals import CAN_OMIT_REFERENCES, register_listener
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,7 +34,7 @@ def _options() -> dict[str, Any]:
     if code_library:
         options["pipeline_class"] = code_library.KernelCompiler
     options["no_cfunc_wrapper"] = True  # no kernel is passed on as a C function
-    if hasattr(CPUTargetOptions, "_nrt"):
+    if CAN_OMIT_REFERENCES:
         options["_nrt"] = False
     return options
 
@@ -43,7 +42,9 @@ def _options() -> dict[str, Any]:
 def _decorate(function: F, apart: bool = False, **more: Any) -> F:
     dispatcher: Any = numba.njit(**{**_options(), **more})(function)
     if hasattr(dispatcher, "enable_caching"):  # absent if compilation is disabled
-        dispatcher._cache = cache_of(function, CACHE_DIRECTORY, apart)
+        cache = cache_of(function, CACHE_DIRECTORY, apart)
+        if cache is not None:
+            dispatcher._cache = cache
         # Pickled by its name: a copy in another process would be compiled without the cache.
         dispatcher.__reduce_ex__ = lambda protocol: function.__qualname__
     return cast(F, dispatcher)
@@ -164,8 +165,8 @@ def undecorated(
     symbolic scalars in object arrays. Nothing is compiled. ``instead`` maps kernels to functions
     that replace them.
     """
-    known = {id(getattr(kernel, "py_func", kernel)): other for kernel, other in instead.items()}
-    return _undecorated(function, known)
+    replaced = {id(getattr(kernel, "py_func", kernel)): other for kernel, other in instead.items()}
+    return _undecorated(function, replaced)
 
 
 def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable[..., Any]:
@@ -173,18 +174,18 @@ def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable
     if id(plain) in done:
         return done[id(plain)]
     scope: dict[str, Any] = dict(plain.__globals__)
-    rigid_counterpart = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
-    done[id(plain)] = rigid_counterpart
+    copy = FunctionType(plain.__code__, scope, plain.__name__, plain.__defaults__)
+    done[id(plain)] = copy
     for name in plain.__code__.co_names:
         callee = scope.get(name)
         module = getattr(getattr(callee, "py_func", callee), "__module__", None) or ""
         if callable(callee) and module.startswith("flexarm.") and not isinstance(callee, type):
             scope[name] = _undecorated(callee, done)
-    return rigid_counterpart
+    return copy
 
 
 notice = CompileNotice(kept=CACHE_DIRECTORY is not None)
-event.register("numba:compile", notice)  # type: ignore[no-untyped-call]
+register_listener(notice)
 
 
 def compile_seconds() -> float:

@@ -28,18 +28,14 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import NullCache, _Cache
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 from platformdirs import user_cache_dir
 
 from flexarm.base.writing.replace_file import replace_file
+from flexarm.kernels.compilation.numba_internals import CAN_LINK, CAN_SAVE, rebuilt, serialized
 
-code_library: Any
-try:
+code_library: Any = None
+if CAN_LINK:
     from flexarm.kernels.compilation import code_library
-except (ImportError, AttributeError):  # a version of Numba with other private names
-    code_library = None
 
 #: Packages whose sources determine the machine code.
 _SOURCE_FOLDERS = ("kernels", "integrate")
@@ -120,8 +116,8 @@ def _forget_unused(root: Path, keep: Path) -> None:
                 shutil.rmtree(old, ignore_errors=True)
 
 
-class CodeCache(_Cache):
-    """Cache of the machine code of one kernel, used by its Numba dispatcher."""
+class CodeCache:
+    """Cache of the machine code of one kernel, with the methods that its Numba dispatcher calls."""
 
     #: Why code compiled by this process could not be saved; empty if all of it was saved.
     failure = ""
@@ -156,8 +152,7 @@ class CodeCache(_Cache):
                 if written_key == key:
                     if code_library:
                         code_library.load(needed)
-                    rebuild: Any = CompileResult._rebuild
-                    version = rebuild(target_context, *code)
+                    version = rebuilt(target_context, code)
                     if code_library and self._apart:
                         code_library.set_apart(self._function, version)
                     return version
@@ -175,7 +170,7 @@ class CodeCache(_Cache):
             return  # the code contains addresses of this process
         key = self._key(sig, data.codegen)
         needed = code_library.references(data) if code_library else []
-        body = dumps((key, needed, data._reduce()))  # type: ignore[no-untyped-call]
+        body = serialized(key, needed, data)
         if code_library and self._apart:
             code_library.set_apart(self._function, data)
         digest = hashlib.sha256(body).digest()
@@ -183,11 +178,6 @@ class CodeCache(_Cache):
             replace_file(self._path(key), [digest, body], durable=False)
         except OSError as error:
             CodeCache.failure = error.strerror or str(error)
-
-    def enable(self) -> None:
-        """Do nothing, because a kernel without a cache has a `NullCache`."""
-
-    disable = enable
 
     def flush(self) -> None:
         """Remove the code of this kernel for all argument types."""
@@ -226,7 +216,8 @@ def _file_hash(function: Callable[..., Any]) -> str:
     return hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()
 
 
-def cache_of(function: Callable[..., Any], folder: Path | None, apart: bool) -> Any:
-    """Return the cache of a kernel; a `NullCache` without a folder or without a source file."""
-    known = Path(function.__code__.co_filename).is_file()
-    return CodeCache(function, folder, apart) if folder is not None and known else NullCache()
+def cache_of(function: Callable[..., Any], folder: Path | None, apart: bool) -> CodeCache | None:
+    """Return the cache of a kernel; None if it has no source file, or its code cannot be saved."""
+    has_file = Path(function.__code__.co_filename).is_file()
+    saved = CAN_SAVE and folder is not None and has_file
+    return CodeCache(function, folder, apart) if saved and folder else None

@@ -18,38 +18,17 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
-from numba.core import config
-from numba.core.base import BaseContext
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
-from numba.core.types.functions import BaseFunction
+from numba import config
 
 from flexarm.kernels.compilation.fused import fuse
+from flexarm.kernels.compilation.numba_internals import BaseFunction, Compiler, JITCodeLibrary
 
 #: Modules of the operators and functions whose signatures depend on the types alone.
 _BUILT_IN = {"_operator", "builtins", "math"}
 #: Signatures that kernels have used, by function and types of the arguments.
 _signatures: dict[tuple[Any, ...], Any] = {}
-_functions: Any = BaseFunction
 _config: Any = config
-_resolve = _functions.get_call_type
-
-
-def _known(library: Any, context: Any) -> bool:
-    """Return whether this version of Numba links as this file assumes."""
-    linking = set(library._get_module_for_linking.__code__.co_names)
-    finalizing = set(library.finalize.__code__.co_names)
-    steps = {"_get_module_for_linking", "_optimize_final_module", "_finalize_final_module"}
-    return (
-        {"_shared_module", "_final_module"} <= linking
-        and steps <= finalizing
-        and hasattr(context, "declare_env_global")
-        and _resolve.__code__.co_argcount == 4
-    )
-
-
-if not _known(JITCodeLibrary, BaseContext):
-    raise ImportError("unknown version of Numba")  # which then links the kernels itself
+_resolve = BaseFunction.get_call_type
 
 
 def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
@@ -57,10 +36,9 @@ def _remembered(self: Any, context: Any, types: Any, keywords: Any) -> Any:
     if keywords or getattr(self.typing_key, "__module__", "") not in _BUILT_IN:
         return _resolve(self, context, types, keywords)
     key = (self.typing_key, len(self.templates), *types)
-    found = _signatures.get(key)
-    if found is None:
-        found = _signatures[key] = _resolve(self, context, types, keywords)
-    return found
+    if key not in _signatures:
+        _signatures[key] = _resolve(self, context, types, keywords)
+    return _signatures[key]
 
 
 #: What a compilation has replaced: a function, the state of the garbage collection, and the two
@@ -72,8 +50,8 @@ def _accelerate() -> None:
     """Set the compiler up for kernels: fused sums, no vectorization, no search for garbage."""
     global _replaced
     vectorize = _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE
-    _replaced = _functions.get_call_type, gc.isenabled(), vectorize
-    _functions.get_call_type = _remembered
+    _replaced = BaseFunction.get_call_type, gc.isenabled(), vectorize
+    BaseFunction.get_call_type = _remembered
     _config.LOOP_VECTORIZE = _config.SLP_VECTORIZE = 0
     gc.disable()
     fuse(True)
@@ -87,7 +65,7 @@ def _restore() -> None:
     global _replaced
     if _replaced is None:
         return
-    _functions.get_call_type, collecting, vectorize = _replaced
+    BaseFunction.get_call_type, collecting, vectorize = _replaced
     _config.LOOP_VECTORIZE, _config.SLP_VECTORIZE = vectorize
     if collecting:
         gc.enable()
@@ -99,7 +77,7 @@ if hasattr(os, "register_at_fork"):  # absent on Windows
     os.register_at_fork(after_in_child=_restore)
 
 
-class KernelCompiler(Compiler):
+class KernelCompiler(Compiler):  # type: ignore[misc]
     """Numba's compiler with a memory for the signatures of operators, and without vectorization.
 
     Numba would otherwise try up to ten candidates for each sum and each product, twice. Python's
@@ -111,10 +89,10 @@ class KernelCompiler(Compiler):
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         """Compile a function; the caller holds the lock of the compiler."""
         if _replaced is not None:  # compilation of a kernel that calls this one
-            return super().compile_extra(function)  # type: ignore[no-untyped-call]
+            return super().compile_extra(function)
         try:
             _accelerate()
-            return super().compile_extra(function)  # type: ignore[no-untyped-call]
+            return super().compile_extra(function)
         finally:
             _restore()
 
@@ -132,16 +110,17 @@ class MergedCompiler(KernelCompiler):
         return super().compile_extra(function)
 
 
-class _MergedLibrary(JITCodeLibrary):
+class _MergedLibrary(JITCodeLibrary):  # type: ignore[misc]
     """Code of a merged kernel; only Numba's variables for the kernel become machine code."""
 
     context: Any
+    _final_module: Any
 
     def _optimize_final_module(self) -> None:
         """Do nothing, because this code is optimized together with the code of its callers."""
 
     def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]  # a caller's code would contain their addresses
+        self._finalize_dynamic_globals()  # a caller's code would contain their addresses
         code = self._final_module
         for function in code.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
@@ -153,7 +132,7 @@ class _MergedLibrary(JITCodeLibrary):
                 self.context.declare_env_global(variables, variable.name)
         self._shared_module, self._final_module = code, llvm.parse_assembly(str(variables))
         self._final_module.name = code.name
-        super()._finalize_final_module()  # type: ignore[no-untyped-call]
+        super()._finalize_final_module()
 
 
 class Reference(NamedTuple):

@@ -7,12 +7,11 @@ import sys
 import time
 from typing import Any
 
-from numba.core import event
-
 from flexarm.kernels.compilation.code_cache import CodeCache
+from flexarm.kernels.compilation.numba_internals import Listener
 
 
-class CompileNotice(event.Listener):
+class CompileNotice(Listener):  # type: ignore[misc]
     """Listener that reports on the terminal which kernel compiles and how long compilation took."""
 
     def __init__(self, kept: bool) -> None:

@@ -16,35 +16,38 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.imputils import lower_builtin, lower_cast
-from numba.core.typeconv.castgraph import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, make_attribute_wrapper, models, register_model
+from numba.extending import (
+    intrinsic,
+    lower_builtin,
+    lower_cast,
+    make_attribute_wrapper,
+    models,
+    overload_attribute,
+    register_model,
+)
+from numpy.typing import NDArray
 
+from flexarm.kernels.compilation.numba_internals import declare
+from flexarm.kernels.compilation.number_types import (
+    ORDINARY,
+    Blocks,
+    BlocksType,
+    NumberType,
+    address,
+    let_kernels_index,
+)
 from flexarm.kernels.compilation.packs import FAST, LANES, PACK, VECTOR, equal_lanes
 
 #: Number of directions of a dual number.
 DIRECTIONS = LANES
-_NUMBERS = types.Float, types.Integer
 _DOUBLE = ir.DoubleType()
 
 
-class DualType(types.Type):
+class DualType(NumberType):
     """Type of a dual number."""
 
-    def __init__(self) -> None:
-        super().__init__(name="Dual8")
 
-    def unify(self, typing: Any, other: Any) -> Any:
-        """Return the type of a variable that is a number or a dual number."""
-        return self if isinstance(other, _NUMBERS) else None
-
-    def can_convert_from(self, typing: Any, other: Any) -> Any:
-        """Return whether a value of another type becomes a dual number without derivatives."""
-        return Conversion.safe if isinstance(other, _NUMBERS) else None
-
-
-DUAL = DualType()
+DUAL = DualType(name="Dual8")
 
 
 @register_model(DualType)
@@ -88,28 +91,18 @@ def _define(function: Any, count: int, code: Any, result: Any = DUAL) -> None:
     the result, or only a value if ``result`` is not ``DUAL``.
     """
 
-    class Rule(AbstractTemplate):
-        key = function
-
-        def generic(self, args: Any, keywords: Any) -> Any:
-            fits = len(args) == count and DUAL in args and not keywords
-            if fits and all(a == DUAL or isinstance(a, _NUMBERS) for a in args):
-                return signature(result, *args)
-            return None
-
-    # The decorator form reads ``function.__module__``, which ufuncs have since NumPy 2.1 only.
-    infer_global(function, types.Function(Rule))
+    declare(function, count, DUAL, ORDINARY, result)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pair = zip(sig.args, args, strict=True)
-        found = code(builder, *(parts_of(context, builder, kind, one) for kind, one in pair))
-        return joined(context, builder, *found) if result == DUAL else found
+        pairs = zip(sig.args, args, strict=True)
+        number = code(builder, *(parts_of(context, builder, kind, a) for kind, a in pairs))
+        return joined(context, builder, *number) if result == DUAL else number
 
     kinds: list[tuple[Any, ...]] = [(DualType,)]
     if count == 2:
         kinds = [(DualType, DualType), (DualType, types.Number), (types.Number, DualType)]
-    for one in kinds:
-        lower_builtin(function, *one)(lower)
+    for classes in kinds:
+        lower_builtin(function, *classes)(lower)
 
 
 def _scaled(builder: Any, slopes: Any, factor: Any) -> Any:
@@ -246,3 +239,116 @@ def _chained(typing: Any, value: Any, slope: Any, x: Any) -> Any:
 
 
 chained: Any = intrinsic(_chained)
+
+
+# Arrays of dual numbers ----------------------------------------------------------------------
+
+
+#: ``Duals`` in a kernel, where they act as arrays.
+DualArray = Any
+
+
+class Duals(Blocks):
+    """Array of dual numbers; the last axis of ``array`` is the value, then the derivatives."""
+
+    width = 1 + DIRECTIONS
+
+    @classmethod
+    def of(cls, value: NDArray[Any], slopes: NDArray[Any] | None = None) -> Duals:
+        """Return dual numbers; ``slopes`` (k, *shape of value): k <= ``DIRECTIONS`` derivatives."""
+        duals = cls.zeros(*value.shape)
+        duals.array[..., 0] = value
+        if slopes is not None:
+            duals.array[..., 1 : 1 + len(slopes)] = np.moveaxis(slopes, 0, -1)
+        return duals
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape without the axis of value and derivatives."""
+        return self.array.shape[:-1]
+
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """The values."""
+        return self.array[..., 0]
+
+    @property
+    def slopes(self) -> NDArray[np.float64]:
+        """The derivatives (directions, *shape)."""
+        return np.moveaxis(self.array[..., 1:], -1, 0)
+
+    def copy(self) -> Duals:
+        """Return a copy."""
+        return Duals(self.array.copy())
+
+
+def zeros_like(array: Any, *shape: int) -> Any:
+    """Return zeros of the number type of ``array``: an array, or ``Duals``."""
+    if isinstance(array, Duals):
+        return Duals.zeros(*shape)
+    return np.zeros(shape, dtype=array.dtype)
+
+
+class DualsType(BlocksType):
+    """Type of ``Duals`` with some axes."""
+
+    name_of_blocks = "Duals"
+
+
+def _addresses(context: Any, builder: Any, sig: Any, args: Any) -> tuple[Any, Any]:
+    """Return the addresses of value and derivatives of the dual number ``args[0][args[1]]``."""
+    value = address(context, builder, sig, args)
+    slopes = builder.gep(value, [ir.Constant(ir.IntType(64), 1)], inbounds=True)
+    return value, builder.bitcast(slopes, VECTOR.as_pointer())
+
+
+def _load_dual(typing: Any, duals: Any, index: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value, slopes = _addresses(context, builder, sig, args)
+        return joined(context, builder, builder.load(value), builder.load(slopes, align=8))
+
+    return DUAL(duals, index), code
+
+
+_load: Any = intrinsic(_load_dual)
+
+
+def _store_dual(typing: Any, duals: Any, index: Any, number: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        places = _addresses(context, builder, sig, args)
+        whole = context.cast(builder, args[2], sig.args[2], DUAL)
+        value, slopes = parts_of(context, builder, DUAL, whole)
+        builder.store(value, places[0])
+        builder.store(slopes, places[1], align=8)
+        return context.get_dummy_value()
+
+    return types.void(duals, index, number), code
+
+
+_store: Any = intrinsic(_store_dual)
+
+
+def _part_of(typing: Any, array: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        duals = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        duals.array = args[0]
+        return duals._getvalue()
+
+    return DualsType(array.ndim - 1)(array), code
+
+
+_part: Any = intrinsic(_part_of)
+
+
+def _get_dual(kind: Any, index_kind: Any) -> Any:
+    if (len(index_kind) if isinstance(index_kind, types.BaseTuple) else 1) == kind.axes:
+        return lambda array, index: _load(array, index)
+    return lambda array, index: _part(array.array[index])
+
+
+let_kernels_index(Duals, DualsType, _get_dual, _store)
+
+
+@overload_attribute(DualsType, "shape")
+def _shape_of_duals(duals):
+    return lambda duals: duals.array.shape[:-1]

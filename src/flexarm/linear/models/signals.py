@@ -63,12 +63,7 @@ OutputName = str | Sensor
 
 
 def find_inputs(arm: Arm, requested: Sequence[InputName]) -> list[Input]:
-    """Return the inputs for the names and loads that the user gives.
-
-    Raises:
-        InputError: if a name is unknown, a load has no direction or depends on time, or two inputs
-            have the same name.
-    """
+    """Return the inputs for the names and loads that the user gives, each with a different name."""
     found: list[Input] = []
     loads = 0
     for item in _listed(requested):
@@ -114,10 +109,7 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
 
 
 def _voltages(arm: Arm) -> list[Input]:
-    """Return the voltages of the joints that have a winding, as inputs.
-
-    The back electromotive force is part of the damping of the joint.
-    """
+    """Return the voltages of joints with a winding; their damping contains the back-EMF."""
     voltages = []
     for k, n in enumerate(arm.joint_numbers):
         joint = arm.spec.joints[n - 1]
@@ -132,15 +124,7 @@ def _voltages(arm: Arm) -> list[Input]:
 
 
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
-    """Return the outputs for the names and sensors that the user gives.
-
-    Args:
-        contacts: number of contacts at the operating point.
-
-    Raises:
-        InputError: if a name is unknown, ``strain`` is requested of an arm without gauges, or a
-            contact channel is requested without contacts.
-    """
+    """Return the outputs for names and sensors, with the contacts at the operating point."""
     counted = {
         "joint": [str(n) for n in arm.joint_numbers],
         "link": [str(n) for n in range(1, arm.links + 1)],

@@ -24,7 +24,7 @@ from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.motion import Motion
-from flexarm.motion.geometry.kinematics import tip_jacobian
+from flexarm.motion.geometry.chain import tip_jacobian
 from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:
@@ -221,11 +221,7 @@ def _refuse_across(
     normal: Callable[[float], FloatArray],
     end: float,
 ) -> None:
-    """Raise if the path crosses the surface, instead of following it, until a time (s).
-
-    Raises:
-        InputError: if most of the path is along the normal while the tip presses.
-    """
+    """Raise if the path crosses the surface, instead of following it, until a time (s)."""
     times = np.linspace(0.0, end, _INSTANTS)
     steps = np.diff(motion.tip(times), axis=0)
     middles = (0.5 * (times[1:] + times[:-1])).tolist()

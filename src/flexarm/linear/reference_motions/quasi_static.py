@@ -27,10 +27,9 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear.vibration.modal import modes
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
-from flexarm.motion.smoothing import window_points
+from flexarm.motion.shaping import window_points
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -90,8 +89,7 @@ class QuasiStaticReference(DerivedMotion):
     @cached_property
     def initial(self) -> FloatArray:
         """Coordinates q (dof,) before the start."""
-        q: FloatArray = self.coordinates(np.array([-np.inf]))[0][0]
-        return q
+        return np.asarray(self.coordinates(np.array([-np.inf]))[0][0])
 
     @property
     def torque(self) -> QuasiStaticTorque:

@@ -187,11 +187,7 @@ class AxialLoads:
         return found
 
     def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
-        """Describe the largest axial load of a link; empty if all are small.
-
-        Args:
-            times: (samples,) s. states: (samples, 2, n, 1 + m).
-        """
+        """Describe the largest axial load of a link in states (samples, 2, n, 1 + m), or ""."""
         if not len(times) or not self._pieces:
             return ""
         if not acting.changing:  # a few samples in each period are enough
@@ -240,16 +236,11 @@ def _gains(piece: Piece) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class Acting:
-    """Loads of a run.
+    """Loads of a run."""
 
-    Attributes:
-        loads: as placed. factors: of their values (samples or 1, loads).
-        base: accelerations of the base (samples or 1, 2), m/s^2.
-    """
-
-    loads: Loads
-    factors: FloatArray
-    base: FloatArray
+    loads: Loads  # as placed
+    factors: FloatArray  # of their values (samples or 1, loads)
+    base: FloatArray  # accelerations of the base (samples or 1, 2), m/s^2
 
     @classmethod
     def constant(cls, loads: Loads) -> Acting:
@@ -269,11 +260,7 @@ class Acting:
     def forces(
         self, arm: Arm, states: FloatArray, along: FloatArray
     ) -> list[tuple[int, float, FloatArray]]:
-        """Return body, place along it (m) and force (samples or 1, 2) of each load and contact, N.
-
-        Args:
-            along: (samples, bodies, 2) axes of the bodies in the world.
-        """
+        """Return body, place along it (m) and force (samples or 1, 2) N of loads and contacts."""
         found = []
         for k, body in enumerate(self.loads.body.tolist()):
             weight = float(self.loads.weight[k])

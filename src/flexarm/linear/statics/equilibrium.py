@@ -16,7 +16,6 @@ from flexarm.base.arguments import check_kind, check_posture
 from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, few, public_call
 from flexarm.base.notebook import html_table
 from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
-from flexarm.linear.statics.descent import LONGEST, descent_step, largest_turn
 from flexarm.model import Contact, Load
 
 #: Residual forces below this fraction of the largest force count as zero.
@@ -254,12 +253,12 @@ class _Search:
                 K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
                 M = arm.mass_matrix(q)
                 step = np.zeros(arm.dof)
-                step[free], stable = descent_step(K[part], M[part], force[free], modal_size(arm))
-                turn = largest_turn(arm, step)
-                q = q + step * min(1.0, LONGEST / max(turn, 1e-300))
-                if stable and turn < 0.1 * LONGEST:
+                step[free], stable = _descent_step(K[part], M[part], force[free], modal_size(arm))
+                turn = _largest_turn(arm, step)
+                q = q + step * min(1.0, _LONGEST / max(turn, 1e-300))
+                if stable and turn < 0.1 * _LONGEST:
                     near = self.newton(q, 1.0)
-                    if largest_turn(arm, near - q) < LONGEST:
+                    if _largest_turn(arm, near - q) < _LONGEST:
                         return near
             except (np.linalg.LinAlgError, ValueError):
                 reason = "the arm buckles or swings away."
@@ -290,11 +289,7 @@ class _Search:
         return Equilibrium(q, holding, lowest > 0.0, lowest, loads, contacts)
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
-        """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass.
-
-        Raises:
-            EquilibriumError: if the mass matrix is indefinite.
-        """
+        """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
         from scipy.linalg import eigh
 
         free = self.unknown
@@ -313,3 +308,42 @@ class _Search:
                 "second-order theory. Give them segments=2 or more."
             )
             raise EquilibriumError(1.0, q, reason) from None
+
+
+#: Largest rotation (rad) of a joint or of an end of a segment in one step: for larger rotations
+#: the linearisation with the present stiffness is not accurate.
+_LONGEST = 0.2
+#: Lower bound of the eigenvalues relative to the largest: a joint without a spring has a zero one.
+_SOFTEST = 1e-12
+
+
+def _descent_step(
+    K: FloatArray, M: FloatArray, force: FloatArray, size: float
+) -> tuple[FloatArray, bool]:
+    """Return the descent step (k,), at most ``size`` without stiffness, and whether K > 0.
+
+    Newton's method solves K dx = -g whatever the signs of the eigenvalues of the stiffness K, so a
+    column that is bent the wrong way returns to the straight, unstable equilibrium. With the
+    absolute values of the eigenvalues every step decreases the potential, and near a stable
+    equilibrium it is the Newton step (Dauphin et al., Advances in Neural Information Processing
+    Systems 27 (2014) 2933-2941, "saddle-free Newton").
+    """
+    from scipy.linalg import eigh
+
+    values, vectors = eigh((K + K.T) / 2.0, M)
+    pull = vectors.T @ force
+    # Without a stiffness of its own, a free joint moves as on a spring of the size of the force.
+    stiffness = np.abs(values)
+    soft = stiffness <= _SOFTEST * stiffness.max()
+    stiffness[soft] = max(float(np.linalg.norm(pull)) / size, 1e-300)
+    return np.asarray(vectors @ (pull / stiffness)), bool(values.min() > 0.0)
+
+
+def _largest_turn(arm: Arm, step: FloatArray) -> float:
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
+    turns = [
+        np.abs(step[[seat.angle, *([seat.twist] if seat.twist else [])]]).max()
+        for seat in arm.assembly.seats
+    ]
+    turns += [abs(float(p.shapes.dP @ step[p.modal])) for p in arm.assembly.pieces]
+    return max(turns, default=0.0)

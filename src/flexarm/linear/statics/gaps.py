@@ -37,6 +37,17 @@ def warn_of_bristles(arm: Arm, model: str) -> None:
         )
 
 
+def warn_of_creep(arm: Arm, model: str) -> None:
+    """Warn if friction holds a joint in runs, but makes it creep in ``model``."""
+    if arm.assembly.has_sticking:
+        warn_caller(
+            f"{_joints(arm, lambda friction: friction.holds)}: {model} has friction as a smooth "
+            "function of the rate, with which a joint creeps where it sticks in simulations. With "
+            "smoothing_rate=0.01 (rad/s), simulations have such a function, too.",
+            AccuracyWarning,
+        )
+
+
 def warn_of_sticking(arm: Arm, qd: FloatArray, model: str) -> None:
     """Warn if friction holds a joint that rests at rates qd (dof,): ``model`` has a damper there.
 
@@ -61,26 +72,14 @@ def warn_of_sticking(arm: Arm, qd: FloatArray, model: str) -> None:
 
 
 def refuse_bristles(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
-    """Raise if friction has bristles.
-
-    Args:
-        name: the argument, or the computation, that does not support bristles.
-        value: of the argument, if others are possible.
-
-    Raises:
-        InputError: if the friction of any joint has bristles.
-    """
+    """Raise if friction has bristles, which a computation or a ``value`` does not support."""
     if arm.assembly.has_bristles:
         rule = f"{value} cannot be combined with bristles ({_bristled(arm)})".lstrip()
         raise InputError(Problem(name, rule, hint=hint))
 
 
 def refuse_sticking(arm: Arm, name: str, value: str = "", hint: str = "") -> None:
-    """Raise if friction holds a joint; arguments as in ``refuse_bristles``.
-
-    Raises:
-        InputError: if the friction of any joint holds it.
-    """
+    """Raise if friction holds a joint; arguments as in ``refuse_bristles``."""
     if arm.assembly.has_sticking:
         sticking = _joints(arm, lambda friction: friction.holds)
         rule = f"{value} cannot be combined with friction that holds ({sticking})".lstrip()

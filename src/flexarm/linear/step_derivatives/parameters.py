@@ -8,16 +8,23 @@ needed, and the derivatives are exact for reduced modes too; theory page "separa
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.assemble import Piece, constants_of_links
-from flexarm.arm.assembly.hub_radius import move_root
+from flexarm.arm.assembly.assemble import (
+    Piece,
+    constants_of_links,
+    move_root,
+    place_joints_and_payload,
+)
+from flexarm.arm.stations import place_gauges
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.kernels.layout import ArmConstants
-from flexarm.model import RayleighDamping
+from flexarm.kernels.layout import ArmConstants, Array
+from flexarm.model import ArmSpec, Link, RayleighDamping
+from flexarm.model.paths import with_number
 
 #: Exponents of the constants of a body for a factor on its whole link. Constants that are not
 #: listed do not change. They are constants of the link about its root, without the hub.
@@ -128,3 +135,63 @@ def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:
     by.mass[-1], by.first_moment_x[-1], by.first_moment_y[-1] = 1.0, x, y
     by.inertia[-1] = x * x + y * y
     by.residual_inertia[-1] = 1.0, x, x * x + y * y
+
+
+def constants_at(
+    arm: Arm, values: Mapping[str, Any], dtype: Any = object
+) -> tuple[ArmConstants, Array]:
+    """Return the constants and the rows of gauges (gauges, m) for numbers or symbols by path.
+
+    Numbers of joints, payload, gravity, gauges and damping enter the constants through the formulas
+    of ``assemble``. Numbers of a link enter through its modes: if a number scales the link's
+    rigidity, mass or length as a whole, the mode shapes do not change. There is no formula for any
+    other number of a link.
+    """
+    spec, assembly = arm.spec, arm.assembly
+    for path, value in values.items():
+        spec = with_number(spec, path, value, checked=False)
+    own = constants_of_links(arm.spec, assembly.pieces)
+    constants = ArmConstants(*(array.astype(dtype) for array in own))
+    scales = [scales_of(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
+    for piece in assembly.pieces:
+        for law, factor in scales[piece.link].items():
+            for field, power in POWERS[law].items():
+                column = getattr(constants, field)
+                column[piece.body] = scaled(column[piece.body], factor, power)
+    place_joints_and_payload(constants, spec, assembly.pieces, assembly.seats)
+    return constants, _gauge_rows(arm, spec, scales, dtype)
+
+
+def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]], dtype: Any) -> Array:
+    at_unit_distance = [(i, station, 1.0) for i, station, _ in arm.gauges]
+    rows = place_gauges(arm, at_unit_distance)[0].astype(dtype)
+    distances = [gauge.distance for link in spec.links for gauge in link.gauges]
+    for row, distance, (i, _, _) in zip(rows, distances, arm.gauges, strict=True):
+        # Mode shapes are mass-normalised, so they scale with the mass as the shapes at the tip do.
+        mass = scales[i].get("mass", 1.0)
+        row[:] = scaled(row * distance, mass, POWERS["mass"]["P"])
+    return rows
+
+
+def scales_of(link: Link, changed: Link) -> dict[str, Any]:
+    """Return the factors on a link's length, mass and rigidity, by the names of `POWERS`."""
+    if changed is link:
+        return {}
+    factors = {}
+    tables = link.beam(), changed.beam()
+    laws = {"length": "x", "rigidity": "flexural_rigidity", "mass": "mass_per_length"}
+    for law, column in laws.items():
+        before, after = (getattr(table, column) for table in tables)
+        if before is None or after is None:
+            continue
+        place = next((k for k in reversed(range(len(before))) if before[k]), None)
+        if place is not None and after[place] is not before[place]:
+            factors[law] = after[place] / before[place]
+    return factors
+
+
+def scaled(value: Any, factor: Any, power: Any) -> Any:
+    """Multiply a number or an array by a power of a factor; a tuple has one power per entry."""
+    if isinstance(power, tuple):
+        return [number * factor**one for number, one in zip(value, power, strict=True)]
+    return value * factor**power

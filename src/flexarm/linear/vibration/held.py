@@ -40,11 +40,7 @@ class JointFeedback(NamedTuple):
 
 
 def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
-    """Convert the argument ``joints`` of `modes` to the coordinates and gains of `JointFeedback`.
-
-    Raises:
-        InputError: if a word is unknown, gains are not numbers, or their number is wrong.
-    """
+    """Convert the argument ``joints`` of `modes` to coordinates and gains."""
     stiffness, damping = np.zeros(arm.dof), np.zeros(arm.dof)
     index = arm.joint_index
     moving = np.ones(arm.dof, dtype=bool)

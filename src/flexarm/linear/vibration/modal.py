@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions.loads import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import check_count, check_flag, check_kind, check_number, check_posture
 from flexarm.base.errors import InputError, Problem, check_array, check_result, few, public_call
 from flexarm.base.notebook import html_table
+from flexarm.kernels.derivatives.sensitivity import STEP
+from flexarm.kernels.observation.observables import poses
+from flexarm.kernels.observation.shapes import axis_points
 from flexarm.linear.statics.axial import warn_of_theory
 from flexarm.linear.statics.equilibrium import Equilibrium
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
-from flexarm.linear.statics.steady_rotation import steady_rates, steady_shape
-from flexarm.linear.statics.tangent import Tangent, tangent
-from flexarm.linear.vibration.curves import displacements
-from flexarm.linear.vibration.eigen import damped, undamped
+from flexarm.linear.statics.tangent import Tangent, steady_rates, steady_shape, tangent
 from flexarm.linear.vibration.held import JointFeedback, Joints, joint_feedback
 from flexarm.model import Load
 
@@ -69,8 +71,7 @@ class Modes:
     @property
     def damped_frequency_hz(self) -> FloatArray:
         """Frequencies (k,) of damped free vibration, imaginary parts of the eigenvalues, Hz."""
-        hertz: FloatArray = np.abs(self.eigenvalues.imag) / (2.0 * np.pi)
-        return hertz
+        return np.asarray(np.abs(self.eigenvalues.imag) / (2.0 * np.pi))
 
     @public_call
     def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
@@ -80,7 +81,7 @@ class Modes:
         """
         shapes = self.complex_shapes if check_flag("damped", damped) else self.shapes
         count = check_count("stations", stations, 2, MOST_STATIONS)
-        return displacements(self.arm, self.q, shapes, count)
+        return _displacements(self.arm, self.q, shapes, count)
 
     @public_call
     def curves(self, stations: int = 50, amplitude: float | None = None) -> FloatArray:
@@ -99,8 +100,7 @@ class Modes:
         moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
         largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
         factor = size / np.where(largest > 0.0, largest, 1.0)
-        drawn: FloatArray = self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved
-        return drawn
+        return np.asarray(self.arm.shape(self.q, stations) + factor[:, None, None, None] * moved)
 
 
 @public_call
@@ -197,14 +197,14 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tan
     _check_mass(M)
     K = (small.stiffness + np.diag(held.stiffness))[part]
     D = (small.damping + np.diag(held.damping))[part]
-    squared, vectors = undamped(M, (K + K.T) / 2.0)
+    squared, vectors = _undamped(M, (K + K.T) / 2.0)
     # Follower loads and centrifugal terms give a skew part; otherwise it is rounding.
     skew = (K - K.T) / 2.0
     lasting = np.abs(skew).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0)
     coupling = vectors.T @ skew @ vectors * lasting
     damping = vectors.T @ D @ vectors
     check_result(np.concatenate([squared[None], coupling, damping]), M, K, D)
-    found = damped(squared, coupling, damping)
+    found = _damped(squared, coupling, damping)
     frequency = np.sqrt(np.maximum(squared, 0.0))
     if spin != 0.0:
         frequency = np.where(found.eigenvalues.imag > 0.0, np.abs(found.eigenvalues), 0.0)
@@ -236,3 +236,152 @@ def _check_mass(M: FloatArray) -> None:
         hint = "Divide the links into segments."
         rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
         raise InputError(Problem("the state", rule, hint=hint)) from None
+
+
+def _displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
+    """Return displacements (k, links, stations, 2) of the axis by ``shapes`` (k, dof), exactly."""
+    places = [
+        marker(number, x)
+        for number, link in enumerate(arm.spec.links, start=1)
+        for x in np.linspace(0.0, link.length, stations)
+    ]
+    placed = place_loads(arm, places)
+    real = _along(arm, q, np.real(shapes), placed)
+    moved = real + 1j * _along(arm, q, np.imag(shapes), placed) if np.iscomplexobj(shapes) else real
+    return moved.reshape(len(shapes), arm.links, stations, 2)
+
+
+def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArray:
+    kernels = KernelView(arm.assembly.constants, complex)
+    body_poses, tip = kernels.pose_arrays()
+    points = np.zeros((len(shapes), len(placed.body), 2), dtype=complex)
+    still = np.zeros(arm.dof)
+    for shape, seen in zip(shapes, points, strict=True):
+        state = arm.padded(np.stack([q + STEP * 1j * shape, still]))
+        kernels.call(poses, state, body_poses, tip)
+        axis_points(
+            kernels.sizes,
+            state,
+            body_poses,
+            placed.body,
+            placed.lever,
+            placed.rows,
+            placed.shortening,
+            seen,
+        )
+    return np.asarray(points.imag / STEP)
+
+
+#: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.
+_ZERO = 1e-10
+#: Modal damping below this fraction of the largest is rounding error.
+_NONE = 1e-13
+
+_ComplexArray = NDArray[Any]
+
+
+class _Damped(NamedTuple):
+    """Complex modes, in the order of the corresponding undamped modes.
+
+    ``eigenvalues`` (k,) 1/s: of a conjugate pair the one with positive imaginary part, of two real
+    ones the slower; ``ratio`` (k,); ``vectors`` (k, k): columns, in undamped modes.
+    """
+
+    eigenvalues: _ComplexArray
+    ratio: FloatArray
+    vectors: _ComplexArray
+
+
+def _undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solve K x = lambda M x for all eigenpairs, accurately for the lowest.
+
+    The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, which would lose their
+    digits in a direct solution. In ``M x = mu (K + s M) x`` the lowest modes have the largest mu.
+    """
+    from scipy.linalg import eigh
+
+    if M.size == 0:
+        return np.zeros(0), np.zeros((0, 0))
+    shift = _positive_shift(M, K)
+    mu, vectors = eigh(M, K + shift * M)
+    squared = 1.0 / mu[::-1] - shift
+    vectors = vectors[:, ::-1] / np.sqrt(mu[::-1])
+    squared[np.abs(squared) < _ZERO * shift] = 0.0
+    largest = np.argmax(np.abs(vectors), axis=0)
+    signs = np.sign(vectors[largest, np.arange(vectors.shape[1])])
+    return squared, vectors * signs
+
+
+def _positive_shift(M: FloatArray, K: FloatArray) -> float:
+    """Return a shift s with K + s M positive definite, of the size of the lowest stiffness."""
+    from scipy.linalg import cholesky
+
+    diagonal = np.abs(np.diag(K)) / np.diag(M)
+    positive = diagonal[diagonal > 0.0]
+    shift = float(positive.min()) if positive.size else 1.0
+    while True:
+        try:
+            cholesky(K + shift * M)
+        except np.linalg.LinAlgError:
+            shift *= 4.0
+        else:
+            return shift
+
+
+def _damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> _Damped:
+    """Solve the quadratic eigenvalue problem in k undamped modes; theory (S.3), (S.4)."""
+    from scipy.linalg import eig
+
+    count = squared.size
+    damping = np.where(np.abs(damping) > _NONE * np.max(np.abs(damping), initial=0.0), damping, 0.0)
+    if not np.any(coupling) and not np.any(damping - np.diag(np.diag(damping))):
+        half = np.diag(damping) / 2.0
+        root = np.sqrt((half * half - squared).astype(complex))
+        pairs = np.stack([root - half, -root - half])
+        return _Damped(pairs[0] + 0.0, _ratio(*pairs), np.eye(count, dtype=complex))
+    # With the states frequency times displacement, and rate, no entry is a squared frequency.
+    scale = np.sqrt(np.abs(squared))
+    scale[scale == 0.0] = np.min(scale[scale > 0.0], initial=1.0)
+    zero = np.zeros((count, count))
+    stiffness = (np.diag(squared) + coupling) / scale
+    values, vectors = eig(np.block([[zero, np.diag(scale)], [-stiffness, -damping]]))
+    shapes = vectors[:count] / scale[:, None]
+    first, second = _matched(values, shapes)
+    turned = shapes[:, first] / np.linalg.norm(shapes[:, first], axis=0)
+    largest = turned[np.argmax(np.abs(turned), axis=0), np.arange(count)]
+    turned = turned * np.abs(largest) / largest
+    return _Damped(values[first], _ratio(values[first], values[second]), turned)
+
+
+def _ratio(first: _ComplexArray, second: _ComplexArray) -> FloatArray:
+    """Return the damping ratio of each pair of eigenvalues; NaN without a positive product."""
+    product = (first * second).real
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = -(first + second).real / (2.0 * np.sqrt(product))
+    return np.asarray(np.where(product > 0.0, ratio, np.nan))
+
+
+def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.intp], Any]:
+    """Return the two eigenvalues of each undamped mode, matched by shape.
+
+    The match uses the magnitude of each undamped mode in the shapes (k, 2k). Modes whose pairs
+    have become real eigenvalues by damping are matched to two real ones each.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    count = len(shapes)
+    share = np.abs(shapes) ** 2 / np.maximum(np.sum(np.abs(shapes) ** 2, axis=0), 1e-300)
+    above = np.flatnonzero(values.imag > 0.0)
+    first, second = np.full(count, -1), np.full(count, -1)
+    rows, columns = linear_sum_assignment(share[:, above], maximize=True)
+    first[rows] = above[columns]
+    below = np.flatnonzero(values.imag < 0.0)  # in LAPACK's order each follows its conjugate
+    second[rows] = below[columns]
+    left = np.flatnonzero(first < 0)
+    real = np.flatnonzero(values.imag == 0.0)
+    rows, columns = linear_sum_assignment(np.repeat(share[left][:, real], 2, axis=0), maximize=True)
+    pairs = real[columns[np.argsort(rows)]].reshape(-1, 2)
+    slower = np.argsort(-values[pairs].real, axis=1)
+    pairs = np.take_along_axis(pairs, slower, axis=1)
+    first[left], second[left] = pairs.T
+    return first, second

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
@@ -35,41 +35,25 @@ class Friction(Record):
     the formula. Bristles act in simulations; functions of q and qd have ``tanh``.
     """
 
-    coulomb: NonNegative = Field(description="Friction torque in motion (N m).")
-    static: NonNegative | None = Field(
-        default=None,
-        description="Breakaway torque (N m); by default equal to coulomb.",
-    )
-    stribeck_rate: Positive = Field(
-        default=0.1, description="Rate above which the Stribeck friction has decayed (rad/s)."
-    )
-    smoothing_rate: Positive | None = Field(
-        default=None,
-        description=(
-            "Rate below which friction is viscous (rad/s); by default joints stick in simulations, "
-            "and functions of q and qd have a tenth of stribeck_rate."
-        ),
-    )
-    viscous: NonNegative = Field(
-        default=0.0, description="Friction torque per rate, on the side of the motor (N m s/rad)."
-    )
-    coulomb_negative: NonNegative | None = Field(
-        default=None,
-        description="Friction torque at negative rates (N m); by default equal to coulomb.",
-    )
-    viscous_negative: NonNegative | None = Field(
-        default=None,
-        description=(
-            "Friction torque per rate at negative rates (N m s/rad); by default equal to viscous."
-        ),
-    )
-    bristle_stiffness: Positive | None = Field(
-        default=None,
-        description="Torque per angle of a sticking joint (N m/rad); by default no bristles.",
-    )
-    bristle_damping: NonNegative = Field(
-        default=0.0, description="Torque per rate of a sticking joint (N m s/rad)."
-    )
+    coulomb: NonNegative
+    """Friction torque in motion (N m)."""
+    static: NonNegative | None = None
+    """Breakaway torque (N m); by default equal to coulomb."""
+    stribeck_rate: Positive = 0.1
+    """Rate above which the Stribeck friction has decayed (rad/s)."""
+    smoothing_rate: Positive | None = None
+    """Rate below which friction is viscous (rad/s); by default joints stick in simulations, and
+    functions of q and qd have a tenth of stribeck_rate."""
+    viscous: NonNegative = 0.0
+    """Friction torque per rate, on the side of the motor (N m s/rad)."""
+    coulomb_negative: NonNegative | None = None
+    """Friction torque at negative rates (N m); by default equal to coulomb."""
+    viscous_negative: NonNegative | None = None
+    """Friction torque per rate at negative rates (N m s/rad); by default equal to viscous."""
+    bristle_stiffness: Positive | None = None
+    """Torque per angle of a sticking joint (N m/rad); by default no bristles."""
+    bristle_damping: NonNegative = 0.0
+    """Torque per rate of a sticking joint (N m s/rad)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -104,13 +88,14 @@ class JointLimits(Record):
     the stop. It is continuous, and damping dissipates energy in each impact (Hunt and Crossley).
     """
 
-    lower: Number = Field(description="Smallest free joint angle (rad).")
-    upper: Number = Field(description="Largest free joint angle (rad).")
-    stiffness: Positive = Field(description="Torque per angle beyond a stop (N m/rad).")
-    damping: NonNegative = Field(
-        default=0.0,
-        description=("Relative increase of the torque of the stop per rate of approach (s/rad)."),
-    )
+    lower: Number
+    """Smallest free joint angle (rad)."""
+    upper: Number
+    """Largest free joint angle (rad)."""
+    stiffness: Positive
+    """Torque per angle beyond a stop (N m/rad)."""
+    damping: NonNegative = 0.0
+    """Relative increase of the torque of the stop per rate of approach (s/rad)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -128,11 +113,11 @@ class Winding(Record):
     voltage``; the back electromotive force is part of the joint, as viscous damping.
     """
 
-    torque_constant: Positive = Field(
-        description="Torque per current of the motor, before the gear; also its back "
-        "electromotive force per rate (N m/A)."
-    )
-    resistance: Positive = Field(description="Resistance of the winding and its leads (ohm).")
+    torque_constant: Positive
+    """Torque per current of the motor, before the gear; also its back electromotive force per rate
+    (N m/A)."""
+    resistance: Positive
+    """Resistance of the winding and its leads (ohm)."""
 
 
 _TORQUE_HINT = "Torques are given at the joint, behind the gear."
@@ -148,68 +133,37 @@ class Joint(Record):
     and the joint angle is that of the motor divided by the gear ratio.
     """
 
-    fixed: Flag = Field(
-        default=False,
-        description=(
-            "Whether the joint is rigid at rest_angle; otherwise it is driven by a motor."
-        ),
-    )
-    hub_inertia: NonNegative = Field(
-        default=0.0,
-        description="Rotary inertia fixed to the root of the outboard link (kg m^2).",
-    )
-    mass: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Point mass of the joint at the tip of the inboard link (kg); no effect "
-            "at the first joint, which does not move."
-        ),
-    )
-    housing_inertia: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Rotary inertia of the motor housing, fixed to the tip section of the "
-            "inboard link (kg m^2); no effect at the first joint."
-        ),
-    )
-    damping: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Viscous damping: torque per relative joint rate (N m s/rad); for an "
-            "elastic joint, per rate of its spring."
-        ),
-    )
-    stiffness: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Spring: torque per angle, parallel to the motor (N m/rad); with "
-            "rotor_inertia, between motor and link."
-        ),
-    )
-    rest_angle: Number = Field(
-        default=0.0,
-        description=(
-            "Relative angle at which the spring is unloaded, or at which the joint is fixed (rad)."
-        ),
-    )
-    rotor_inertia: NonNegative = Field(
-        default=0.0, description="Rotary inertia of the motor's rotor about its own axis (kg m^2)."
-    )
-    gear_ratio: Positive = Field(
-        default=1.0, description="Rotor turns per joint turn, in the same direction."
-    )
-    friction: Friction | None = Field(default=None, description="Friction; none by default.")
-    limits: JointLimits | None = Field(default=None, description="Stops; none by default.")
-    backlash: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Angle between the contacts of the gear in both directions, in which the spring of an "
-            "elastic joint transmits no torque (rad)."
-        ),
-    )
-    winding: Winding | None = Field(
-        default=None, description="Winding of a motor driven by a voltage; none by default."
-    )
+    fixed: Flag = False
+    """Whether the joint is rigid at rest_angle; otherwise it is driven by a motor."""
+    hub_inertia: NonNegative = 0.0
+    """Rotary inertia fixed to the root of the outboard link (kg m^2)."""
+    mass: NonNegative = 0.0
+    """Point mass of the joint at the tip of the inboard link (kg); no effect at the first joint,
+    which does not move."""
+    housing_inertia: NonNegative = 0.0
+    """Rotary inertia of the motor housing, fixed to the tip section of the inboard link (kg m^2);
+    no effect at the first joint."""
+    damping: NonNegative = 0.0
+    """Viscous damping: torque per relative joint rate (N m s/rad); for an elastic joint, per rate
+    of its spring."""
+    stiffness: NonNegative = 0.0
+    """Spring: torque per angle, parallel to the motor (N m/rad); with rotor_inertia, between motor
+    and link."""
+    rest_angle: Number = 0.0
+    """Relative angle at which the spring is unloaded, or at which the joint is fixed (rad)."""
+    rotor_inertia: NonNegative = 0.0
+    """Rotary inertia of the motor's rotor about its own axis (kg m^2)."""
+    gear_ratio: Positive = 1.0
+    """Rotor turns per joint turn, in the same direction."""
+    friction: Friction | None = None
+    """Friction; none by default."""
+    limits: JointLimits | None = None
+    """Stops; none by default."""
+    backlash: NonNegative = 0.0
+    """Angle between the contacts of the gear in both directions, in which the spring of an elastic
+    joint transmits no torque (rad)."""
+    winding: Winding | None = None
+    """Winding of a motor driven by a voltage; none by default."""
 
     @property
     def elastic(self) -> bool:
@@ -259,14 +213,13 @@ def _along_x(value: Any) -> Any:
 class Payload(Record):
     """A rigid body attached to the tip of the last link."""
 
-    mass: NonNegative = Field(default=0.0, description="Mass (kg).")
-    inertia: NonNegative = Field(
-        default=0.0, description="Rotary inertia about the payload's own centre of mass (kg m^2)."
-    )
+    mass: NonNegative = 0.0
+    """Mass (kg)."""
+    inertia: NonNegative = 0.0
+    """Rotary inertia about the payload's own centre of mass (kg m^2)."""
     offset: Annotated[Pair, BeforeValidator(_along_x, json_schema_input_type=Number | Pair)] = (
-        Field(
-            default=(0.0, 0.0),
-            description="Centre of mass from the tip, in tip axes: x along the tip tangent (m). "
-            "A single number is a distance along x.",
-        )
+        0.0,
+        0.0,
     )
+    """Centre of mass from the tip, in tip axes: x along the tip tangent (m). A single number is a
+    distance along x."""

@@ -3,17 +3,71 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from flexarm.base.errors import shown
-from flexarm.model.arm.damping import Damping
+from flexarm.base.errors import public_call, shown
 from flexarm.model.arm.sections import MaterialOrName, Section, SectionTable
 from flexarm.model.checks import Given, Record
-from flexarm.model.quantities import Count, Flag, Listed, NonNegative, Number, Positive, plain
+from flexarm.model.quantities import (
+    Count,
+    CountOrZero,
+    Flag,
+    Fraction,
+    Listed,
+    NonNegative,
+    Number,
+    OneOrMany,
+    Positive,
+    plain,
+)
 from flexarm.model.wording import Fault, Path, refuse
+
+
+class ModalDamping(Record):
+    """Damping ratios of the modes of a link with clamped root and free tip."""
+
+    kind: Literal["modal"] = "modal"
+    ratio: OneOrMany[Fraction]
+    """Fraction of critical damping: one for all modes, or one for each from the lowest; the last
+    one applies to all higher modes."""
+
+    _hints: ClassVar[dict[str, str]] = {
+        "ratio": "A ratio is a fraction: 0.01 is one per cent of critical damping."
+    }
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("ratio") and given.ratio == ():
+            yield Fault(("ratio",), "is empty: give the ratio of at least the lowest mode")
+
+    @public_call
+    def ratios(self, modes: CountOrZero) -> tuple[float, ...]:
+        """Return the ratios of the given number of modes, from the lowest.
+
+        Raises:
+            InputError: if the number is not a whole one from 0.
+        """
+        if not isinstance(self.ratio, Sequence):
+            return (self.ratio,) * modes
+        missing = modes - len(self.ratio)
+        return (*self.ratio[:modes], *(self.ratio[-1],) * missing)
+
+
+class RayleighDamping(Record):
+    """Rayleigh damping of a link: ``mass_coefficient * M + stiffness_coefficient * K``."""
+
+    kind: Literal["rayleigh"] = "rayleigh"
+    mass_coefficient: NonNegative = 0.0
+    """Factor of the mass matrix (1/s)."""
+    stiffness_coefficient: NonNegative = 0.0
+    """Factor of the stiffness matrix (s); without mass_coefficient, Kelvin-Voigt damping."""
+
+
+Damping = Annotated[ModalDamping | RayleighDamping, Field(discriminator="kind")]
+
 
 MOST_ELEMENTS = 256
 
@@ -50,10 +104,10 @@ Elements = Annotated[
 class Gauge(Record):
     """A strain gauge; it reads ``-distance`` times the curvature at its station."""
 
-    station: NonNegative = Field(description="Distance from the root along the link (m).")
-    distance: Number = Field(
-        description="Distance from the neutral axis, positive on the side of +y (m)."
-    )
+    station: NonNegative
+    """Distance from the root along the link (m)."""
+    distance: Number
+    """Distance from the neutral axis, positive on the side of +y (m)."""
 
 
 class Link(Record):
@@ -64,68 +118,42 @@ class Link(Record):
     `flexural_rigidity` and ignores `elements`, `segments`, `modes` and `damping`.
     """
 
-    length: Positive = Field(description="Length (m), from the root to the tip.")
-    hub_radius: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Distance from the joint to the root of the link (m), along the root tangent; rigid "
-            "and without mass."
-        ),
-    )
-    flexural_rigidity: Positive | None = Field(
-        default=None, description="Constant bending stiffness E I (N m^2)."
-    )
-    mass_per_length: NonNegative | None = Field(
-        default=None, description="Constant mass per length (kg/m)."
-    )
-    rotary_inertia_per_length: NonNegative | None = Field(
-        default=None, description="Constant rotary inertia rho I of the section per length (kg m)."
-    )
-    shear_rigidity: Positive | None = Field(
-        default=None,
-        description="Constant shear stiffness k G A (N); for links with element: timoshenko.",
-    )
-    material: MaterialOrName | None = Field(
-        default=None, description="Material, or the name of a preset: steel, aluminium."
-    )
-    section: Section | None = Field(
-        default=None, description="Cross-section, the same along the link."
-    )
-    table: SectionTable | None = Field(
-        default=None, description="Section properties along the link."
-    )
-    element: Literal["euler_bernoulli", "timoshenko"] = Field(
-        default="euler_bernoulli",
-        description=(
-            "Beam theory: without (euler_bernoulli) or with (timoshenko) shear deformation."
-        ),
-    )
-    elements: Elements = Field(default=4, description="Number of equal beam elements.")
-    segments: Count = Field(
-        default=1,
-        description=(
-            "Number of equal pieces, rigidly joined, for large deflection; a divisor of elements."
-        ),
-    )
-    modes: Count | None = Field(
-        default=None,
-        description=(
-            "Number of modes of each segment; by default all of its coordinates, two "
-            "for each element."
-        ),
-    )
-    flexible: Flag = Field(default=True, description="Whether the link bends.")
-    rotary_inertia: Flag | None = Field(
-        default=None,
-        description=(
-            "Whether rotary inertia of the sections is included; by default, if "
-            "material and section, a table or rotary_inertia_per_length define it."
-        ),
-    )
-    damping: Damping | None = Field(
-        default=None, description="Structural damping; none by default."
-    )
-    gauges: Listed[Gauge] = Field(default=(), description="Strain gauges on the link.")
+    length: Positive
+    """Length (m), from the root to the tip."""
+    hub_radius: NonNegative = 0.0
+    """Distance from the joint to the root of the link (m), along the root tangent; rigid and
+    without mass."""
+    flexural_rigidity: Positive | None = None
+    """Constant bending stiffness E I (N m^2)."""
+    mass_per_length: NonNegative | None = None
+    """Constant mass per length (kg/m)."""
+    rotary_inertia_per_length: NonNegative | None = None
+    """Constant rotary inertia rho I of the section per length (kg m)."""
+    shear_rigidity: Positive | None = None
+    """Constant shear stiffness k G A (N); for links with element: timoshenko."""
+    material: MaterialOrName | None = None
+    """Material, or the name of a preset: steel, aluminium."""
+    section: Section | None = None
+    """Cross-section, the same along the link."""
+    table: SectionTable | None = None
+    """Section properties along the link."""
+    element: Literal["euler_bernoulli", "timoshenko"] = "euler_bernoulli"
+    """Beam theory: without (euler_bernoulli) or with (timoshenko) shear deformation."""
+    elements: Elements = 4
+    """Number of equal beam elements."""
+    segments: Count = 1
+    """Number of equal pieces, rigidly joined, for large deflection; a divisor of elements."""
+    modes: Count | None = None
+    """Number of modes of each segment; by default all of its coordinates, two for each element."""
+    flexible: Flag = True
+    """Whether the link bends."""
+    rotary_inertia: Flag | None = None
+    """Whether rotary inertia of the sections is included; by default, if material and section, a
+    table or rotary_inertia_per_length define it."""
+    damping: Damping | None = None
+    """Structural damping; none by default."""
+    gauges: Listed[Gauge] = ()
+    """Strain gauges on the link."""
 
     _hints: ClassVar[dict[str, str]] = {"element": "`elements` is their number."}
 

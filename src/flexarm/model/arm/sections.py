@@ -32,11 +32,12 @@ PoissonsRatio = Annotated[Finite, Field(gt=-1, le=0.5), BeforeValidator(plain)]
 class Material(Record):
     """A homogeneous, isotropic, linearly elastic material."""
 
-    density: Positive = Field(description="Mass per volume (kg/m^3).")
-    youngs_modulus: Positive = Field(description="Young's modulus (Pa).")
-    poissons_ratio: PoissonsRatio = Field(
-        default=0.3, description="Poisson's ratio; used with element: timoshenko."
-    )
+    density: Positive
+    """Mass per volume (kg/m^3)."""
+    youngs_modulus: Positive
+    """Young's modulus (Pa)."""
+    poissons_ratio: PoissonsRatio = 0.3
+    """Poisson's ratio; used with element: timoshenko."""
 
     @property
     def shear_modulus(self) -> float:
@@ -68,8 +69,10 @@ class Rectangle(Record):
     """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
-    width: Dimension = Field(description="Width out of the plane of motion (m).")
-    height: Dimension = Field(description="Depth in the plane of motion (m).")
+    width: Dimension
+    """Width out of the plane of motion (m)."""
+    height: Dimension
+    """Depth in the plane of motion (m)."""
 
     @property
     def area(self) -> float:
@@ -96,7 +99,8 @@ class Circle(Record):
     """A solid circle."""
 
     kind: Literal["circle"] = "circle"
-    diameter: Dimension = Field(description="Diameter (m).")
+    diameter: Dimension
+    """Diameter (m)."""
 
     @property
     def area(self) -> float:
@@ -123,8 +127,10 @@ class Tube(Record):
     """A circular tube."""
 
     kind: Literal["tube"] = "tube"
-    outer_diameter: Dimension = Field(description="Outer diameter (m).")
-    thickness: Dimension = Field(description="Wall thickness (m).")
+    outer_diameter: Dimension
+    """Outer diameter (m)."""
+    thickness: Dimension
+    """Wall thickness (m)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -163,9 +169,12 @@ class Box(Record):
     """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"
-    width: Dimension = Field(description="Outer width out of the plane of motion (m).")
-    height: Dimension = Field(description="Outer depth in the plane of motion (m).")
-    thickness: Dimension = Field(description="Wall thickness (m).")
+    width: Dimension
+    """Outer width out of the plane of motion (m)."""
+    height: Dimension
+    """Outer depth in the plane of motion (m)."""
+    thickness: Dimension
+    """Wall thickness (m)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -211,22 +220,16 @@ class SectionTable(Record):
     Only a rigid link may omit `flexural_rigidity`.
     """
 
-    x: Listed[Number] = Field(
-        description="Distances from the root from 0 to the link's length (m)."
-    )
-    flexural_rigidity: Listed[Positive] | None = Field(
-        default=None, description="Bending stiffness E I at each point (N m^2)."
-    )
-    mass_per_length: Listed[NonNegative] = Field(
-        description="Mass per length at each point (kg/m)."
-    )
-    rotary_inertia_per_length: Listed[NonNegative] | None = Field(
-        default=None, description="Rotary inertia rho I per length at each point (kg m)."
-    )
-    shear_rigidity: Listed[Positive] | None = Field(
-        default=None,
-        description="Shear stiffness k G A at each point (N); for links with element: timoshenko.",
-    )
+    x: Listed[Number]
+    """Distances from the root from 0 to the link's length (m)."""
+    flexural_rigidity: Listed[Positive] | None = None
+    """Bending stiffness E I at each point (N m^2)."""
+    mass_per_length: Listed[NonNegative]
+    """Mass per length at each point (kg/m)."""
+    rotary_inertia_per_length: Listed[NonNegative] | None = None
+    """Rotary inertia rho I per length at each point (kg m)."""
+    shear_rigidity: Listed[Positive] | None = None
+    """Shear stiffness k G A at each point (N); for links with element: timoshenko."""
 
     _columns: ClassVar[tuple[str, ...]] = (
         "x",

@@ -20,25 +20,16 @@ MOST_LINKS = 256
 class ArmSpec(Record):
     """A planar serial arm; joint i is between the tip of link i-1 and the root of link i."""
 
-    links: Listed[Link] = Field(
-        description="Links from the base to the tip.",
-        json_schema_extra={"minItems": 1, "maxItems": MOST_LINKS},
-    )
-    joints: Listed[Joint] = Field(
-        default=(),
-        validate_default=True,
-        description="One joint for each link, at its root; ideal joints by default.",
-    )
-    payload: Payload = Field(
-        default=Payload(), description="Rigid body at the tip of the last link."
-    )
-    gravity: Pair = Field(
-        default=(0.0, 0.0), description="Acceleration of gravity [x, y] in the world frame (m/s^2)."
-    )
-    theory: Literal["linear", "second_order"] = Field(
-        default="linear",
-        description="Beam theory: linear, or second_order with shortening due to bending.",
-    )
+    links: Listed[Link] = Field(json_schema_extra={"minItems": 1, "maxItems": MOST_LINKS})
+    """Links from the base to the tip."""
+    joints: Listed[Joint] = Field(default=(), validate_default=True)
+    """One joint for each link, at its root; ideal joints by default."""
+    payload: Payload = Payload()
+    """Rigid body at the tip of the last link."""
+    gravity: Pair = (0.0, 0.0)
+    """Acceleration of gravity [x, y] in the world frame (m/s^2)."""
+    theory: Literal["linear", "second_order"] = "linear"
+    """Beam theory: linear, or second_order with shortening due to bending."""
 
     @field_validator("payload", mode="before")
     @classmethod

@@ -39,20 +39,15 @@ class DisturbanceObserverParameters(ControllerParameters):
     """
 
     name = "disturbance_observer"
-    inner: Annotated[Any, Typed(one_of(ALONE))] = Field(
-        description="The controller whose torque is corrected; both have the same sample time."
-    )
-    cutoff: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Cutoff of the filter of the estimate, one for all joints or one for each "
-        "(Hz). It should be below the lowest frequency of the links, because bending acts as a "
-        "disturbance, too; by default it is half of that frequency of the straight arm with locked "
-        "joints, but at most 0.005 of the sampling frequency.",
-    )
-    compensation: Fraction = Field(
-        default=1.0,
-        description="Fraction of the estimate that is subtracted from the torque; 0 observes only.",
-    )
+    inner: Annotated[Any, Typed(one_of(ALONE))]
+    """The controller whose torque is corrected; both have the same sample time."""
+    cutoff: Annotated[Any, PerJoint(Positive)] | None = None
+    """Cutoff of the filter of the estimate, one for all joints or one for each (Hz). It should be
+    below the lowest frequency of the links, because bending acts as a disturbance, too; by default
+    it is half of that frequency of the straight arm with locked joints, but at most 0.005 of the
+    sampling frequency."""
+    compensation: Fraction = 1.0
+    """Fraction of the estimate that is subtracted from the torque; 0 observes only."""
 
 
 class RepetitiveParameters(ControllerParameters):
@@ -62,112 +57,76 @@ class RepetitiveParameters(ControllerParameters):
     """
 
     name = "repetitive"
-    inner: Annotated[Any, Typed(one_of(ALONE))] = Field(
-        description="The controller to whose torque the learned one is added; both have the same "
-        "sample time."
-    )
-    period: Positive = Field(
-        description="Period of the motion or the disturbance, a multiple of the sample time (s)."
-    )
-    proportional: Annotated[Any, PerJoint(NonNegative)] = Field(
-        description="Learned torque per angle error of the last period, one for all joints or one "
-        "for each, such as half of the gain of the inner controller (N m/rad)."
-    )
-    derivative: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0, description="Learned torque per rate error, likewise (N m s/rad)."
-    )
-    cutoff: Positive = Field(
-        default=5.0,
-        description="Cutoff of the filter of the learned torque, which has no phase shift; it "
-        "should be below the frequency at which the motion opposes the torque (Hz).",
-    )
-    lead: NonNegative = Field(
-        default=0.0,
-        description="Time by which the learned torque precedes the error; about the delay of the "
-        "closed loop (s).",
-    )
+    inner: Annotated[Any, Typed(one_of(ALONE))]
+    """The controller to whose torque the learned one is added; both have the same sample time."""
+    period: Positive
+    """Period of the motion or the disturbance, a multiple of the sample time (s)."""
+    proportional: Annotated[Any, PerJoint(NonNegative)]
+    """Learned torque per angle error of the last period, one for all joints or one for each, such
+    as half of the gain of the inner controller (N m/rad)."""
+    derivative: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Learned torque per rate error, likewise (N m s/rad)."""
+    cutoff: Positive = 5.0
+    """Cutoff of the filter of the learned torque, which has no phase shift; it should be below the
+    frequency at which the motion opposes the torque (Hz)."""
+    lead: NonNegative = 0.0
+    """Time by which the learned torque precedes the error; about the delay of the closed loop
+    (s)."""
 
 
 class FilterParameters(Parameters):
     """A Kalman filter for the bending of the arm and its payload."""
 
-    instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = Field(
-        default=None,
-        description="Instruments of the filter; by default those of the hardware.",
-    )
-    torque_noise: Annotated[Any, PerJoint(NonNegative)] | None = Field(
-        default=None,
-        description="Standard deviation of a random torque error in each sample, one for all "
-        "joints or one for each: it represents all errors of the model (N m); by default 1 % of "
-        "the acceptable torque of `LQG`.",
-    )
-    payload_deviation: NonNegative = Field(
-        default=0.0,
-        description="Standard deviation of the payload mass, 0 for a known payload (kg). A large "
-        "value raises the initial mean, because masses are not negative.",
-    )
-    payload_drift: NonNegative = Field(
-        default=0.0, description="Intensity of a random walk of the payload mass (kg/s^0.5)."
-    )
-    rate_deviation: NonNegative | None = Field(
-        default=None,
-        description="Standard deviation of the initial joint rates (rad/s); by default 1/80 of the "
-        "arm's typical rate. This rate is the lowest angular frequency of the straight arm with "
-        "locked joints, but at most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms.",
-    )
-    energy_deviation: NonNegative | None = Field(
-        default=None,
-        description="Expected initial energy of vibration in each mode (J); by default that of the "
-        "rigid arm that turns by 1/80 of the typical rate about its first joint.",
-    )
+    instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = None
+    """Instruments of the filter; by default those of the hardware."""
+    torque_noise: Annotated[Any, PerJoint(NonNegative)] | None = None
+    """Standard deviation of a random torque error in each sample, one for all joints or one for
+    each: it represents all errors of the model (N m); by default 1 % of the acceptable torque of
+    `LQG`."""
+    payload_deviation: NonNegative = 0.0
+    """Standard deviation of the payload mass, 0 for a known payload (kg). A large value raises the
+    initial mean, because masses are not negative."""
+    payload_drift: NonNegative = 0.0
+    """Intensity of a random walk of the payload mass (kg/s^0.5)."""
+    rate_deviation: NonNegative | None = None
+    """Standard deviation of the initial joint rates (rad/s); by default 1/80 of the arm's typical
+    rate. This rate is the lowest angular frequency of the straight arm with locked joints, but at
+    most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms."""
+    energy_deviation: NonNegative | None = None
+    """Expected initial energy of vibration in each mode (J); by default that of the rigid arm that
+    turns by 1/80 of the typical rate about its first joint."""
     _: KW_ONLY
-    parameters: Mapped[Positive] | None = Field(
-        default=None,
-        description="Standard deviations of further uncertain numbers of the arm, by paths such as "
-        "joints[0].friction.coulomb, in their units; the arm has their means. Numbers of joints, "
-        "payload, gravity, damping, and rigidities of whole links.",
-    )
-    parameter_drift: Mapped[NonNegative] | None = Field(
-        default=None,
-        description="Intensities of random walks of these numbers, by path (unit/s^0.5); those "
-        "that are not listed are constant.",
-    )
-    disturbance_deviation: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0,
-        description="Standard deviation of the initial disturbance torques of the joints, one for "
-        "all joints or one for each; they are estimated if this or their drift is not 0 (N m).",
-    )
-    disturbance_drift: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0,
-        description="Intensity of a random walk of the disturbance torques, one for all joints or "
-        "one for each (N m/s^0.5).",
-    )
-    bias_deviation: Mapped[NonNegative] | None = Field(
-        default=None,
-        description="Standard deviations of constant errors of instruments, by the name of the "
-        "reading, in its unit; each error is estimated.",
-    )
-    bias_drift: Mapped[NonNegative] | None = Field(
-        default=None,
-        description="Intensities of random walks of these errors, likewise (unit/s^0.5).",
-    )
+    parameters: Mapped[Positive] | None = None
+    """Standard deviations of further uncertain numbers of the arm, by paths such as
+    joints[0].friction.coulomb, in their units; the arm has their means. Numbers of joints, payload,
+    gravity, damping, and rigidities of whole links."""
+    parameter_drift: Mapped[NonNegative] | None = None
+    """Intensities of random walks of these numbers, by path (unit/s^0.5); those that are not listed
+    are constant."""
+    disturbance_deviation: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Standard deviation of the initial disturbance torques of the joints, one for all joints or
+    one for each; they are estimated if this or their drift is not 0 (N m)."""
+    disturbance_drift: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Intensity of a random walk of the disturbance torques, one for all joints or one for each (N
+    m/s^0.5)."""
+    bias_deviation: Mapped[NonNegative] | None = None
+    """Standard deviations of constant errors of instruments, by the name of the reading, in its
+    unit; each error is estimated."""
+    bias_drift: Mapped[NonNegative] | None = None
+    """Intensities of random walks of these errors, likewise (unit/s^0.5)."""
 
 
 class MovingHorizonParameters(FilterParameters):
     """A moving-horizon estimator for the bending of the arm and its payload."""
 
     _: KW_ONLY
-    horizon: Count = Field(
-        default=20, description="Number of samples that are estimated again at each sample."
-    )
-    lower_bounds: Mapped[Number] | None = Field(
-        default=None,
-        description="Lower bounds by payload.mass (0 by default), paths of parameters, and "
-        "disturbance for the torques of all joints.",
-    )
-    upper_bounds: Mapped[Number] | None = Field(
-        default=None, description="Upper bounds, likewise; none by default."
-    )
+    horizon: Count = 20
+    """Number of samples that are estimated again at each sample."""
+    lower_bounds: Mapped[Number] | None = None
+    """Lower bounds by payload.mass (0 by default), paths of parameters, and disturbance for the
+    torques of all joints."""
+    upper_bounds: Mapped[Number] | None = None
+    """Upper bounds, likewise; none by default."""
 
 
 #: Keys of files that only a moving-horizon estimator has.
@@ -209,22 +168,16 @@ JOINT_CONTROLLERS = tuple(drive.declaration.name for drive in _OF_JOINTS)
 class StrainDampingParameters(ControllerParameters):
     """Parameters of controllers that damp vibration by strain feedback around a joint loop."""
 
-    inner: Annotated[Any, Typed(one_of(_OF_JOINTS))] = Field(
-        description="The controller of the joint angles; both have the same sample time."
-    )
-    damping_ratio: _Damping = Field(
-        default=0.3,
-        description="Damping ratio of the modes for joints that follow their reference exactly; "
-        "above 0 and below 1.",
-    )
-    modes: Count = Field(
-        default=1,
-        description="Number of lowest modes with locked joints to damp; at most one for each joint "
-        "and each gauge.",
-    )
-    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
-        default=None, description="Joint angles of the design; zero by default (rad)."
-    )
+    inner: Annotated[Any, Typed(one_of(_OF_JOINTS))]
+    """The controller of the joint angles; both have the same sample time."""
+    damping_ratio: _Damping = 0.3
+    """Damping ratio of the modes for joints that follow their reference exactly; above 0 and below
+    1."""
+    modes: Count = 1
+    """Number of lowest modes with locked joints to damp; at most one for each joint and each
+    gauge."""
+    posture: Annotated[Any, ListPerJoint(Number)] | None = None
+    """Joint angles of the design; zero by default (rad)."""
 
 
 class PositivePositionFeedbackParameters(StrainDampingParameters):
@@ -249,17 +202,12 @@ class WaveBasedControlParameters(StrainDampingParameters):
     """
 
     name = "wave_based_control"
-    damping_ratio: _Damping = Field(
-        default=0.5,
-        description="Damping ratio of the modes for joints that follow their reference exactly; "
-        "above 0 and below 1.",
-    )
-    leakage: NonNegative = Field(
-        default=0.2,
-        description="Decay rate of the motion of the joints, relative to the angular frequency of "
-        "the mode, so that constant strains that the model does not explain turn them by a limited "
-        "angle.",
-    )
+    damping_ratio: _Damping = 0.5
+    """Damping ratio of the modes for joints that follow their reference exactly; above 0 and below
+    1."""
+    leakage: NonNegative = 0.2
+    """Decay rate of the motion of the joints, relative to the angular frequency of the mode, so
+    that constant strains that the model does not explain turn them by a limited angle."""
 
 
 class OutputRedefinitionParameters(StrainDampingParameters):
@@ -270,38 +218,28 @@ class OutputRedefinitionParameters(StrainDampingParameters):
 
     name = "output_redefinition"
     damping_ratio: ClassVar[None] = None  # type: ignore[misc, assignment]
-    modes: Count | None = Field(  # type: ignore[assignment]
-        default=None,
-        description="Number of lowest modes with locked joints whose bending the gauges determine; "
-        "by default as many as there are gauges.",
-    )
-    weight: Number = Field(
-        default=1.0,
-        description="Fraction of the rotation of the chord of each link by its bending that is "
-        "added to the joint angle: 0 for the joint angle, 1 for the tip, -1 for the reflected tip.",
-    )
-    cutoff: Positive | None = Field(
-        default=None,
-        description="Cutoff of the low-pass filter of these rotations; by default a twentieth of "
-        "the lowest frequency with locked joints (Hz).",
-    )
+    modes: Count | None = None  # type: ignore[assignment]
+    """Number of lowest modes with locked joints whose bending the gauges determine; by default as
+    many as there are gauges."""
+    weight: Number = 1.0
+    """Fraction of the rotation of the chord of each link by its bending that is added to the joint
+    angle: 0 for the joint angle, 1 for the tip, -1 for the reflected tip."""
+    cutoff: Positive | None = None
+    """Cutoff of the low-pass filter of these rotations; by default a twentieth of the lowest
+    frequency with locked joints (Hz)."""
 
 
 class EstimatorParameters(ControllerParameters):
     """An inner controller whose measurement is the estimate of a Kalman filter."""
 
     name = "estimator"
-    estimator: Annotated[Any, Typed(FilterSpec)] = Field(
-        default=FilterSpec(), description="The filter; it has the sample time of the controller."
-    )
-    inner: Annotated[Any, Typed(one_of((*ALONE, _OBSERVED)))] = Field(  # type: ignore[misc]
-        description="The controller that receives the estimate."
-    )
-    compensation: Fraction = Field(
-        default=1.0,
-        description="Fraction of the estimated disturbance torques that is subtracted from the "
-        "torque of the inner controller.",
-    )
+    estimator: Annotated[Any, Typed(FilterSpec)] = FilterSpec()
+    """The filter; it has the sample time of the controller."""
+    inner: Annotated[Any, Typed(one_of((*ALONE, _OBSERVED)))]  # type: ignore[misc]
+    """The controller that receives the estimate."""
+    compensation: Fraction = 1.0
+    """Fraction of the estimated disturbance torques that is subtracted from the torque of the inner
+    controller."""
 
 
 #: Controllers that contain another one.

@@ -72,15 +72,10 @@ class ControllerDrive(Record):
     per_joint: ClassVar[tuple[str, ...]]
     """Keys with one number for all joints, or one for each."""
 
-    reference: Literal["quasi_static", "integral_manifold", "tip_inversion", "rigid"] | None = (
-        Field(
-            default=None,
-            description="Joint angles to follow: those of the statically bent arm, of the same "
-            "with the accelerations of its bending, of the arm under the torques of a tip "
-            "inversion, or of the rigid arm; by default quasi_static where arm and motion allow "
-            "it.",
-        )
-    )
+    reference: Literal["quasi_static", "integral_manifold", "tip_inversion", "rigid"] | None = None
+    """Joint angles to follow: those of the statically bent arm, of the same with the accelerations
+    of its bending, of the arm under the torques of a tip inversion, or of the rigid arm; by default
+    quasi_static where arm and motion allow it."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

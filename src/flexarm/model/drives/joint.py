@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from dataclasses import KW_ONLY
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
-
 from flexarm.model.checks import Given
 from flexarm.model.drives.base import (
     ControllerParameters,
@@ -42,13 +40,8 @@ class JointPIDParameters(ControllerParameters):
     name = "joint_pid"
     proportional: Proportional
     derivative: Derivative
-    integral: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0,
-        description=(
-            "Torque per integral of the angle error, one for all joints or one for "
-            "each (N m/(rad s))."
-        ),
-    )
+    integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Torque per integral of the angle error, one for all joints or one for each (N m/(rad s))."""
     _: KW_ONLY
     sample_time: SampleTime = 0.001
 
@@ -56,19 +49,11 @@ class JointPIDParameters(ControllerParameters):
 class JointPIDKeys(JointPIDParameters):
     """Keys of the drive `joint_pid`."""
 
-    gravity: Literal["none", "rigid", "sag"] = Field(
-        default="none",
-        description=(
-            "Gravity compensation at the measured angles: none, of the rigid arm, or "
-            "of the arm with bent links."
-        ),
-    )
-    torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description=(
-            "Torque limit (N m), one for all joints or one for each; no limit by default."
-        ),
-    )
+    gravity: Literal["none", "rigid", "sag"] = "none"
+    """Gravity compensation at the measured angles: none, of the rigid arm, or of the arm with bent
+    links."""
+    torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
+    """Torque limit (N m), one for all joints or one for each; no limit by default."""
     feedforward: Feedforward = None
 
     @classmethod
@@ -86,12 +71,10 @@ class ComputedTorqueParameters(ControllerParameters):
     """Computed torque of the rigid model along the motion."""
 
     name = "computed_torque"
-    frequency_hz: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Natural frequency of the error (Hz), one for all joints or one for each."
-    )
-    damping_ratio: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=1.0, description="Damping ratio of the error, one for all joints or one for each."
-    )
+    frequency_hz: Annotated[Any, PerJoint(Positive)]
+    """Natural frequency of the error (Hz), one for all joints or one for each."""
+    damping_ratio: Annotated[Any, PerJoint(NonNegative)] = 1.0
+    """Damping ratio of the error, one for all joints or one for each."""
     _: KW_ONLY
     sample_time: SampleTime = 0.001
 
@@ -99,13 +82,9 @@ class ComputedTorqueParameters(ControllerParameters):
 class ComputedTorqueKeys(ComputedTorqueParameters):
     """Keys of the drive `computed_torque`."""
 
-    feedforward: FeedforwardKind | None = Field(
-        default=None,
-        description=(
-            "Torque along the motion, see joint_pd, instead of the torque of the model at the "
-            "measured angles; by default that of the reference of a flexible arm."
-        ),
-    )
+    feedforward: FeedforwardKind | None = None
+    """Torque along the motion, see joint_pd, instead of the torque of the model at the measured
+    angles; by default that of the reference of a flexible arm."""
 
     @staticmethod
     def _file_balances(drive: Any) -> bool:
@@ -118,20 +97,14 @@ class StrainFeedbackParameters(ControllerParameters):
     name = "strain_feedback"
     proportional: Proportional
     derivative: Derivative
-    strain: Annotated[Any, PerJoint(Number)] = Field(
-        description="Torque per strain of the gauge with the same index, one for all joints or one "
-        "each (N m)."
-    )
-    strain_rate: Annotated[Any, PerJoint(Number)] = Field(
-        default=0.0,
-        description="Torque per strain rate, one for all joints or one for each (N m s).",
-    )
+    strain: Annotated[Any, PerJoint(Number)]
+    """Torque per strain of the gauge with the same index, one for all joints or one each (N m)."""
+    strain_rate: Annotated[Any, PerJoint(Number)] = 0.0
+    """Torque per strain rate, one for all joints or one for each (N m s)."""
     _: KW_ONLY
-    rate_cutoff: Positive | None = Field(
-        default=None,
-        description="Cutoff of the filter that differentiates strains (Hz); by default a tenth of "
-        "the sampling frequency.",
-    )
+    rate_cutoff: Positive | None = None
+    """Cutoff of the filter that differentiates strains (Hz); by default a tenth of the sampling
+    frequency."""
     sample_time: SampleTime = 0.001
 
 

@@ -57,51 +57,34 @@ class LinearParameters(ControllerParameters):
     """Parameters of all controllers that are designed on linear models of the flexible arm."""
 
     plans_bending = True
-    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
-        default=None, description="Joint angles of the design; zero by default (rad)."
-    )
+    posture: Annotated[Any, ListPerJoint(Number)] | None = None
+    """Joint angles of the design; zero by default (rad)."""
     _: KW_ONLY
-    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = Field(
-        default=None,
-        description="For each joint nothing, or increasing angles: designs on the grid of these "
-        "angles, between which gains are interpolated (rad).",
-    )
-    acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Acceptable torque, one for all joints or one for each (N m); by default the "
-        "torque that accelerates each joint of the rigid model by a quarter of the square of "
-        "the arm's typical rate: the lowest angular frequency of the straight arm with locked "
-        "joints, but at most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms.",
-    )
-    measured: Named[_PositiveNumbers] | None = Field(
-        default=None,
-        description="Measured signals (joint_angle, joint_rate, strain, tip) and the standard "
-        "deviations of their noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the "
-        "arm has gauges.",
-    )
-    disturbance: Named[_PositiveNumbers] | None = Field(
-        default=None,
-        description="Inputs that act as unmeasured disturbances, such as torque and tip_force, "
-        "and their standard deviations; by default a tenth of the acceptable torque, and as "
-        "tip_force a fifth of the largest one divided by the length of the arm.",
-    )
-    recovery: _Robustness = Field(
-        default=0.0,
-        description="Loop-transfer recovery: fictitious torque noise of the filter, relative to "
-        "acceptable_torque. A larger value brings the margins closer to those of a regulator that "
-        "measures the whole state, and amplifies noise (Doyle and Stein 1981).",
-    )
-    rigidity_uncertainty: Fraction = Field(
-        default=0.0,
-        description="Relative error of the stiffness of the links for which the design is robust, "
-        "at most 1, such as 0.3: elastic forces of this relative size are noise of the filter, and "
-        "the regulator damps vibrations more (Tahk and Speyer 1987).",
-    )
-    torque_limit: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Largest requested torque, one for all joints or one for each (N m); no limit "
-        "by default.",
-    )
+    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = None
+    """For each joint nothing, or increasing angles: designs on the grid of these angles, between
+    which gains are interpolated (rad)."""
+    acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = None
+    """Acceptable torque, one for all joints or one for each (N m); by default the torque that
+    accelerates each joint of the rigid model by a quarter of the square of the arm's typical rate:
+    the lowest angular frequency of the straight arm with locked joints, but at most 0.08 rad in a
+    sample time; 0.0064 rad in one for rigid arms."""
+    measured: Named[_PositiveNumbers] | None = None
+    """Measured signals (joint_angle, joint_rate, strain, tip) and the standard deviations of their
+    noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges."""
+    disturbance: Named[_PositiveNumbers] | None = None
+    """Inputs that act as unmeasured disturbances, such as torque and tip_force, and their standard
+    deviations; by default a tenth of the acceptable torque, and as tip_force a fifth of the largest
+    one divided by the length of the arm."""
+    recovery: _Robustness = 0.0
+    """Loop-transfer recovery: fictitious torque noise of the filter, relative to acceptable_torque.
+    A larger value brings the margins closer to those of a regulator that measures the whole state,
+    and amplifies noise (Doyle and Stein 1981)."""
+    rigidity_uncertainty: Fraction = 0.0
+    """Relative error of the stiffness of the links for which the design is robust, at most 1, such
+    as 0.3: elastic forces of this relative size are noise of the filter, and the regulator damps
+    vibrations more (Tahk and Speyer 1987)."""
+    torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
+    """Largest requested torque, one for all joints or one for each (N m); no limit by default."""
     sample_time: SampleTime = 0.001
 
 
@@ -110,23 +93,17 @@ class LQGParameters(LinearParameters):
 
     name = "lqg"
     _: KW_ONLY
-    acceptable: Named[_PositiveNumbers] | None = Field(
-        default=None,
-        description="Acceptable deviations of outputs of linear models by name, which determine "
-        "the weights (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of "
-        "the arm of tip, and 0.032 times the typical rate of joint_rate.",
-    )
-    integral: _Integral | None = Field(
-        default=None,
-        description="Integral feedback: true for the joint angles; or the name of an output, "
-        "joint_angle or tip (which must be measured); or a mapping from this name to its "
-        "acceptable integral (rad s, m s).",
-    )
-    preview: NonNegative | None = Field(
-        default=None,
-        description="Span of the reference that the preview uses, at most 60,000 samples (s); by "
-        "default 3.2 divided by the typical rate.",
-    )
+    acceptable: Named[_PositiveNumbers] | None = None
+    """Acceptable deviations of outputs of linear models by name, which determine the weights
+    (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of the arm of tip, and
+    0.032 times the typical rate of joint_rate."""
+    integral: _Integral | None = None
+    """Integral feedback: true for the joint angles; or the name of an output, joint_angle or tip
+    (which must be measured); or a mapping from this name to its acceptable integral (rad s, m
+    s)."""
+    preview: NonNegative | None = None
+    """Span of the reference that the preview uses, at most 60,000 samples (s); by default 3.2
+    divided by the typical rate."""
 
 
 class MPCParameters(LQGParameters):
@@ -134,14 +111,11 @@ class MPCParameters(LQGParameters):
 
     name = "mpc"
     _: KW_ONLY
-    torque_limit: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Torque limit (N m), one for all joints or one for each."
-    )
-    torque_rate: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Largest rate of change of torques from sample to sample, one for all joints "
-        "or one for each (N m/s); no limit by default.",
-    )
+    torque_limit: Annotated[Any, PerJoint(Positive)]
+    """Torque limit (N m), one for all joints or one for each."""
+    torque_rate: Annotated[Any, PerJoint(Positive)] | None = None
+    """Largest rate of change of torques from sample to sample, one for all joints or one for each
+    (N m/s); no limit by default."""
     horizon: _Horizon = 40
     sample_time: SampleTime = 0.005
 
@@ -152,16 +126,12 @@ class NonlinearMPCParameters(MPCParameters):
     name = "nonlinear_mpc"
     _: KW_ONLY
     horizon: _Horizon = 20
-    modes: Count | None = Field(
-        default=None,
-        description="Number of modes of each link (of each segment) in the model of the "
-        "controller; links with fewer modes keep theirs. By default those of the arm.",
-    )
-    iterations: Count = Field(
-        default=1,
-        description="Number of times at each sample that the prediction is linearised and the "
-        "torques are optimised; 1 for real-time iterations.",
-    )
+    modes: Count | None = None
+    """Number of modes of each link (of each segment) in the model of the controller; links with
+    fewer modes keep theirs. By default those of the arm."""
+    iterations: Count = 1
+    """Number of times at each sample that the prediction is linearised and the torques are
+    optimised; 1 for real-time iterations."""
     sample_time: SampleTime = 0.01
 
 
@@ -170,57 +140,40 @@ class CompositeParameters(LinearParameters):
 
     name = "composite"
     _: KW_ONLY
-    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Bandwidth of the joint errors, one for all joints or one for each (rad/s); by "
-        "default 0.64 times the typical rate.",
-    )
-    damping_ratio: Annotated[Any, PerJoint(Positive)] = Field(
-        default=1.0,
-        description="Damping ratio of the joint errors, one for all joints or one for each.",
-    )
-    acceptable: Named[_PositiveNumbers] | None = Field(
-        default=None,
-        description="Acceptable deviations of outputs that depend on bending only, by name; by "
-        "default 0.4 % of the length of the arm of link_tip_deflection, and of "
-        "link_tip_deflection_rate 1.6 times this times the typical rate.",
-    )
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
+    """Bandwidth of the joint errors, one for all joints or one for each (rad/s); by default 0.64
+    times the typical rate."""
+    damping_ratio: Annotated[Any, PerJoint(Positive)] = 1.0
+    """Damping ratio of the joint errors, one for all joints or one for each."""
+    acceptable: Named[_PositiveNumbers] | None = None
+    """Acceptable deviations of outputs that depend on bending only, by name; by default 0.4 % of
+    the length of the arm of link_tip_deflection, and of link_tip_deflection_rate 1.6 times this
+    times the typical rate."""
 
 
 class LoopShapingParameters(ControllerParameters):
     """H-infinity loop shaping: robust feedback of joint angles and rates."""
 
     name = "loop_shaping"
-    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
-        default=None, description="Joint angles of the design; zero by default (rad)."
-    )
-    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s); by default 1.25 times the typical rate of `lqg`.",
-    )
+    posture: Annotated[Any, ListPerJoint(Number)] | None = None
+    """Joint angles of the design; zero by default (rad)."""
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
+    """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
+    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
-    integral: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0,
-        description="Frequency below which the feedback is integral, one for all joints or one "
-        "for each; 0 for none, otherwise a tenth of the bandwidth or less (rad/s).",
-    )
-    rigidity_uncertainty: Fraction = Field(
-        default=0.0,
-        description="Relative error of the stiffness of the links for which the design is robust, "
-        "at most 1, such as 0.3: a third of it is added to the damping ratios of the design model, "
-        "so that the controller does not rely on the frequencies of the links (Collins, King and "
-        "Bernstein 1992). The arm must have damping, too.",
-    )
-    suboptimality: _Suboptimality = Field(
-        default=1.1,
-        description="Ratio of the largest possible stability margin to that of the design.",
-    )
-    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = Field(
-        default=None,
-        description="For each joint nothing, or increasing angles: designs on the grid of these "
-        "angles, between which the controllers are interpolated (rad).",
-    )
+    integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Frequency below which the feedback is integral, one for all joints or one for each; 0 for
+    none, otherwise a tenth of the bandwidth or less (rad/s)."""
+    rigidity_uncertainty: Fraction = 0.0
+    """Relative error of the stiffness of the links for which the design is robust, at most 1, such
+    as 0.3: a third of it is added to the damping ratios of the design model, so that the controller
+    does not rely on the frequencies of the links (Collins, King and Bernstein 1992). The arm must
+    have damping, too."""
+    suboptimality: _Suboptimality = 1.1
+    """Ratio of the largest possible stability margin to that of the design."""
+    schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = None
+    """For each joint nothing, or increasing angles: designs on the grid of these angles, between
+    which the controllers are interpolated (rad)."""
     sample_time: SampleTime = 0.001
 
 
@@ -234,34 +187,23 @@ class MuSynthesisParameters(ControllerParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
     name = "mu_synthesis"
-    posture: Annotated[Any, ListPerJoint(Number)] | None = Field(
-        default=None, description="Joint angles of the design; zero by default (rad)."
-    )
-    bandwidth: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Crossover frequency of the loops of the rigid arm, approximately, one for all "
-        "joints or one for each (rad/s); by default 1.25 times the typical rate of `lqg`.",
-    )
+    posture: Annotated[Any, ListPerJoint(Number)] | None = None
+    """Joint angles of the design; zero by default (rad)."""
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
+    """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
+    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
-    rigidity_uncertainty: Fraction = Field(
-        default=0.1,
-        description="Relative change of the rigidity of all links, at most 1. A third of it is "
-        "added to the damping ratios of the design model, as for `LoopShaping`.",
-    )
-    payload_uncertainty: Fraction = Field(
-        default=0.2, description="Relative change of the payload, at most 1."
-    )
-    sensitivity: Annotated[Finite, Field(gt=1, le=100), BeforeValidator(plain)] = Field(
-        default=2.0,
-        description="Largest accepted sensitivity at the motors, in torques normalised by the "
-        "inertia, above 1.",
-    )
-    iterations: Annotated[int, Field(strict=True, ge=1, le=100), BeforeValidator(plain)] = Field(
-        default=3, description="Number of syntheses, at most 100."
-    )
-    scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = Field(
-        default=1, description="Largest order of the fitted scalings, 0 to 2."
-    )
+    rigidity_uncertainty: Fraction = 0.1
+    """Relative change of the rigidity of all links, at most 1. A third of it is added to the
+    damping ratios of the design model, as for `LoopShaping`."""
+    payload_uncertainty: Fraction = 0.2
+    """Relative change of the payload, at most 1."""
+    sensitivity: Annotated[Finite, Field(gt=1, le=100), BeforeValidator(plain)] = 2.0
+    """Largest accepted sensitivity at the motors, in torques normalised by the inertia, above 1."""
+    iterations: Annotated[int, Field(strict=True, ge=1, le=100), BeforeValidator(plain)] = 3
+    """Number of syntheses, at most 100."""
+    scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = 1
+    """Largest order of the fitted scalings, 0 to 2."""
     sample_time: SampleTime = 0.001
 
 

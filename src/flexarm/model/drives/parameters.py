@@ -1,9 +1,9 @@
 """Parameters of controllers, declared once: the arguments of a constructor and the keys of a file.
 
-A subclass of `Parameters` annotates each parameter with its type, bounds and description, in the
-manner of a dataclass. The controller class derives from it
-(``flexarm.control.contract.parametrised``), and `record_of` makes the record that reads the same
-values from a file.
+A subclass of `Parameters` annotates each parameter with its type and bounds, in the manner of a
+dataclass; the docstring below a parameter has its meaning and unit. The controller class derives
+from it (``flexarm.control.contract.parametrised``), and `record_of` makes the record that reads the
+same values from a file.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pydantic import Field, create_model
 from pydantic.fields import FieldInfo
 
 from flexarm.model.checks import Record
+from flexarm.model.help_text import field_texts
 from flexarm.model.quantities import PerJoint
 
 #: Stands for the default of a parameter that has none and must be given.
@@ -30,18 +31,20 @@ class Declared:
     """One parameter of a class.
 
     Attributes:
+        name: its name.
         annotation: type, with bounds. source: the type in the source code.
         given: default, a field, or ``REQUIRED``.
         keyword_only: whether it is a keyword argument.
-        owner: class that declares it. inherited: its description in a base of that class.
+        owner: class that declares it. inherited: its declaration in a base of that class.
     """
 
+    name: str
     annotation: Any
     source: str
     given: Any
     keyword_only: bool
     owner: type
-    inherited: str
+    inherited: Declared | None
 
     @cached_property
     def field(self) -> FieldInfo:
@@ -63,7 +66,8 @@ class Declared:
     @property
     def description(self) -> str:
         """Meaning and unit."""
-        return self.field.description or self.inherited
+        text = field_texts(self.owner).get(self.name) or self.field.description
+        return text or (self.inherited.description if self.inherited else "")
 
     @property
     def per_joint(self) -> PerJoint | None:
@@ -104,17 +108,19 @@ class Parameters:
 
 def parameters_of(kind: type[Parameters]) -> dict[str, Declared]:
     """Return the parameters of a class by name, those of its last base first."""
-    found: dict[str, Declared] = {}
+    parameters: dict[str, Declared] = {}
     for base in reversed(kind.__mro__):
         declared = vars(base).get("_declared", {})
         hints = get_annotations(base, eval_str=True) if declared else {}
-        for name, (source, given, keyword_only) in declared.items():
+        for name, (source, default, keyword_only) in declared.items():
             if source.startswith("ClassVar"):
-                found.pop(name, None)
+                parameters.pop(name, None)
             else:
-                inherited = found[name].description if name in found else ""
-                found[name] = Declared(hints[name], source, given, keyword_only, base, inherited)
-    return found
+                inherited = parameters.get(name)
+                parameters[name] = Declared(
+                    name, hints[name], source, default, keyword_only, base, inherited
+                )
+    return parameters
 
 
 def record_of(
@@ -132,4 +138,6 @@ def record_of(
         for key, item in declared.items()
     }
     module = {"__module__": "flexarm.model.drives", "__doc__": cleandoc(doc)}
-    return create_model(name, __base__=base, **module, **more, **fields)  # type: ignore[call-overload]
+    record: Any = create_model(name, __base__=base, **module, **more, **fields)  # type: ignore[call-overload]
+    record._declared = declared
+    return record

@@ -41,42 +41,29 @@ class TipInversionDrive(Record):
     """Torques with which the tip of the flexible arm follows the motion, without feedback."""
 
     kind: Literal["tip_inversion"] = "tip_inversion"
-    pre_actuation: Positive | None = Field(
-        default=None,
-        description="Duration of the torques before the motion (s); by default until 1e-6 of the "
-        "bending remains.",
-    )
-    post_actuation: Positive | None = Field(
-        default=None, description="Duration of the torques after the motion, likewise (s)."
-    )
-    reduction: Positive = Field(
-        default=2e-3,
-        description="Tip error that ends the search, as a fraction of that under rigid torques.",
-    )
+    pre_actuation: Positive | None = None
+    """Duration of the torques before the motion (s); by default until 1e-6 of the bending
+    remains."""
+    post_actuation: Positive | None = None
+    """Duration of the torques after the motion, likewise (s)."""
+    reduction: Positive = 2e-3
+    """Tip error that ends the search, as a fraction of that under rigid torques."""
 
 
 class TorqueDrive(Record):
     """Sampled joint torques as a function of time."""
 
     kind: Literal["torque"] = "torque"
-    rate: Positive = Field(description="Samples per second (Hz).")
-    values: Listed[Listed[Number]] = Field(
-        description="One row for each sample: the torque of each joint (N m), or its voltage.",
-        json_schema_extra={"minItems": 1},
-    )
-    interpolation: Literal["cubic", "linear", "hold"] = Field(
-        default="cubic",
-        description=(
-            "Interpolation between samples; a cubic overshoots where samples jump. "
-            "After the last sample the torque is constant."
-        ),
-    )
+    rate: Positive
+    """Samples per second (Hz)."""
+    values: Listed[Listed[Number]] = Field(json_schema_extra={"minItems": 1})
+    """One row for each sample: the torque of each joint (N m), or its voltage."""
+    interpolation: Literal["cubic", "linear", "hold"] = "cubic"
+    """Interpolation between samples; a cubic overshoots where samples jump. After the last sample
+    the torque is constant."""
 
-    quantity: Literal["torque", "voltage"] = Field(
-        default="torque",
-        description="Quantity of the values: torque, or voltage of the motors of joints with a "
-        "winding (in V).",
-    )
+    quantity: Literal["torque", "voltage"] = "torque"
+    """Quantity of the values: torque, or voltage of the motors of joints with a winding (in V)."""
 
     _columns: ClassVar[tuple[str, ...]] = ("values",)
 

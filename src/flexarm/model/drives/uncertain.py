@@ -55,33 +55,22 @@ class AdaptiveParameters(ControllerParameters):
     name = "adaptive"
     bandwidth: Bandwidth
     damping: Damping
-    adaptation: Annotated[Any, OneOrEach(NonNegative)] = Field(
-        description="Adaptation gains, one for all parameters or one for each, in the unit of the "
-        "parameter squared per N m rad."
-    )
+    adaptation: Annotated[Any, OneOrEach(NonNegative)]
+    """Adaptation gains, one for all parameters or one for each, in the unit of the parameter
+    squared per N m rad."""
     # Typed, because pydantic before 2.12 loses the tags of a union in a record that is made twice.
-    parameters: Annotated[Any, Typed(OneOrMany[Word])] = Field(
-        default="payload",
-        description="Parameters to adapt: payload (its mass), links (mass, first moment and "
-        "inertia of each) or friction (viscous and Coulomb of each joint), or a list of names "
-        "such as payload.mass, link_2.inertia, joint_1.coulomb.",
-    )
-    bounds: Mapped[Interval] | None = Field(
-        default=None,
-        description="Lower and upper bound of parameters by name; by default at least 0.",
-    )
-    initial: Mapped[NonNegative] | None = Field(
-        default=None, description="Initial estimates by name, in place of the values of the arm."
-    )
-    leakage: NonNegative = Field(
-        default=0.0,
-        description="Decay rate of the estimates to their initial values: sigma modification "
-        "(1/s).",
-    )
-    dead_zone: NonNegative = Field(
-        default=0.0,
-        description="Norm of the rate errors below which the estimates are constant (rad/s).",
-    )
+    parameters: Annotated[Any, Typed(OneOrMany[Word])] = "payload"
+    """Parameters to adapt: payload (its mass), links (mass, first moment and inertia of each) or
+    friction (viscous and Coulomb of each joint), or a list of names such as payload.mass,
+    link_2.inertia, joint_1.coulomb."""
+    bounds: Mapped[Interval] | None = None
+    """Lower and upper bound of parameters by name; by default at least 0."""
+    initial: Mapped[NonNegative] | None = None
+    """Initial estimates by name, in place of the values of the arm."""
+    leakage: NonNegative = 0.0
+    """Decay rate of the estimates to their initial values: sigma modification (1/s)."""
+    dead_zone: NonNegative = 0.0
+    """Norm of the rate errors below which the estimates are constant (rad/s)."""
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
@@ -92,25 +81,15 @@ class SlidingModeParameters(ControllerParameters):
 
     name = "sliding_mode"
     bandwidth: Bandwidth
-    boundary_layer: Annotated[Any, PerJoint(Positive)] = Field(
-        description=(
-            "Rate error below which the torque is continuous (rad/s), one for all "
-            "joints or one for each."
-        )
-    )
-    uncertainty: Mapped[NonNegative] | None = Field(
-        default=None,
-        description="Largest error of parameters, by names such as payload.mass or link_2.mass.",
-    )
-    disturbance: Annotated[Any, PerJoint(NonNegative)] = Field(
-        default=0.0,
-        description="Bound of other disturbance torques, one for all joints or one for each (N m).",
-    )
-    reaching: Annotated[Any, PerJoint(Positive)] = Field(
-        default=0.1,
-        description="Excess of the switching torque over the bounds, one for all joints or one "
-        "for each (N m).",
-    )
+    boundary_layer: Annotated[Any, PerJoint(Positive)]
+    """Rate error below which the torque is continuous (rad/s), one for all joints or one for
+    each."""
+    uncertainty: Mapped[NonNegative] | None = None
+    """Largest error of parameters, by names such as payload.mass or link_2.mass."""
+    disturbance: Annotated[Any, PerJoint(NonNegative)] = 0.0
+    """Bound of other disturbance torques, one for all joints or one for each (N m)."""
+    reaching: Annotated[Any, PerJoint(Positive)] = 0.1
+    """Excess of the switching torque over the bounds, one for all joints or one for each (N m)."""
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
@@ -123,32 +102,23 @@ class RBFAdaptiveParameters(ControllerParameters):
     name = "rbf_adaptive"
     bandwidth: Bandwidth
     damping: Damping
-    adaptation: Positive = Field(description="Adaptation gain of the weights.")
-    lower: Annotated[Any, PerJoint(Number)] = Field(
-        description=(
-            "Smallest joint angle of the motion (rad), one for all joints or one for each."
-        )
-    )
-    upper: Annotated[Any, PerJoint(Number)] = Field(
-        description=("Largest joint angle of the motion (rad), one for all joints or one for each.")
-    )
-    centres: Annotated[Any, PerJoint(Count)] = Field(
-        default=5,
-        description="Gaussians along each joint angle, one number for all joints or one for each; "
-        "1 for a joint whose angle does not affect the dynamics, such as the first one without "
-        "gravity. Their width is their spacing.",
-    )
-    leakage: NonNegative = Field(
-        default=0.0, description="Decay rate of the weights: sigma modification (1/s)."
-    )
-    e_modification: NonNegative = Field(
-        default=0.01, description="Decay rate of the weights per norm of the rate errors (1/rad)."
-    )
-    prior: Flag = Field(
-        default=False,
-        description="Whether to add the torque of the arm's rigid model, so that the network "
-        "learns the remainder.",
-    )
+    adaptation: Positive
+    """Adaptation gain of the weights."""
+    lower: Annotated[Any, PerJoint(Number)]
+    """Smallest joint angle of the motion (rad), one for all joints or one for each."""
+    upper: Annotated[Any, PerJoint(Number)]
+    """Largest joint angle of the motion (rad), one for all joints or one for each."""
+    centres: Annotated[Any, PerJoint(Count)] = 5
+    """Gaussians along each joint angle, one number for all joints or one for each; 1 for a joint
+    whose angle does not affect the dynamics, such as the first one without gravity. Their width is
+    their spacing."""
+    leakage: NonNegative = 0.0
+    """Decay rate of the weights: sigma modification (1/s)."""
+    e_modification: NonNegative = 0.01
+    """Decay rate of the weights per norm of the rate errors (1/rad)."""
+    prior: Flag = False
+    """Whether to add the torque of the arm's rigid model, so that the network learns the
+    remainder."""
     strain_gain: StrainGain = 0.0
     washout: Washout = 0.5
     sample_time: SampleTime = 0.001
@@ -163,27 +133,19 @@ class PrescribedPerformanceParameters(ControllerParameters):
     name = "prescribed_performance"
     bandwidth: Bandwidth
     damping: Damping
-    bound: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Bound of the angle error after a long time (rad), one for all joints or one "
-        "for each."
-    )
-    rate_bound: Annotated[Any, PerJoint(Positive)] = Field(
-        description="Bound of the difference between the joint rate and the requested rate "
-        "(rad/s), one for all joints or one for each."
-    )
-    start_bound: Annotated[Any, PerJoint(Positive)] | None = Field(
-        default=None,
-        description="Bound of the angle error at the start, which must exceed the first error "
-        "(rad); that after a long time by default.",
-    )
-    decay: NonNegative = Field(
-        default=1.0, description="Rate at which the bound of the angle error decreases (1/s)."
-    )
-    gain_limit: Annotated[Finite, Field(ge=1.01, le=1e6), BeforeValidator(plain)] = Field(
-        default=20.0,
-        description="Factor up to which the gains increase towards the bounds; the "
-        "sampled loop must be stable with ``damping`` times this factor.",
-    )
+    bound: Annotated[Any, PerJoint(Positive)]
+    """Bound of the angle error after a long time (rad), one for all joints or one for each."""
+    rate_bound: Annotated[Any, PerJoint(Positive)]
+    """Bound of the difference between the joint rate and the requested rate (rad/s), one for all
+    joints or one for each."""
+    start_bound: Annotated[Any, PerJoint(Positive)] | None = None
+    """Bound of the angle error at the start, which must exceed the first error (rad); that after a
+    long time by default."""
+    decay: NonNegative = 1.0
+    """Rate at which the bound of the angle error decreases (1/s)."""
+    gain_limit: Annotated[Finite, Field(ge=1.01, le=1e6), BeforeValidator(plain)] = 20.0
+    """Factor up to which the gains increase towards the bounds; the sampled loop must be stable
+    with ``damping`` times this factor."""
     sample_time: SampleTime = 0.001
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
 from flexarm.base.errors import InputError, shown
@@ -23,7 +23,8 @@ PAYLOAD_MASS = "payload.mass"
 class ValueTable(TimeTable):
     """A number as a function of time, tabulated."""
 
-    values: Listed[Number] = Field(description="The number at each time.")
+    values: Listed[Number]
+    """The number at each time."""
 
 
 def _course(value: Any) -> str:
@@ -60,30 +61,20 @@ class Change(Record, kw_only=False):
     voltage``) the winding and the gear ratio of a joint cannot change.
     """
 
-    path: Word = Field(
-        description="Path of the number, such as payload.mass or links[0].flexural_rigidity."
-    )
-    at: TimeOrEvent = Field(
-        default=0.0,
-        description="Time of the change (s), at most the duration of the run, or the name of an "
-        "event: its first occurrence.",
-    )
-    to: Course | None = Field(default=None, description="The new number, or a table of it.")
-    factor: Course | None = Field(
-        default=None,
-        description="Factor of the number at the start of the run, instead of a new number; or a "
-        "table of it.",
-    )
-    velocity: Pair = Field(
-        default=(0.0, 0.0),
-        description="Velocity [x, y] of a mass before it is added to the payload, world frame "
-        "(m/s).",
-    )
-    interval: Positive = Field(
-        default=0.01,
-        description="Length of the intervals in which a number that follows a table or a function "
-        "is constant (s).",
-    )
+    path: Word
+    """Path of the number, such as payload.mass or links[0].flexural_rigidity."""
+    at: TimeOrEvent = 0.0
+    """Time of the change (s), at most the duration of the run, or the name of an event: its first
+    occurrence."""
+    to: Course | None = None
+    """The new number, or a table of it."""
+    factor: Course | None = None
+    """Factor of the number at the start of the run, instead of a new number; or a table of it."""
+    velocity: Pair = (0.0, 0.0)
+    """Velocity [x, y] of a mass before it is added to the payload, world frame (m/s)."""
+    interval: Positive = 0.01
+    """Length of the intervals in which a number that follows a table or a function is constant
+    (s)."""
 
     _written: ClassVar[tuple[str, ...]] = ("path",)
 

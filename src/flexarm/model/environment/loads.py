@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.base.arguments import check_number
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.model.arm.spec import ArmSpec, place_faults
 from flexarm.model.checks import Given, Record
@@ -41,28 +40,20 @@ class Load(Record, kw_only=False):
     In Python, the factor may also be a function of time in s, or two lists ``(times, values)``.
     """
 
-    link: Count = Field(description="Number of the link, counted from 1 at the base.")
-    force: Pair = Field(
-        default=(0.0, 0.0), description="Force [x, y] (N); per length (N/m) with spread."
-    )
-    moment: Number = Field(default=0.0, description="Moment at the station (N m).")
-    station: NonNegative | None = Field(
-        default=None, description="Distance from the root of the link (m); by default its tip."
-    )
-    spread: Pair | None = Field(
-        default=None,
-        description="Start and end of a distributed force, from the root of the link (m).",
-    )
-    frame: Literal["world", "link"] = Field(
-        default="world",
-        description=(
-            "Frame of the force: fixed (world) or rotating with the root tangent of "
-            "the link (link)."
-        ),
-    )
-    factor: Factor | None = Field(
-        default=None, description="Factor of the load over time; constant by default."
-    )
+    link: Count
+    """Number of the link, counted from 1 at the base."""
+    force: Pair = (0.0, 0.0)
+    """Force [x, y] (N); per length (N/m) with spread."""
+    moment: Number = 0.0
+    """Moment at the station (N m)."""
+    station: NonNegative | None = None
+    """Distance from the root of the link (m); by default its tip."""
+    spread: Pair | None = None
+    """Start and end of a distributed force, from the root of the link (m)."""
+    frame: Literal["world", "link"] = "world"
+    """Frame of the force: fixed (world) or rotating with the root tangent of the link (link)."""
+    factor: Factor | None = None
+    """Factor of the load over time; constant by default."""
 
     _written: ClassVar[tuple[str, ...]] = ("force", "moment")
 
@@ -73,13 +64,12 @@ class Load(Record, kw_only=False):
         return fx, fy, self.moment
 
     @public_call
-    def scaled(self, factor: float) -> Load:
+    def scaled(self, factor: Number) -> Load:
         """Return a load whose force and moment are multiplied by a number.
 
         Raises:
             InputError: if the factor is not a number, or the force exceeds the largest number.
         """
-        factor = check_number("factor", factor)
         fx, fy = self.force
         return self.replace(force=(factor * fx, factor * fy), moment=factor * self.moment)
 

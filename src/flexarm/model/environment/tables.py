@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
-from pydantic import Field
-
 from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Listed, Number, Pair, length_of
@@ -23,7 +21,8 @@ def is_table(value: Any) -> bool:
 class TimeTable(Record):
     """Base of tables over time, which have ``values``."""
 
-    times: Listed[Number] = Field(description="Increasing times (s); two equal times are a jump.")
+    times: Listed[Number]
+    """Increasing times (s); two equal times are a jump."""
 
     _columns: ClassVar[tuple[str, ...]] = ("times", "values")
 
@@ -56,10 +55,12 @@ class TimeTable(Record):
 class FactorTable(TimeTable):
     """Factor of a load as a function of time, tabulated."""
 
-    values: Listed[Number] = Field(description="Factor at each time.")
+    values: Listed[Number]
+    """Factor at each time."""
 
 
 class AccelerationTable(TimeTable):
     """Acceleration of the base as a function of time, tabulated."""
 
-    values: Listed[Pair] = Field(description="The acceleration [x, y] at each time (m/s^2).")
+    values: Listed[Pair]
+    """The acceleration [x, y] at each time (m/s^2)."""

@@ -5,6 +5,9 @@ from __future__ import annotations
 import gc
 import os
 import re
+import select
+import stat
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,10 +21,8 @@ from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
-from flexarm.model.file_format.changes import changed
 from flexarm.model.file_format.content import content_of
-from flexarm.model.file_format.read_bytes import read_bytes
-from flexarm.model.file_format.yaml_text import Document, parse, to_yaml
+from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
 from flexarm.model.wording import Path, suggestion
@@ -128,11 +129,7 @@ def describes_arm_only(document: Document) -> bool:
 
 
 def _refuse_other_kind(document: Document, kind: type[Record]) -> None:
-    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa.
-
-    Raises:
-        ModelError: if the file has only an arm, or keys of the other kind of file only.
-    """
+    """Raise if the file is of another kind: an arm, or a study for a scenario or vice versa."""
     if describes_arm_only(document) and "arm" in document.value:
         rule = f"has an arm only, so it is not a {_WORDS[kind][0]}"
         hint = "`flexarm check`, `modes` and `linearize` read an arm alone."
@@ -397,3 +394,54 @@ def _near(file: FilePath) -> str:
         return ""
     near = difflib.get_close_matches(file.stem, names, n=1)
     return f"Did you mean {str(file.with_name(names[near[0]]))!r}?" if near else ""
+
+
+#: Time limit for a writer to open a named pipe (s).
+_WAIT_FOR_WRITER = 5.0
+#: Time limit for the first content of a pipe (s); its writer may have to compute before.
+_WAIT_FOR_CONTENT = 60.0
+_AT_ONCE = 1 << 20
+
+
+def read_bytes(file: FilePath, most: int) -> bytes:
+    """Return the content of a file, a pipe or a terminal, at most ``most`` bytes.
+
+    Raises:
+        OSError: if it cannot be read, or is a pipe that has no writer or remains empty.
+        ValueError: if the path has a null character or half of a surrogate pair.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    descriptor = os.open(file, flags)
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError
+        return _read(descriptor, most, stat.S_ISFIFO(mode))
+    finally:
+        os.close(descriptor)
+
+
+def _read(descriptor: int, most: int, pipe: bool) -> bytes:
+    parts: list[bytes] = []
+    length = 0
+    start = time.monotonic()
+    while length < most:
+        try:
+            part = os.read(descriptor, min(_AT_ONCE, most - length))
+        except BlockingIOError:  # the writer has not written more yet
+            limit = start + _WAIT_FOR_CONTENT - time.monotonic()
+            wait = max(limit, 0.0) if pipe and not parts else None
+            if not select.select([descriptor], [], [], wait)[0]:
+                reason = f"nothing was written into the pipe for {_WAIT_FOR_CONTENT:g} s"
+                raise OSError(reason) from None
+            continue
+        if part:
+            parts.append(part)
+            length += len(part)
+        elif not pipe or parts:
+            break
+        elif time.monotonic() > start + _WAIT_FOR_WRITER:
+            raise OSError("the pipe is empty, and nobody writes into it")
+        else:
+            time.sleep(0.02)
+    return b"".join(parts)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pydantic import Field
-
 from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import Flag, Number, Positive, Word
@@ -19,22 +17,18 @@ class FreeParameter(Record, kw_only=False):
     distribution; they count as one more measurement.
     """
 
-    path: Word = Field(
-        description="Path of the number, such as links[0].flexural_rigidity or payload.mass."
-    )
-    lower: Number | None = Field(
-        default=None, description="Lower bound; by default 0 if the number cannot be negative."
-    )
-    upper: Number | None = Field(default=None, description="Upper bound; none by default.")
-    prior: Number | None = Field(
-        default=None, description="Expected value; by default that of the arm."
-    )
-    prior_deviation: Positive | None = Field(
-        default=None, description="Standard deviation of the expected value; no prior by default."
-    )
-    per_record: Flag = Field(
-        default=False, description="Whether each record has its own value; shared by default."
-    )
+    path: Word
+    """Path of the number, such as links[0].flexural_rigidity or payload.mass."""
+    lower: Number | None = None
+    """Lower bound; by default 0 if the number cannot be negative."""
+    upper: Number | None = None
+    """Upper bound; none by default."""
+    prior: Number | None = None
+    """Expected value; by default that of the arm."""
+    prior_deviation: Positive | None = None
+    """Standard deviation of the expected value; no prior by default."""
+    per_record: Flag = False
+    """Whether each record has its own value; shared by default."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -9,9 +9,9 @@ from pydantic import BeforeValidator, Field
 
 from flexarm.base.errors import shown
 from flexarm.model.checks import Given, Record
-from flexarm.model.identification.filters import Filter
 from flexarm.model.quantities import (
     Count,
+    Flag,
     Listed,
     Mapped,
     NonNegative,
@@ -21,6 +21,46 @@ from flexarm.model.quantities import (
     plain,
 )
 from flexarm.model.wording import Fault
+
+Order = Annotated[int, Field(strict=True, ge=1, le=2)]
+
+
+class Filter(Record, kw_only=False):
+    """One filter of a measured channel; the simulated channel passes through the same filter.
+
+    Filters of first order are ``1 / (1 + s / w)`` and ``(s / w) / (1 + s / w)``, those of second
+    order ``w^2 / (s^2 + 2 d w s + w^2)`` and ``s^2 / (s^2 + 2 d w s + w^2)``, with ``w = 2 pi
+    cutoff`` and ``d = damping``. They are discretised by Tustin's rule and start in the steady
+    state of the first sample.
+    """
+
+    kind: Literal["low_pass", "high_pass", "remove_mean", "gain"]
+    """low_pass, high_pass, remove_mean or gain."""
+    cutoff: Positive | None = None
+    """Cutoff frequency of low_pass and high_pass (Hz)."""
+    order: Order = 1
+    """Order of low_pass and high_pass, 1 or 2."""
+    damping: Positive = 0.7071067811865476
+    """Damping ratio of a filter of second order."""
+    factor: Number | None = None
+    """Factor of gain."""
+    recorded: Flag = False
+    """Whether the record contains the effect of the filter already, so that only the simulated
+    channel is filtered."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("kind"):
+            return
+        passes = given.kind in ("low_pass", "high_pass")
+        if passes and given.absent("cutoff"):
+            yield Fault(("cutoff",), f"is required for {given.kind}")
+        if given.kind == "gain" and given.absent("factor"):
+            yield Fault(("factor",), "is required for gain")
+        for name, fits in (("cutoff", passes), ("factor", given.kind == "gain")):
+            if not fits and not given.absent(name):
+                yield Fault((name,), f"is not supported for {given.kind}", shown(given.raw(name)))
+
 
 #: Factors to SI units, by the SI unit of the channel.
 UNITS: dict[str, dict[str, float]] = {
@@ -49,13 +89,14 @@ def _column(value: Any) -> Any:
 class Column(Record, kw_only=False):
     """A column of a file of measurements; its values become ``gain * value + offset``."""
 
-    column: Word = Field(description="Name of the column.")
-    unit: Word | None = Field(
-        default=None,
-        description="Unit of the values; by default that in brackets after the name, or SI.",
-    )
-    gain: Number = Field(default=1.0, description="Factor, applied before the unit.")
-    offset: Number = Field(default=0.0, description="Constant added after the factor.")
+    column: Word
+    """Name of the column."""
+    unit: Word | None = None
+    """Unit of the values; by default that in brackets after the name, or SI."""
+    gain: Number = 1.0
+    """Factor, applied before the unit."""
+    offset: Number = 0.0
+    """Constant added after the factor."""
 
 
 def _filters(value: Any) -> Any:
@@ -69,105 +110,59 @@ Filters = Annotated[Listed[Filter], BeforeValidator(_filters)]
 class RecordSettings(Record):
     """Treatment of a measured record: its inputs, outputs, delays, filters and initial state."""
 
-    input: Literal["torque", "current", "voltage", "none"] | None = Field(
-        default=None,
-        description=(
-            "Channel that drives the joints; by default torque, current or voltage, the first that "
-            "the record contains. If nothing drives them, give none."
-        ),
-    )
-    interpolation: Literal["cubic", "linear", "hold"] | None = Field(
-        default=None,
-        description=(
-            "Interpolation of the input between its samples; by default that of the run for a "
-            "result of simulate (hold in a closed loop), and cubic otherwise."
-        ),
-    )
-    prescribed: Listed[Count] = Field(
-        default=(),
-        description=(
-            "Joints, counted from 1, that follow their measured angles exactly, whatever torque "
-            "that requires."
-        ),
-    )
-    prescribed_cutoff: Positive | None = Field(
-        default=None,
-        description=(
-            "Cutoff frequency of a low-pass filter without phase shift for the prescribed angles "
-            "(Hz); none by default."
-        ),
-    )
-    outputs: Listed[Word] | None = Field(
-        default=None,
-        description="Channels that are compared; by default all that are not inputs.",
-    )
-    noise: Mapped[Positive] = Field(
-        default={},
-        validate_default=True,
-        description=(
-            "Standard deviation of the noise by channel, in SI units; by default it is estimated."
-        ),
-    )
-    delays: Mapped[NonNegative] = Field(
-        default={},
-        validate_default=True,
-        description=(
-            "Delay by channel (s): from a command to its torque, or from a motion to its reading."
-        ),
-    )
-    filters: Mapped[Filters] = Field(
-        default={}, validate_default=True, description="Filters by channel, in their order."
-    )
-    initial: Literal["rest", "equilibrium", "estimate"] = Field(
-        default="rest",
-        description=(
-            "Initial state: straight links at rest, the equilibrium with locked joints, or "
-            "estimated from the record."
-        ),
-    )
-    initial_angle: Listed[Number] | None = Field(
-        default=None,
-        description="Joint angles at the start (rad); by default those of the first sample, or 0.",
-    )
+    input: Literal["torque", "current", "voltage", "none"] | None = None
+    """Channel that drives the joints; by default torque, current or voltage, the first that the
+    record contains. If nothing drives them, give none."""
+    interpolation: Literal["cubic", "linear", "hold"] | None = None
+    """Interpolation of the input between its samples; by default that of the run for a result of
+    simulate (hold in a closed loop), and cubic otherwise."""
+    prescribed: Listed[Count] = ()
+    """Joints, counted from 1, that follow their measured angles exactly, whatever torque that
+    requires."""
+    prescribed_cutoff: Positive | None = None
+    """Cutoff frequency of a low-pass filter without phase shift for the prescribed angles (Hz);
+    none by default."""
+    outputs: Listed[Word] | None = None
+    """Channels that are compared; by default all that are not inputs."""
+    noise: Mapped[Positive] = Field(default={}, validate_default=True)
+    """Standard deviation of the noise by channel, in SI units; by default it is estimated."""
+    delays: Mapped[NonNegative] = Field(default={}, validate_default=True)
+    """Delay by channel (s): from a command to its torque, or from a motion to its reading."""
+    filters: Mapped[Filters] = Field(default={}, validate_default=True)
+    """Filters by channel, in their order."""
+    initial: Literal["rest", "equilibrium", "estimate"] = "rest"
+    """Initial state: straight links at rest, the equilibrium with locked joints, or estimated from
+    the record."""
+    initial_angle: Listed[Number] | None = None
+    """Joint angles at the start (rad); by default those of the first sample, or 0."""
 
 
 class RecordFile(RecordSettings):
     """A file of measurements, the channels in its columns, and their treatment."""
 
-    file: Word = Field(
-        description="Path of the .csv, .mat, .nc or .parquet file, relative to this file."
-    )
+    file: Word
+    """Path of the .csv, .mat, .nc or .parquet file, relative to this file."""
     channels: Mapped[Annotated[Column, BeforeValidator(_column)]] = Field(
-        default={},
-        validate_default=True,
-        description=(
-            "Columns by channel, such as joint_angle_1 or tip_x; by default the columns whose "
-            "names are channels."
-        ),
+        default={}, validate_default=True
     )
-    time: Word | None = Field(default=None, description="Column of the time; by default time or t.")
-    time_unit: Literal["s", "ms", "us"] | None = Field(
-        default=None,
-        description="Unit of the time; by default that in brackets after its name, or s.",
-    )
-    encoding: Word = Field(
-        default="utf-8", description="Encoding of a .csv or .txt file, such as latin-1."
-    )
-    skip: Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)] = Field(
-        default=0, description="Number of lines of a .csv or .txt file before its header."
-    )
-    sample_time: Positive | None = Field(
-        default=None, description="Sample time (s), instead of a column of the time."
-    )
-    rate: Positive | None = Field(
-        default=None, description="Samples per second to resample to (Hz); none by default."
-    )
-    start: Number | None = Field(
-        default=None, description="Time of the file at which the record starts (s)."
-    )
-    end: Number | None = Field(
-        default=None, description="Time of the file at which the record ends (s)."
-    )
+    """Columns by channel, such as joint_angle_1 or tip_x; by default the columns whose names are
+    channels."""
+    time: Word | None = None
+    """Column of the time; by default time or t."""
+    time_unit: Literal["s", "ms", "us"] | None = None
+    """Unit of the time; by default that in brackets after its name, or s."""
+    encoding: Word = "utf-8"
+    """Encoding of a .csv or .txt file, such as latin-1."""
+    skip: Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)] = 0
+    """Number of lines of a .csv or .txt file before its header."""
+    sample_time: Positive | None = None
+    """Sample time (s), instead of a column of the time."""
+    rate: Positive | None = None
+    """Samples per second to resample to (Hz); none by default."""
+    start: Number | None = None
+    """Time of the file at which the record starts (s)."""
+    end: Number | None = None
+    """Time of the file at which the record ends (s)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:

@@ -24,13 +24,12 @@ def event_names(events: Sequence[Any]) -> list[str]:
 class _Event(Record):
     """Base of events: name, direction of the crossing, and whether the run ends."""
 
-    name: Word | None = Field(
-        default=None, description="Name in results; by default its number, such as event_1."
-    )
-    direction: Literal["both", "rising", "falling"] = Field(
-        default="both", description="Direction of the zero crossings that are located."
-    )
-    terminal: Flag = Field(default=False, description="Whether the event ends the run.")
+    name: Word | None = None
+    """Name in results; by default its number, such as event_1."""
+    direction: Literal["both", "rising", "falling"] = "both"
+    """Direction of the zero crossings that are located."""
+    terminal: Flag = False
+    """Whether the event ends the run."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -43,11 +42,12 @@ class JointEvent(_Event):
     """A joint passes an angle or reaches a stop; rising means an increasing angle."""
 
     kind: Literal["joint_angle"] = "joint_angle"
-    joint: Count = Field(description="Number of the joint, counted from 1 at the base.")
-    angle: Number | None = Field(default=None, description="Relative joint angle (rad).")
-    stop: Literal["lower", "upper"] | None = Field(
-        default=None, description="Limit of the joint, instead of an angle."
-    )
+    joint: Count
+    """Number of the joint, counted from 1 at the base."""
+    angle: Number | None = None
+    """Relative joint angle (rad)."""
+    stop: Literal["lower", "upper"] | None = None
+    """Limit of the joint, instead of an angle."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -62,8 +62,10 @@ class TipEvent(_Event):
     """The tip crosses a straight line; rising means along the normal."""
 
     kind: Literal["tip_line"] = "tip_line"
-    point: Pair = Field(description="Any point of the line [x, y], world frame (m).")
-    normal: Direction = Field(description="Normal of the line [x, y], of any length.")
+    point: Pair
+    """Any point of the line [x, y], world frame (m)."""
+    normal: Direction
+    """Normal of the line [x, y], of any length."""
 
 
 EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]

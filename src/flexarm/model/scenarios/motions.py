@@ -5,23 +5,93 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import FEEDFORWARD_DRIVES
 from flexarm.model.drives.base import OF_JOINTS
 from flexarm.model.environment.tables import TimeTable
 from flexarm.model.quantities import (
+    Count,
     Direction,
+    Finite,
     Listed,
     NonNegative,
     Number,
+    OneOrMany,
     Pair,
     Positive,
     plain,
 )
-from flexarm.model.scenarios.shaping import ShapingSpec, SmoothingSpec
 from flexarm.model.wording import Fault, look, refuse
+
+Ratio = Annotated[Finite, Field(ge=0, lt=1), BeforeValidator(plain)]
+Part = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
+_Width = Annotated[Finite, Field(gt=0, le=1), BeforeValidator(plain)]
+
+
+def _word_or_list(value: Any) -> str:
+    return "<list>" if isinstance(plain(value), list | tuple) else "<word>"
+
+
+_Joint = Literal["locked", "free"]
+_JointOrGains = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Pair, Tag("<list>")],
+    Discriminator(_word_or_list),
+]
+_Joints = Annotated[
+    Annotated[_Joint, Tag("<word>")] | Annotated[Listed[_JointOrGains], Tag("<list>")],
+    Discriminator(_word_or_list),
+]
+
+
+class ShapingSpec(Record):
+    """Input shaping: a sum of delayed copies of the motion whose vibrations cancel.
+
+    The shaped motion takes longer.
+    """
+
+    method: Literal["zv", "zvd", "zvdd", "ei", "si"] = "zvd"
+    """zv cancels vibration at the design frequencies, zvd also reduces it near them, zvdd in a
+    wider range, ei limits it to the tolerance over a wider range, si in the range insensitivity."""
+    modes: OneOrMany[Count] = 1
+    """Number of lowest modes, or a list of their numbers, from 1."""
+    joints: _Joints = "locked"
+    """Joints during the vibration: locked, free, or for each joint locked, free or the gains of the
+    controller [N m/rad, N m s/rad]."""
+    frequency_hz: OneOrMany[Positive] | None = None
+    """One or more frequencies, instead of those of the arm's modes along the motion (Hz)."""
+    damping_ratio: OneOrMany[Ratio] | None = None
+    """One number, or one for each mode; by default that of the modes, or 0 with frequencies."""
+    tolerance: Part = 0.05
+    """For ei: residual vibration at the design frequency, relative to that of a single impulse; for
+    si: largest one in the range."""
+    insensitivity: _Width = 0.5
+    """For si: width of the range of frequencies, relative to the design frequency."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        for name in ("modes", "frequency_hz", "damping_ratio"):
+            if given.has(name) and given.raw(name) == ():
+                yield Fault((name,), "is empty")
+        if given.absent("frequency_hz"):
+            return
+        for name, usual in (("modes", 1), ("joints", "locked")):
+            if given.has(name) and getattr(given, name) != usual:
+                yield Fault((name,), "cannot be combined with frequency_hz")
+
+
+class SmoothingSpec(Record):
+    """Smoothing: the average of each joint angle over a window of the past.
+
+    The smoothed motion takes longer by the window.
+    """
+
+    duration: Positive
+    """Length of the window (s)."""
+    window: Literal["raised_cosine", "moving_average"] = "raised_cosine"
+    """Shape of the window."""
+
 
 Profile = Literal["quintic", "trapezoidal"]
 
@@ -38,35 +108,34 @@ Points = Annotated[Listed[Pair], AfterValidator(_two_points)]
 class _Timing(Record):
     """Base of motions: duration, timing law and start; the arm is at rest before and after."""
 
-    duration: Positive = Field(description="Time from start to end (s).")
-    profile: Profile = Field(default="quintic", description="Timing law along the path.")
-    start_time: NonNegative = Field(default=0.0, description="Start time of the motion (s).")
-    shaping: ShapingSpec | None = Field(
-        default=None, description="Input shaping against residual vibration."
-    )
-    smoothing: SmoothingSpec | None = Field(
-        default=None, description="Moving average over time, after the shaping."
-    )
+    duration: Positive
+    """Time from start to end (s)."""
+    profile: Profile = "quintic"
+    """Timing law along the path."""
+    start_time: NonNegative = 0.0
+    """Start time of the motion (s)."""
+    shaping: ShapingSpec | None = None
+    """Input shaping against residual vibration."""
+    smoothing: SmoothingSpec | None = None
+    """Moving average over time, after the shaping."""
 
 
 class _TipTiming(_Timing):
     """Base of motions of the tip, with the posture."""
 
-    elbow: Literal["up", "down"] = Field(
-        default="up",
-        description=(
-            "Posture: elbow to the left (up) or to the right (down) of the line from "
-            "the base to the tip."
-        ),
-    )
+    elbow: Literal["up", "down"] = "up"
+    """Posture: elbow to the left (up) or to the right (down) of the line from the base to the
+    tip."""
 
 
 class LineMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip along a straight line."""
 
     kind: Literal["line"] = "line"
-    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
-    end: Pair = Field(description="Tip at the end [x, y], world frame (m).")
+    start: Pair
+    """Tip at the start [x, y], world frame (m)."""
+    end: Pair
+    """Tip at the end [x, y], world frame (m)."""
 
 
 class ViaPointMotionSpec(_TipTiming):
@@ -74,12 +143,11 @@ class ViaPointMotionSpec(_TipTiming):
 
     _columns: ClassVar[tuple[str, ...]] = ("points",)
     kind: Literal["via_points"] = "via_points"
-    points: Points = Field(description="Corners of the path [[x, y], ...], world frame (m).")
-    blend: Positive | None = Field(
-        default=None,
-        description="Distance from each corner at which the tip leaves the lines (m); by default "
-        "a quarter of the shorter line.",
-    )
+    points: Points
+    """Corners of the path [[x, y], ...], world frame (m)."""
+    blend: Positive | None = None
+    """Distance from each corner at which the tip leaves the lines (m); by default a quarter of the
+    shorter line."""
 
 
 class SplineMotionSpec(_TipTiming):
@@ -87,21 +155,21 @@ class SplineMotionSpec(_TipTiming):
 
     _columns: ClassVar[tuple[str, ...]] = ("points",)
     kind: Literal["spline"] = "spline"
-    points: Points = Field(
-        description="Points of the path [[x, y], ...], world frame (m); the curve is closed if "
-        "the last equals the first."
-    )
+    points: Points
+    """Points of the path [[x, y], ...], world frame (m); the curve is closed if the last equals the
+    first."""
 
 
 class CircleMotionSpec(_TipTiming):
     """Motion of the rigid arm's tip on a circle."""
 
     kind: Literal["circle"] = "circle"
-    center: Pair = Field(description="Centre of the circle [x, y], world frame (m).")
-    start: Pair = Field(description="Tip at the start [x, y], world frame (m).")
-    angle: Number = Field(
-        description="Angle about the centre, counter-clockwise (rad); negative the other way."
-    )
+    center: Pair
+    """Centre of the circle [x, y], world frame (m)."""
+    start: Pair
+    """Tip at the start [x, y], world frame (m)."""
+    angle: Number
+    """Angle about the centre, counter-clockwise (rad); negative the other way."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -113,8 +181,10 @@ class JointMotionSpec(_Timing):
     """Synchronous motion of all joints between two postures."""
 
     kind: Literal["joint"] = "joint"
-    start: Listed[Number] = Field(description="Relative joint angles at the start (rad).")
-    end: Listed[Number] = Field(description="Relative joint angles at the end (rad).")
+    start: Listed[Number]
+    """Relative joint angles at the start (rad)."""
+    end: Listed[Number]
+    """Relative joint angles at the end (rad)."""
 
 
 TipMotionSpec = LineMotionSpec | ViaPointMotionSpec | SplineMotionSpec | CircleMotionSpec
@@ -125,8 +195,10 @@ PathSpec = Annotated[PlainMotionSpec, Field(discriminator="kind")]
 class ForceTable(TimeTable):
     """A force as a function of time: smooth between the values, constant before and after."""
 
-    times: Listed[Number] = Field(description="Increasing times (s).")
-    values: Listed[NonNegative] = Field(description="The force at each time (N).")
+    times: Listed[Number]
+    """Increasing times (s)."""
+    values: Listed[NonNegative]
+    """The force at each time (N)."""
 
     @staticmethod
     def _order_fault(times: Sequence[float]) -> tuple[int, str] | None:
@@ -150,20 +222,16 @@ class PressedMotionSpec(Record):
     """Motion of the bent arm's tip along a surface on which it presses."""
 
     kind: Literal["pressed"] = "pressed"
-    path: PathSpec = Field(description="The motion of the rigid arm whose tip is the path.")
-    force: Force = Field(description="Force on the surface (N), or a table of it over time.")
-    normal: Direction | None = Field(
-        default=None,
-        description=(
-            "Normal out of the surface [x, y], of any length; by default that of the first contact."
-        ),
-    )
-    friction: NonNegative = Field(
-        default=0.0, description="Coefficient of friction assumed for the bent arm."
-    )
-    interval: Positive = Field(
-        default=0.05, description="Time between the instants at which the bent arm is computed (s)."
-    )
+    path: PathSpec
+    """The motion of the rigid arm whose tip is the path."""
+    force: Force
+    """Force on the surface (N), or a table of it over time."""
+    normal: Direction | None = None
+    """Normal out of the surface [x, y], of any length; by default that of the first contact."""
+    friction: NonNegative = 0.0
+    """Coefficient of friction assumed for the bent arm."""
+    interval: Positive = 0.05
+    """Time between the instants at which the bent arm is computed (s)."""
 
 
 MotionSpec = Annotated[PlainMotionSpec | PressedMotionSpec, Field(discriminator="kind")]

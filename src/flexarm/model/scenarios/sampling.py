@@ -33,15 +33,15 @@ LevelSize = Annotated[int, Field(strict=True, ge=100, le=10**6), BeforeValidator
 class _Distribution(Record):
     """Base of distributions."""
 
-    relative: Flag = Field(
-        default=False, description="Whether the numbers are factors of the value in the file."
-    )
+    relative: Flag = False
+    """Whether the numbers are factors of the value in the file."""
 
 
 class _Range(_Distribution):
     """Base of distributions between two bounds."""
 
-    levels: Count = Field(default=5, description="Number of values in a grid, with both bounds.")
+    levels: Count = 5
+    """Number of values in a grid, with both bounds."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -53,33 +53,38 @@ class UniformDistribution(_Range):
     """Equally likely values between two bounds."""
 
     kind: Literal["uniform"] = "uniform"
-    low: Number = Field(description="Lower bound, in the unit of the number.")
-    high: Number = Field(description="Upper bound, in the unit of the number.")
+    low: Number
+    """Lower bound, in the unit of the number."""
+    high: Number
+    """Upper bound, in the unit of the number."""
 
 
 class LogUniformDistribution(_Range):
     """Values whose logarithm is uniform between two bounds."""
 
     kind: Literal["log_uniform"] = "log_uniform"
-    low: Positive = Field(description="Lower bound, in the unit of the number.")
-    high: Positive = Field(description="Upper bound, in the unit of the number.")
+    low: Positive
+    """Lower bound, in the unit of the number."""
+    high: Positive
+    """Upper bound, in the unit of the number."""
 
 
 class NormalDistribution(_Distribution):
     """Values of a normal distribution; not in a grid."""
 
     kind: Literal["normal"] = "normal"
-    mean: Number = Field(description="Mean, in the unit of the number.")
-    deviation: Positive = Field(description="Standard deviation, in the unit of the number.")
+    mean: Number
+    """Mean, in the unit of the number."""
+    deviation: Positive
+    """Standard deviation, in the unit of the number."""
 
 
 class ListedValues(_Distribution):
     """Values of a list, equally likely, or all of them in a grid."""
 
     kind: Literal["values"] = "values"
-    values: Listed[Number] = Field(
-        json_schema_extra={"minItems": 1}, description="The values, in the unit of the number."
-    )
+    values: Listed[Number] = Field(json_schema_extra={"minItems": 1})
+    """The values, in the unit of the number."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -96,34 +101,29 @@ Distribution = Annotated[
 class StopRule(Record):
     """Precision of a quantile of a metric at which a study ends."""
 
-    metric: Word = Field(description="Name of the metric, for all drives, plants and motions.")
-    quantile: Probability = Field(default=0.95, description="Probability of the quantile.")
-    within: Positive = Field(
-        default=0.05, description="Half the width of its interval, divided by the quantile."
-    )
-    confidence: Probability = Field(
-        default=0.95, description="Probability that the interval contains the quantile."
-    )
+    metric: Word
+    """Name of the metric, for all drives, plants and motions."""
+    quantile: Probability = 0.95
+    """Probability of the quantile."""
+    within: Positive = 0.05
+    """Half the width of its interval, divided by the quantile."""
+    confidence: Probability = 0.95
+    """Probability that the interval contains the quantile."""
 
 
 class SamplePlan(Record):
     """Number and choice of the samples of a study."""
 
-    method: Literal["latin_hypercube", "sobol", "random", "grid"] = Field(
-        default="latin_hypercube",
-        description="Choice of the samples; a grid has all combinations.",
-    )
-    count: Count | None = Field(
-        default=None, description="Number of samples; a grid has its own number."
-    )
-    seed: Seed = Field(default=0, description="Seed of the samples and of their noise.")
-    noise: Literal["same", "different"] = Field(
-        default="same",
-        description="Whether all samples have the same noise of the hardware, or each its own.",
-    )
-    stop: StopRule | None = Field(
-        default=None, description="When fewer samples than `count` suffice; not with a grid."
-    )
+    method: Literal["latin_hypercube", "sobol", "random", "grid"] = "latin_hypercube"
+    """Choice of the samples; a grid has all combinations."""
+    count: Count | None = None
+    """Number of samples; a grid has its own number."""
+    seed: Seed = 0
+    """Seed of the samples and of their noise."""
+    noise: Literal["same", "different"] = "same"
+    """Whether all samples have the same noise of the hardware, or each its own."""
+    stop: StopRule | None = None
+    """When fewer samples than `count` suffice; not with a grid."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -141,15 +141,12 @@ class SamplePlan(Record):
 class RareFailures(Record):
     """Failures whose probability is estimated by subset simulation."""
 
-    limits: Mapped[Positive] = Field(
-        default={},
-        validate_default=True,
-        description="Largest acceptable metrics by name; runs that stop early fail without one.",
-    )
-    samples: LevelSize = Field(
-        default=1000, description="Samples of each level; a level reaches a tenth further."
-    )
-    seed: Seed = Field(default=0, description="Seed of the samples.")
+    limits: Mapped[Positive] = Field(default={}, validate_default=True)
+    """Largest acceptable metrics by name; runs that stop early fail without one."""
+    samples: LevelSize = 1000
+    """Samples of each level; a level reaches a tenth further."""
+    seed: Seed = 0
+    """Seed of the samples."""
 
 
 def _hardware(given: Given) -> list[Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -23,14 +23,112 @@ from flexarm.model.environment.changes import Change, file_change_faults, motor_
 from flexarm.model.environment.contacts import Contact, contact_faults
 from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
-from flexarm.model.quantities import Finite, Flag, Listed, Number, Positive, Word, length_of, plain
+from flexarm.model.quantities import (
+    Count,
+    Flag,
+    Listed,
+    Number,
+    Positive,
+    Tolerance,
+    Word,
+    length_of,
+    plain,
+)
 from flexarm.model.scenarios.events import EventSpec, event_faults, event_names
 from flexarm.model.scenarios.motions import MotionSpec, motion_faults
-from flexarm.model.scenarios.prescribed import PrescribedJoint, prescribed_faults
 from flexarm.model.wording import Fault, Path, look
 
+
+class _PrescribedJoint(Record):
+    """Base of prescribed joints: the number of the joint."""
+
+    joint: Count
+    """Number of the joint, counted from 1 at the base."""
+
+
+class HeldJoint(_PrescribedJoint):
+    """A joint that is locked at its initial angle."""
+
+    kind: Literal["hold"] = "hold"
+
+
+class FollowingJoint(_PrescribedJoint):
+    """A joint that follows its part of the motion of the scenario."""
+
+    kind: Literal["motion"] = "motion"
+
+
+class TabulatedJoint(_PrescribedJoint):
+    """A joint that follows a cubic spline through tabulated angles."""
+
+    kind: Literal["table"] = "table"
+    times: Listed[Number]
+    """Increasing times (s)."""
+    angles: Listed[Number]
+    """Relative joint angle at each time (rad)."""
+    ends: Literal["rest", "free"] = "rest"
+    """rest: the joint is at rest before and after the table; free: the table covers the whole
+    run."""
+
+    _columns: ClassVar[tuple[str, ...]] = ("times", "angles")
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        times, angles = length_of(given.raw("times")), length_of(given.raw("angles"))
+        if times is not None and times < 2:
+            yield Fault(("times",), "have at least two values", str(times))
+        elif times is not None and angles is not None and angles != times:
+            yield Fault(("angles",), f"have length {times}, one value for each time", str(angles))
+        if given.has("times"):
+            for k in range(1, len(given.times)):
+                if given.times[k] <= given.times[k - 1]:
+                    rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
+                    yield Fault(("times", k), rule, shown(given.times[k]))
+                    break
+
+
+PrescribedJoint = Annotated[
+    HeldJoint | FollowingJoint | TabulatedJoint, Field(discriminator="kind")
+]
+
+
+def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
+    """Yield the faults between the prescribed joints of a scenario and its other parts.
+
+    Args:
+        turning: numbers of the joints that turn; empty if they are unknown.
+    """
+    if not given.has("prescribed") or not given.prescribed:
+        return
+    kind = look(given.raw("drive"), "kind")
+    if isinstance(kind, str) and kind in CONTROLLED:
+        yield Fault(("prescribed",), f"cannot be combined with drive {kind}")
+    seen: dict[int, int] = {}
+    for i, joint in enumerate(given.prescribed):
+        place = ("prescribed", i, "joint")
+        if turning and joint.joint not in turning:
+            rule = f"be the number of a joint that is not fixed ({', '.join(map(str, turning))})"
+            yield Fault(place, rule, shown(joint.joint))
+        if joint.joint in seen:
+            rule = f"repeats joint {joint.joint}, which is in prescribed[{seen[joint.joint]}]"
+            yield Fault(place, rule)
+        seen.setdefault(joint.joint, i)
+        if joint.kind == "motion" and given.absent("motion"):
+            yield Fault(("motion",), f"is required for prescribed[{i}]")
+        if joint.kind == "table" and joint.ends == "free" and given.has("run"):
+            yield from _coverage_faults(i, joint.times, given.run.duration)
+
+
+def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Iterator[Fault]:
+    margin = 1e-9 * (times[-1] - times[0])
+    if times[0] > margin or times[-1] < duration - margin:
+        rule = f"cover the run from 0 to {duration:.9g} with 'ends: free'"
+        value = f"{times[0]:.9g} to {times[-1]:.9g}"
+        hint = "With 'ends: rest' the joint is at rest before and after the table."
+        yield Fault(("prescribed", i, "times"), rule, value, hint)
+
+
 MOST_SAMPLES = 10**7
-Tolerance = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
 
 
@@ -46,23 +144,15 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
 class InitialState(Record):
     """Initial state of the arm; by default at the start of the motion."""
 
-    joint_angle: Listed[Number] | None = Field(
-        default=None, description="Relative joint angles (rad)."
-    )
-    joint_rate: Listed[Number] | None = Field(
-        default=None, description="Relative joint rates (rad/s); zero by default."
-    )
-    equilibrium: Flag = Field(
-        default=False,
-        description=(
-            "Whether the run starts in the equilibrium with locked joints; otherwise "
-            "the links start straight, or bent as at the start of a flexible reference."
-        ),
-    )
-    balance: Flag = Field(
-        default=False,
-        description="Whether the torque of that equilibrium is added to the drive.",
-    )
+    joint_angle: Listed[Number] | None = None
+    """Relative joint angles (rad)."""
+    joint_rate: Listed[Number] | None = None
+    """Relative joint rates (rad/s); zero by default."""
+    equilibrium: Flag = False
+    """Whether the run starts in the equilibrium with locked joints; otherwise the links start
+    straight, or bent as at the start of a flexible reference."""
+    balance: Flag = False
+    """Whether the torque of that equilibrium is added to the drive."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -74,22 +164,23 @@ class InitialState(Record):
             yield Fault(("equilibrium",), "must be true with balance")
 
 
-class RunSettings(Record):
+class RunSpec(Record):
     """Duration, recording and integrator of a run."""
 
-    duration: Positive = Field(description="Simulated time (s).")
-    rate: Positive = Field(default=1000.0, description="Samples recorded per second (Hz).")
-    stations: Stations = Field(
-        default=0,
-        description="Number of sections of each link at which section forces are recorded.",
-    )
-    integrator: Word = Field(default="auto", description="Name of the integrator.")
-    rtol: Tolerance | None = Field(default=None, description="Relative tolerance.")
-    atol: Positive | None = Field(
-        default=None,
-        description="Absolute tolerance at the tip (m); by default rtol / 100 of the reach.",
-    )
-    step: Positive | None = Field(default=None, description="Step of a fixed-step method (s).")
+    duration: Positive
+    """Simulated time (s)."""
+    rate: Positive = 1000.0
+    """Samples recorded per second (Hz)."""
+    stations: Stations = 0
+    """Number of sections of each link at which section forces are recorded."""
+    integrator: Word = "auto"
+    """Name of the integrator."""
+    rtol: Tolerance | None = None
+    """Relative tolerance."""
+    atol: Positive | None = None
+    """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
+    step: Positive | None = None
+    """Step of a fixed-step method (s)."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -106,30 +197,30 @@ class RunSettings(Record):
 class Scenario(Record):
     """One run of an arm."""
 
-    arm: ArmSpec = Field(description="The arm.")
-    motion: MotionSpec | None = Field(default=None, description="The reference motion.")
-    drive: Drive = Field(default=NoDrive(), description="Source of the joint torques.")
-    hardware: Hardware | None = Field(
-        default=None, description="Instruments and motors between the controller and the arm."
-    )
-    prescribed: Listed[PrescribedJoint] = Field(
-        default=(), description="Joints with a prescribed motion."
-    )
-    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
-    base_acceleration: BaseAcceleration | None = Field(
-        default=None, description="Acceleration of the base [x, y] (m/s^2), or a table of it."
-    )
-    events: Listed[EventSpec] = Field(
-        default=(), description="Events to locate, which are recorded or end the run."
-    )
-    contacts: Listed[Contact] = Field(
-        default=(), description="Contacts of points of the arm with surfaces."
-    )
-    changes: Listed[Change] = Field(
-        default=(), description="Numbers of the simulated arm that change during the run."
-    )
-    initial: InitialState = Field(default=InitialState(), description="Initial state of the arm.")
-    run: RunSettings = Field(description="Settings of the run.")
+    arm: ArmSpec
+    """The arm."""
+    motion: MotionSpec | None = None
+    """The reference motion."""
+    drive: Drive = NoDrive()
+    """Source of the joint torques."""
+    hardware: Hardware | None = None
+    """Instruments and motors between the controller and the arm."""
+    prescribed: Listed[PrescribedJoint] = ()
+    """Joints with a prescribed motion."""
+    loads: Listed[Load] = ()
+    """Forces and moments that act on the links."""
+    base_acceleration: BaseAcceleration | None = None
+    """Acceleration of the base [x, y] (m/s^2), or a table of it."""
+    events: Listed[EventSpec] = ()
+    """Events to locate, which are recorded or end the run."""
+    contacts: Listed[Contact] = ()
+    """Contacts of points of the arm with surfaces."""
+    changes: Listed[Change] = ()
+    """Numbers of the simulated arm that change during the run."""
+    initial: InitialState = InitialState()
+    """Initial state of the arm."""
+    run: RunSpec
+    """Settings of the run."""
 
     _hints: ClassVar[dict[str, str]] = {
         "arm": "In Python, load_arm_spec reads a file.",

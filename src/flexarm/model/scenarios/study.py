@@ -29,39 +29,29 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.scenarios.motions import MotionSpec
 from flexarm.model.scenarios.sampling import Distribution, RareFailures, SamplePlan, sampling_faults
-from flexarm.model.scenarios.scenario import RunSettings, Scenario
+from flexarm.model.scenarios.scenario import RunSpec, Scenario
 from flexarm.model.wording import Fault, Path
 
 
 class PlantSpec(Record):
     """Differences between the simulated arm and the model in the controllers."""
 
-    payload_factor: NonNegative = Field(
-        default=1.0, description="Factor of the mass and inertia of the payload."
-    )
-    payload_mass: NonNegative | None = Field(
-        default=None, description="Mass of the payload, instead of a factor (kg)."
-    )
-    flexural_rigidity_factor: OneOrMany[Positive] = Field(
-        default=1.0,
-        description="Factor of the flexural rigidity, one for all links or one for each.",
-    )
-    mass_factor: OneOrMany[Positive] = Field(
-        default=1.0, description="Factor of the mass per length, one for all links or one for each."
-    )
-    friction: Friction | None = Field(
-        default=None, description="Friction of every joint that is not fixed."
-    )
-    loads: Listed[Load] = Field(
-        default=(), description="Forces and moments that act on this plant alone."
-    )
-    changes: Listed[Change] = Field(
-        default=(), description="Numbers of this plant that change during each run."
-    )
-    hardware: Hardware | None = Field(
-        default=None,
-        description="Instruments and motors of this plant, in place of those of the study.",
-    )
+    payload_factor: NonNegative = 1.0
+    """Factor of the mass and inertia of the payload."""
+    payload_mass: NonNegative | None = None
+    """Mass of the payload, instead of a factor (kg)."""
+    flexural_rigidity_factor: OneOrMany[Positive] = 1.0
+    """Factor of the flexural rigidity, one for all links or one for each."""
+    mass_factor: OneOrMany[Positive] = 1.0
+    """Factor of the mass per length, one for all links or one for each."""
+    friction: Friction | None = None
+    """Friction of every joint that is not fixed."""
+    loads: Listed[Load] = ()
+    """Forces and moments that act on this plant alone."""
+    changes: Listed[Change] = ()
+    """Numbers of this plant that change during each run."""
+    hardware: Hardware | None = None
+    """Instruments and motors of this plant, in place of those of the study."""
 
 
 #: Keys of a plant that are not factors of the arm.
@@ -71,18 +61,15 @@ _NOT_OF_ARM = ("loads", "changes", "hardware")
 class StudyRun(Record):
     """Duration and integrator of each run, and the time after which it counts as settled."""
 
-    duration: Positive = Field(description="Simulated time of each run (s).")
-    rate: Positive = Field(
-        default=1000.0, description="Samples per second used for the metrics (Hz)."
-    )
-    settling: NonNegative = Field(
-        default=0.0,
-        description=(
-            "Time after the end of a motion that is excluded from settled error and "
-            "residual vibration (s); less than the duration."
-        ),
-    )
-    integrator: Word = Field(default="auto", description="Name of the integrator.")
+    duration: Positive
+    """Simulated time of each run (s)."""
+    rate: Positive = 1000.0
+    """Samples per second used for the metrics (Hz)."""
+    settling: NonNegative = 0.0
+    """Time after the end of a motion that is excluded from settled error and residual vibration
+    (s); less than the duration."""
+    integrator: Word = "auto"
+    """Name of the integrator."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -90,9 +77,9 @@ class StudyRun(Record):
             rule = f"be less than the duration of {given.duration:g} s"
             yield Fault(("settling",), rule, shown(given.settling))
 
-    def settings(self) -> RunSettings:
+    def settings(self) -> RunSpec:
         """Return these settings for a single run."""
-        return RunSettings(duration=self.duration, rate=self.rate, integrator=self.integrator)
+        return RunSpec(duration=self.duration, rate=self.rate, integrator=self.integrator)
 
 
 #: Keys that every scenario of a study shares.
@@ -102,37 +89,29 @@ _SHARED = ("hardware", "loads", "contacts")
 class StudySpec(Record):
     """All drives on all plants along all motions, for all samples if numbers vary."""
 
-    arm: ArmSpec = Field(description="The arm that the drives use as their model.")
-    motions: Named[MotionSpec] = Field(description="Reference motions by name.")
-    drives: Named[Drive] = Field(description="Sources of the joint torques, by name.")
-    plants: Named[PlantSpec] = Field(
-        default={"as believed": PlantSpec()},
-        validate_default=True,
-        description="Arms that are simulated, by name.",
-    )
-    hardware: Hardware | None = Field(
-        default=None, description="Instruments and motors of every drive that is a controller."
-    )
-    loads: Listed[Load] = Field(default=(), description="Forces and moments that act on the links.")
-    contacts: Listed[Contact] = Field(
-        default=(), description="Contacts of points of the arm with surfaces."
-    )
-    vary: Mapped[Distribution] = Field(
-        default={},
-        validate_default=True,
-        description=(
-            "Numbers that differ from sample to sample, by their path: in the simulated arms, such "
-            "as `payload.mass`, or in this file, such as `run.duration`."
-        ),
-    )
-    samples: SamplePlan | None = Field(
-        default=None,
-        description="Number and choice of the samples; required with `vary` alone.",
-    )
-    rare_failures: RareFailures | None = Field(
-        default=None, description="Failures that are too rare for samples; `vary` is required."
-    )
-    run: StudyRun = Field(description="Settings of the runs and of their metrics.")
+    arm: ArmSpec
+    """The arm that the drives use as their model."""
+    motions: Named[MotionSpec]
+    """Reference motions by name."""
+    drives: Named[Drive]
+    """Sources of the joint torques, by name."""
+    plants: Named[PlantSpec] = Field(default={"as believed": PlantSpec()}, validate_default=True)
+    """Arms that are simulated, by name."""
+    hardware: Hardware | None = None
+    """Instruments and motors of every drive that is a controller."""
+    loads: Listed[Load] = ()
+    """Forces and moments that act on the links."""
+    contacts: Listed[Contact] = ()
+    """Contacts of points of the arm with surfaces."""
+    vary: Mapped[Distribution] = Field(default={}, validate_default=True)
+    """Numbers that differ from sample to sample, by their path: in the simulated arms, such as
+    `payload.mass`, or in this file, such as `run.duration`."""
+    samples: SamplePlan | None = None
+    """Number and choice of the samples; required with `vary` alone."""
+    rare_failures: RareFailures | None = None
+    """Failures that are too rare for samples; `vary` is required."""
+    run: StudyRun
+    """Settings of the runs and of their metrics."""
 
     _hints: ClassVar[dict[str, str]] = {
         "run": "It says how long to simulate, for example `run: {duration: 2}`.",

@@ -3,6 +3,16 @@
 Links with fixed joints between them form one bar, from the root of the first to the next joint that
 turns or to the tip. Its length is the sum of theirs if they are in line. Otherwise it is the
 straight line between both ends, at an angle to the root tangent.
+
+The functions of the tip accept leading axes, so that one call evaluates a whole motion:
+
+| symbol | meaning | shape | unit | frame |
+| --- | --- | --- | --- | --- |
+| lengths | L_i, link lengths | (n,) | m | |
+| angles | theta_i, relative joint angles | (..., n) | rad | joint 1 from world x |
+| psi_i | theta_1 + ... + theta_i | (..., n) | rad | world |
+| tip | sum of L_i (cos psi_i, sin psi_i) | (..., 2) | m | world |
+| J | d tip / d theta | (..., 2, n) | m | world |
 """
 
 from __future__ import annotations
@@ -13,7 +23,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.motion.geometry.kinematics import tip_position
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,18 +34,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RigidChain:
-    """Straight bars between the joints that turn.
+    """Straight bars between the joints that turn."""
 
-    Attributes:
-        lengths: lengths of the bars (n,), m.
-        offset: angles between bars minus joint angles (n,), rad; zero unless a fixed joint
-            has a rest angle.
-        base: position of the first joint that turns (2,), world axes, m.
-    """
-
-    lengths: Floats
+    lengths: Floats  # lengths of the bars (n,), m
+    #: Angles between bars minus joint angles (n,), rad; zero unless a fixed joint has a rest angle
     offset: Floats
-    base: Floats
+    base: Floats  # position of the first joint that turns (2,), world axes, m
 
     def tip(self, joint_angles: Floats) -> Floats:
         """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
@@ -44,11 +47,7 @@ class RigidChain:
 
 
 def check_arm(arm: Arm) -> Arm:
-    """Return an object that has the joints and links of an arm.
-
-    Raises:
-        InputError: if it does not have them.
-    """
+    """Return an object that has the joints and links of an arm, or raise InputError."""
     parts = ("joints", "links", "lengths", "spec", "assembly")
     if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
         given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
@@ -57,11 +56,7 @@ def check_arm(arm: Arm) -> Arm:
 
 
 def rigid_chain(arm: Arm) -> RigidChain:
-    """Return the rigid chain of an arm.
-
-    Raises:
-        InputError: if no joint turns, or two joints that turn are at the same position.
-    """
+    """Return the rigid chain of an arm; InputError without joints, or if two of them coincide."""
     if check_arm(arm).joints == 0:
         raise InputError(Problem("arm", "has no joint that is not fixed"))
     turning = [seat.link for seat in arm.assembly.seats]
@@ -80,10 +75,7 @@ def rigid_chain(arm: Arm) -> RigidChain:
 
 
 def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
-    """Return position (2,) and angle from the root of one link to the root of another or the tip.
-
-    In the axes of the first link. The joint of the first link has an effect only if it is fixed.
-    """
+    """Return position (2,) and angle from the root of a link, in its axes, to another or tip."""
     at, angle = np.zeros(2), 0.0
     for i in range(first, end):
         joint = arm.spec.joints[i]
@@ -91,3 +83,29 @@ def _walk(arm: Arm, first: int, end: int) -> tuple[Floats, float]:
             angle += joint.rest_angle
         at = at + arm.lengths[i] * np.array([np.cos(angle), np.sin(angle)])
     return at, angle
+
+
+def tip_position(lengths: Floats, angles: Floats) -> Floats:
+    """Return the tip (..., 2) in world axes (m)."""
+    psi = np.cumsum(angles, axis=-1)
+    return np.stack([np.cos(psi) @ lengths, np.sin(psi) @ lengths], axis=-1)
+
+
+def tip_jacobian(lengths: Floats, angles: Floats) -> Floats:
+    """Return J (..., 2, n); column j is the rotation about joint j of the links outboard of it."""
+    psi = np.cumsum(angles, axis=-1)
+    links = np.stack([-lengths * np.sin(psi), lengths * np.cos(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def tip_jacobian_rate(lengths: Floats, angles: Floats, rates: Floats) -> Floats:
+    """Return dJ/dt (..., 2, n) when the joints turn at `rates` (..., n), rad/s."""
+    psi = np.cumsum(angles, axis=-1)
+    spin = lengths * np.cumsum(rates, axis=-1)
+    links = np.stack([-spin * np.cos(psi), -spin * np.sin(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def _outboard_sum(links: Floats) -> Floats:
+    """Return the sum over links j, j+1, ..., n in column j."""
+    return np.flip(np.cumsum(np.flip(links, axis=-1), axis=-1), axis=-1)

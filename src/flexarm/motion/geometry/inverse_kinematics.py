@@ -7,14 +7,14 @@ of reach raises an error with the reach and the distance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.motion.geometry.chain import RigidChain, rigid_chain
-from flexarm.motion.geometry.nearest_posture import nearest_posture
+from flexarm.motion.geometry.chain import RigidChain, rigid_chain, tip_jacobian, tip_position
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from flexarm.arm.arm import Arm
 
     Floats = NDArray[np.float64]
+    from numpy.typing import NDArray
+
 
 REACH_TOLERANCE = 1e-9
 """Points this fraction of the reach outside count as on the boundary: a nanometre per metre."""
@@ -29,10 +31,7 @@ ELBOWS = ("up", "down")
 
 
 def reach_limits(lengths: Floats) -> tuple[float, float]:
-    """Return the smallest and largest distance (m) of the tip from the base.
-
-    The smallest is zero unless one link is longer than all the others together.
-    """
+    """Return the smallest and largest distance (m) of the tip from the base."""
     total = float(np.sum(lengths))
     return max(0.0, 2.0 * float(np.max(lengths)) - total), total
 
@@ -68,17 +67,12 @@ def inverse_kinematics(
 
 
 def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None) -> Floats:
-    """Return joint angles (n,) of a rigid chain for a point (2,) within reach.
-
-    Args:
-        chain, point, elbow, posture: see `inverse_kinematics`.
-
-    Raises:
-        InputError: if the posture has the wrong shape, is not finite, or is not permitted.
-    """
+    """Return joint angles (n,) of a rigid chain for a point (2,); see `inverse_kinematics`."""
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
-        return _wrapped(built_posture(lengths, target, elbow) - chain.offset)
+        angles = built_posture(lengths, target, elbow) - chain.offset
+        inside = np.abs(angles) <= np.pi
+        return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
     seed = check_posture("posture", posture, len(lengths))
     if len(lengths) < 3:
         rule = "is not supported for an arm of one or two links"
@@ -86,7 +80,8 @@ def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike 
         raise InputError(Problem("posture", rule, hint=hint))
     bars = seed + chain.offset
     built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
-    starts = [angles + _full_turns(bars - angles) for angles in built]
+    full = 2.0 * np.pi
+    starts = [angles + full * np.round((bars - angles) / full) for angles in built]
     if _on_boundary(lengths, target):
         # The only posture is straight or folded, and a search would converge slowly to it.
         return starts[0] - chain.offset
@@ -177,12 +172,107 @@ def _on_boundary(lengths: Floats, point: Floats) -> bool:
     return distance > outer - slack or (inner > 0.0 and distance < inner + slack)
 
 
-def _wrapped(angles: Floats) -> Floats:
-    """Return the angles in [-pi, pi]; those already in this interval are returned unchanged."""
-    inside = np.abs(angles) <= np.pi
-    return np.where(inside, angles, np.pi - np.mod(np.pi - angles, 2.0 * np.pi))
+_POINT_TOLERANCE = 1e-13
+"""Distance to the point, as a fraction of the reach, at which the iteration has arrived: a few
+hundred times the rounding of one tip position."""
+_STUCK_DAMPING = 1e9
+"""Damping, relative to the reach squared, at which a step is too short to change the tip."""
+MAX_ITERATIONS = 500
+"""Damped least squares needs 5 to 30 steps, a few hundred close to a boundary."""
+_NEAREST = 1e-9
+"""Gradient at a minimum along the postures with the tip at the point, relative to 1 + |q - q0|: far
+above rounding, and Newton's next step would be its square."""
+_ARRIVED = 1e-12
+"""Distance to the point, as a fraction of the reach, of postures that count as solutions: sums over
+hundreds of links have that rounding error."""
+_LEAST_CURVATURE = 1e-2
+"""Bound from below of the curvature in a step, of which the distance alone gives 1."""
+_MAX_STEPS = 60
+"""Newton's method needs 3 to 10 steps."""
 
 
-def _full_turns(angles: Floats) -> Floats:
-    """Return the angles rounded to full turns."""
-    return 2.0 * np.pi * np.round(angles / (2.0 * np.pi))
+def nearest_posture(
+    lengths: Floats, point: Floats, posture: Floats, starts: Sequence[Floats]
+) -> Floats:
+    """Return the angles (n,), n > 2, nearest to a posture among those with the tip at a point.
+
+    The nearest of the minima found by descents from the posture and from ``starts``, postures
+    (n,) with the tip at the point (2,) m from the base.
+
+    It minimises |q - q0|^2 / 2 subject to tip(q) = p. At a solution q - q0 = J^T mu. With a basis Z
+    of the null space of J, Newton's step in the postures with the tip at the point is Z y with
+    (Z^T H Z) y = -Z^T (q - q0) and H = 1 - mu . d2tip/dq2, after which damped least squares return
+    the tip to the point. J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., Springer
+    2006, sections 15.3 and 18.1.
+    """
+    pulled, miss = damped_least_squares(lengths, point, posture)
+    arrived = miss <= _ARRIVED * float(np.sum(lengths))
+    found = [
+        _descent(lengths, point, posture, q) for q in ([pulled] if arrived else []) + [*starts]
+    ]
+    return min(found, key=lambda q: float(np.sum((q - posture) ** 2)))
+
+
+def _descent(lengths: Floats, point: Floats, posture: Floats, q: Floats) -> Floats:
+    """Return the minimum of the distance from `posture` to which the descent from q (n,) leads."""
+    scale = float(np.sum(lengths))
+    for _ in range(_MAX_STEPS):
+        away = q - posture
+        jacobian = tip_jacobian(lengths, q)
+        idle = np.linalg.svd(jacobian)[2][2:].T
+        gradient = idle.T @ away
+        if np.linalg.norm(gradient) <= _NEAREST * (1.0 + np.linalg.norm(away)):
+            break
+        hessian = idle.T @ _hessian(lengths, q, np.linalg.pinv(jacobian.T) @ away) @ idle
+        values, vectors = np.linalg.eigh(hessian)
+        bounded = np.maximum(np.abs(values), _LEAST_CURVATURE)
+        step = -idle @ (vectors @ ((vectors.T @ gradient) / bounded))
+        slope, length = float(step @ away), 1.0
+        while length > 1e-6:
+            trial, miss = damped_least_squares(lengths, point, q + length * step)
+            gain = 0.5 * float(away @ away - (trial - posture) @ (trial - posture))
+            if miss <= _ARRIVED * scale and gain >= -1e-4 * length * slope:
+                break
+            length *= 0.5
+        else:
+            break  # rounding permits no further decrease
+        q = trial
+    return q
+
+
+def _hessian(lengths: Floats, angles: Floats, factors: Floats) -> Floats:
+    """Return 1 - factors . d2tip/dq2 (n, n); d2tip / dq_i dq_j is joint max(i, j) minus the tip."""
+    down, right = tip_jacobian(lengths, angles)  # of the tip seen from each joint: -y and x
+    latest = np.maximum.outer(np.arange(len(angles)), np.arange(len(angles)))
+    return np.asarray(np.eye(len(angles)) + (factors[0] * right - factors[1] * down)[latest])
+
+
+def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tuple[Floats, float]:
+    """Move the tip of `posture` (n,) to `point` (2,); return the posture and its tip error (m).
+
+    Steps J^T (J J^T + d I)^-1 e. The damping d increases after a step that does not reduce the
+    error and decreases otherwise, so the last steps are Newton steps (least norm, quadratic).
+
+    References:
+        C. W. Wampler, IEEE Trans. Syst. Man Cybern. 16 (1986) 93-101.
+        Y. Nakamura and H. Hanafusa, J. Dyn. Syst. Meas. Control 108 (1986) 163-171.
+    """
+    scale = float(np.sum(lengths))
+    angles = np.array(posture)
+    error = point - tip_position(lengths, angles)
+    miss = float(np.hypot(*error))
+    damping = 1e-2
+    for _ in range(MAX_ITERATIONS):
+        if miss <= _POINT_TOLERANCE * scale or damping > _STUCK_DAMPING:
+            break
+        jacobian = tip_jacobian(lengths, angles)
+        weights = jacobian @ jacobian.T + damping * scale**2 * np.eye(2)
+        trial = angles + jacobian.T @ np.linalg.solve(weights, error)
+        trial_error = point - tip_position(lengths, trial)
+        trial_miss = float(np.hypot(*trial_error))
+        if trial_miss < miss:
+            angles, error, miss = trial, trial_error, trial_miss
+            damping = max(damping * 0.1, 1e-18)
+        else:
+            damping *= 10.0
+    return angles, miss

@@ -43,15 +43,10 @@ class PathPoint(NamedTuple):
 
 
 class TipPath(ABC):
-    """A path p(s) of the tip, 0 <= s <= 1.
+    """A path p(s) of the tip, 0 <= s <= 1."""
 
-    Attributes:
-        title: name of the path in messages.
-        marks: names of points in messages, with their s.
-    """
-
-    title: str
-    marks: dict[str, float]
+    title: str  # name of the path in messages
+    marks: dict[str, float]  # names of points in messages, with their s
 
     @property
     @abstractmethod
@@ -108,15 +103,11 @@ class LinePath(TipPath):
 
 @dataclass(frozen=True, eq=False)
 class PolynomialPath(TipPath):
-    """A path of polynomials: a rounded polygon or a spline.
-
-    Attributes:
-        pieces: polynomials of s with values (2,), twice continuously differentiable.
-    """
+    """A path of polynomials: a rounded polygon or a spline."""
 
     title: str
     marks: dict[str, float]
-    pieces: PPoly
+    pieces: PPoly  # polynomials of s with values (2,), twice continuously differentiable
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -192,25 +183,15 @@ class ArcPath(TipPath):
 
 
 def line_path(start: ArrayLike, end: ArrayLike) -> LinePath:
-    """Return the straight line between two world points (2,), m.
-
-    Raises:
-        InputError: if a point has the wrong shape or is not finite.
-    """
+    """Return the straight line between two world points (2,), m."""
     start, end = check_array("start", start, (2,)), check_array("end", end, (2,))
     return LinePath("line from start to end", {"start": 0.0, "end": 1.0}, start, end - start)
 
 
 def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
-    """Return straight lines between world points (k, 2), m, with rounded corners.
+    """Return straight lines between world points (k, 2) m, rounded from ``blend`` m at corners.
 
-    Args:
-        blend: distance (m) from each corner at which the path leaves the lines; None: a quarter of
-            the shorter of the two lines.
-
-    Raises:
-        InputError: if there are fewer than two points, two successive points are equal, or the
-            rounded corners do not fit on the lines.
+    By default the rounding begins at a quarter of the shorter of the two lines.
     """
     corners = _different(points)
     sides = np.diff(corners, axis=0)
@@ -245,13 +226,7 @@ def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
 
 
 def spline_path(points: ArrayLike) -> PolynomialPath:
-    """Return the cubic spline through world points (k, 2), m, over the lengths of its chords.
-
-    It is closed, without a corner, if the last point equals the first.
-
-    Raises:
-        InputError: if the points are not two or more, each different from the one before it.
-    """
+    """Return the spline through world points (k, 2) m; closed if the last equals the first."""
     from scipy.interpolate import CubicSpline
 
     knots = _different(points)
@@ -264,11 +239,7 @@ def spline_path(points: ArrayLike) -> PolynomialPath:
 
 
 def arc_path(center: ArrayLike, start: ArrayLike, angle: float) -> ArcPath:
-    """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad).
-
-    Raises:
-        InputError: if the start is at the centre, or the angle is zero or not finite.
-    """
+    """Return the circular arc from a world point (2,), m, about a centre, by an angle (rad)."""
     center = check_array("center", center, (2,))
     start = check_array("start", start, (2,))
     angle = check_number("angle", angle, lambda turn: turn != 0.0, "differ from 0")

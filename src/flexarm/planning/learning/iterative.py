@@ -1,17 +1,29 @@
-"""Iterative learning control: ``flexarm.iterative_learning``."""
+"""Iterative learning control: ``flexarm.iterative_learning``.
+
+Laws of learning: theory page "control-learning", (C.102) to (C.106).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from inspect import signature
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
-from flexarm.base.arguments import check_choice, check_count, check_kind, check_options
+from flexarm.base.arguments import (
+    check_choice,
+    check_count,
+    check_each,
+    check_kind,
+    check_nonnegative,
+    check_options,
+    check_positive,
+)
 from flexarm.base.errors import (
     InputError,
     Problem,
@@ -23,13 +35,19 @@ from flexarm.base.errors import (
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.model import Hardware
-from flexarm.planning.learning.added_torque import AddedTorque
-from flexarm.planning.learning.bench import Bench, window_of
-from flexarm.planning.learning.choice import check_choice_of_law
-from flexarm.planning.learning.laws import Law
-from flexarm.planning.learning.learned_motion import LearnedMotion
-from flexarm.planning.learning.lifted import check_linear
+from flexarm.planning.learning.bench import (
+    AddedTorque,
+    Bench,
+    Window,
+    check_linear,
+    joint_errors,
+    window_of,
+)
 from flexarm.simulation.calls.run import simulate
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 OUTPUTS = ("tip", "joint_angle")
 #: Arguments of ``simulate`` that a trial does not determine.
@@ -71,7 +89,7 @@ def iterative_learning(
     Args:
         arm: model of the arm. Learning without a model uses it for the prediction only.
         reference: motion of the joints; the tip is to follow the tip of the rigid arm.
-        controller: feedback during the trials, which declares its ``memory``.
+        controller: feedback during the trials, with a ``step``.
         output: "tip", or "joint_angle", whose errors are learned.
         trials: number of trials.
         duration: s, of a trial, at least and by default to the end of the reference. The arm
@@ -104,7 +122,7 @@ def iterative_learning(
 
     Raises:
         InputError: if an argument has the wrong type or value, arguments contradict each other, or
-            the controller does not declare its memory or needs readings other than joint angles,
+            the controller has no ``step`` or needs readings other than joint angles,
             joint rates and strain.
         SimulationError: if a trial stops early.
 
@@ -139,7 +157,9 @@ def iterative_learning(
     check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
-    choice = check_choice_of_law(arm.joints, effort, change, proportional, derivative, lead, cutoff)
+    choice = _check_choice_of_law(
+        arm.joints, effort, change, proportional, derivative, lead, cutoff
+    )
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     with one_warning() as bent:
         unchanged = AddedTorque(
@@ -153,7 +173,7 @@ def iterative_learning(
 
 
 def _learn(
-    bench: Bench, controller: AddedTorque, law: Law, P: FloatArray, trials: int
+    bench: Bench, controller: AddedTorque, law: _Law, P: FloatArray, trials: int
 ) -> LearnedMotion:
     """Carry out the trials."""
     T = law.contraction(P)
@@ -191,3 +211,194 @@ def _learn(
         rate_of_change,
         bench.result,
     )
+
+
+class _Choice(NamedTuple):
+    """Valid parameters of a law, with the meaning that ``iterative_learning`` gives them."""
+
+    effort: float
+    change: float
+    proportional: FloatArray | None
+    derivative: FloatArray
+    lead: float
+    cutoff: float | None
+
+    def law(
+        self, P: FloatArray, arm: Arm, reference: Reference, window: Window, output: str
+    ) -> _Law:
+        """Return the law for a lifted model ``P`` (N p, N joints)."""
+        if self.proportional is None:
+            law = norm_optimal(P, self.effort, self.change)
+        else:
+            inverse = joint_errors(arm, reference, window, output)
+            lead = min(round(self.lead / window.interval), window.intervals - 1)
+            gains = self.proportional, self.derivative
+            law = proportional_derivative(inverse, *gains, lead, window.interval)
+        if self.cutoff is None:
+            return law
+        return filtered(law, arm.joints, self.cutoff, window.interval)
+
+
+def _check_choice_of_law(
+    joints: int,
+    effort: float,
+    change: float,
+    proportional: ArrayLike | None,
+    derivative: ArrayLike,
+    lead: float,
+    cutoff: float | None,
+) -> _Choice:
+    """Return the validated parameters of a law: numbers of one law only, positive or zero."""
+    weights = check_nonnegative("effort", effort), check_nonnegative("change", change)
+    given = {"derivative": derivative, "proportional": proportional}
+    gains = {
+        name: _per_joint(name, value, joints) for name, value in given.items() if value is not None
+    }
+    lead = check_nonnegative("lead", lead)
+    highest = None if cutoff is None else check_positive("cutoff", cutoff)
+    if proportional is None and (np.any(gains["derivative"]) or lead):
+        raise InputError(Problem("proportional", "is required with derivative or lead"))
+    if proportional is not None and weights[1]:
+        raise InputError(Problem("change", "cannot be combined with proportional"))
+    if proportional is None and sum(weights) == 0.0:
+        hint = "Without them, the torques would be arbitrarily large."
+        raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
+    return _Choice(*weights, gains.get("proportional"), gains["derivative"], lead, highest)
+
+
+def _per_joint(name: str, value: ArrayLike, joints: int) -> FloatArray:
+    found: FloatArray = np.full(joints, check_each(name, value, joints))
+    if np.any(found < 0.0):
+        raise InputError(Problem(name, "be at least 0", str(found.min())))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedMotion:
+    """Torques learned in repeated trials of a motion, their errors, and the rate of convergence.
+
+    Attributes:
+        controller: the controller with the learned torque added, for ``simulate`` or your own loop.
+        interval: s, time in which a learned torque is constant.
+        torques: (trials, N, joints) N m, added in each trial.
+        errors: (trials, N, outputs) m or rad, reference minus output at the ends of the intervals.
+        predicted_errors: of the same shape, as the model predicts them from the first trial.
+        predicted_rate: factor of the change of torque from trial to trial after many trials: the
+            spectral radius of the learning; (C.103). Learning converges if it is below one.
+        predicted_bound: largest factor in any trial, the largest singular value. If it is below
+            one, the change of torque decreases in every trial.
+        rate: (trials - 2,), measured factors: norm of each change of torque over that before it;
+            NaN after no change.
+        result: dataset of the last trial; None for trials of your own.
+    """
+
+    controller: AddedTorque
+    interval: float
+    torques: FloatArray
+    errors: FloatArray
+    predicted_errors: FloatArray
+    predicted_rate: float
+    predicted_bound: float
+    rate: FloatArray
+    result: xr.Dataset | None
+
+    def __repr__(self) -> str:
+        first, last = self.error_rms[0], self.error_rms[-1]
+        return (
+            f"<flexarm.LearnedMotion: {len(self.torques)} trials, error {first:.3g} to "
+            f"{last:.3g} RMS, predicted rate {self.predicted_rate:.3g}>"
+        )
+
+    @property
+    def time(self) -> FloatArray:
+        """Ends of the intervals (N,), s."""
+        return self.interval * np.arange(1, self.torques.shape[1] + 1)
+
+    @property
+    def error_rms(self) -> FloatArray:
+        """Root of the mean squared length of the error, for each trial (trials,), m or rad."""
+        return _rms(self.errors)
+
+    @property
+    def predicted_error_rms(self) -> FloatArray:
+        """The same for ``predicted_errors``, (trials,)."""
+        return _rms(self.predicted_errors)
+
+
+def _rms(errors: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(np.sum(errors**2, axis=2), axis=1)))
+
+
+#: Order of the Butterworth filter of which the Q-filter has the squared magnitude.
+_ORDER = 2
+
+
+class _Law(NamedTuple):
+    """Linear law of learning: the torques v of the next trial are ``Q v + G e``.
+
+    Over the torques of all joints in all intervals, (N joints,), and the errors of all outputs at
+    their ends, (N p,).
+    """
+
+    Q: FloatArray
+    G: FloatArray
+
+    def contraction(self, P: FloatArray) -> FloatArray:
+        """Return the matrix that multiplies the change of torques in each trial; (C.103)."""
+        return np.asarray(self.Q - self.G @ P)
+
+
+def norm_optimal(P: FloatArray, effort: float, change: float) -> _Law:
+    """Return the law of least errors, torques and changes of torques; (C.104).
+
+    ``P`` (N p, N joints) is the lifted model; the weights ``effort`` of torques and ``change`` of
+    their changes are relative to its largest singular value squared.
+    """
+    from scipy.linalg import cho_factor, cho_solve
+
+    square = P.T @ P
+    # The largest eigenvalue of P^T P is the square of the largest singular value of P.
+    scale = float(np.linalg.eigvalsh(square)[-1])
+    eye = np.eye(len(square))
+    factor = cho_factor(square + (effort + change) * scale * eye)
+    return _Law(cho_solve(factor, square + change * scale * eye), cho_solve(factor, P.T))
+
+
+def proportional_derivative(
+    inverse: FloatArray,
+    proportional: FloatArray,
+    derivative: FloatArray,
+    lead: int,
+    interval: float,
+) -> _Law:
+    """Return the law of proportional and derivative learning; (C.105).
+
+    ``inverse`` (N, joints, p) are joint errors per output error; a torque precedes its error by
+    ``lead`` intervals (s). The gains (joints,) are in N m/rad and N m s/rad.
+    """
+    count, m, p = inverse.shape
+    later = np.eye(count)[np.minimum(np.arange(count) + lead, count - 1)]
+    rate = np.gradient(later, interval, axis=0)
+    weights = proportional[:, None, None] * later + derivative[:, None, None] * rate
+    G = np.einsum("jik,kjo->ijko", weights, inverse)
+    return _Law(np.eye(count * m), G.reshape(count * m, count * p))
+
+
+def filtered(law: _Law, joints: int, cutoff: float, interval: float) -> _Law:
+    """Return a law whose torques pass through a Q-filter without phase shift; (C.106).
+
+    The filter multiplies the cosine transform by the squared magnitude of a Butterworth filter, so
+    it is symmetric, preserves constants, and enlarges nothing.
+    """
+    count = len(law.Q) // joints
+    return _Law(*(_smooth(matrix, count, cutoff, interval) for matrix in law))
+
+
+def _smooth(matrix: FloatArray, count: int, cutoff: float, interval: float) -> FloatArray:
+    from scipy.fft import dct, idct
+
+    hertz = np.arange(count) / (2.0 * count * interval)
+    gain = 1.0 / (1.0 + (hertz / cutoff) ** (2 * _ORDER))
+    columns = matrix.reshape(count, -1)
+    spectrum = gain[:, None] * dct(columns, axis=0, norm="ortho")
+    return np.asarray(idct(spectrum, axis=0, norm="ortho").reshape(matrix.shape))

@@ -21,13 +21,13 @@ from flexarm.base.errors import (
     check_array,
     public_call,
 )
-from flexarm.identification.planning.identifiability import Identifiability, predicted
+from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.parameters import FreeParameter
 from flexarm.model.identification.records import RecordSettings
-from flexarm.planning.optimize.limits import MotionLimits, Quantities, bounds_of, torque_limits
+from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
 from flexarm.simulation.histories.samples import sampled_torque
@@ -165,12 +165,7 @@ def _chosen(full: Multisine, lines: int) -> Multisine:
 
 
 class _Experiment:
-    """Experiments with multisines of the same lines: limits and information.
-
-    Attributes:
-        first: multisine with unit amplitudes.
-        evaluations: number of simulated experiments.
-    """
+    """Experiments with multisines of the same lines, the ``first`` with unit amplitudes."""
 
     def __init__(
         self,
@@ -193,11 +188,7 @@ class _Experiment:
         self.evaluations = 0
 
     def run(self, torque: Multisine) -> xr.Dataset:
-        """Simulate an experiment.
-
-        Raises:
-            SimulationError: if the run stops early.
-        """
+        """Simulate an experiment."""
         self.evaluations += 1
         return simulate(
             self.arm,
@@ -245,11 +236,7 @@ class _Experiment:
         return bool(np.all(self.excess(torque, run) <= 0.0))
 
     def largest(self, torque: Multisine) -> Multisine:
-        """Return the multisine with the largest common factor within the limits.
-
-        Raises:
-            InputError: if there is no such factor.
-        """
+        """Return the multisine with the largest common factor within the limits."""
         low, high = 0.0, 1.0
         for _ in range(_DOUBLINGS):
             if not self.within(torque.scaled(high)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -28,16 +28,23 @@ from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
-from flexarm.model import PlantSpec, Scenario, StudySpec, file_text
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.model import Load, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.scenarios.study import plant_spec
-from flexarm.planning.proposals.assessment import Assessed, Loops, scenario_of
-from flexarm.planning.proposals.candidates import Candidate, candidates_of, postures_of
-from flexarm.planning.proposals.case import case_of
-from flexarm.planning.proposals.reasons import reasons_of
-from flexarm.planning.proposals.requirements import Requirements, requirements_of
+from flexarm.planning.proposals.candidates import (
+    Assessed,
+    Candidate,
+    Loops,
+    candidates_of,
+    postures_of,
+    scenario_of,
+)
+from flexarm.planning.proposals.requirements import Requirements, requirements_of, rounded
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Plants that are simulated: the model, and two that differ from it as far as possible.
 _SIMULATED = 3
@@ -118,11 +125,7 @@ class ControllerDesign:
 
 
 def check_new(name: str, path: AnyPath, *, overwrite: bool, hint: str = "") -> None:
-    """Raise if a scenario file cannot be written, or exists and is not to be replaced.
-
-    Raises:
-        InputError: in these cases.
-    """
+    """Raise if a scenario file cannot be written, or exists and is not to be replaced."""
     place = check_place(name, path, SCENARIO_SUFFIXES)
     if not overwrite and os.path.lexists(place):
         hint = hint or "Give another name, or overwrite=True."
@@ -212,11 +215,7 @@ def design(
 def _assessed(
     needs: Requirements, content: dict[str, Any], candidates: Sequence[Candidate]
 ) -> dict[str, Assessed]:
-    """Return the best setting of each candidate that can be designed, by name.
-
-    Raises:
-        InputError: if there is none.
-    """
+    """Return the best setting of each candidate that can be designed, by name."""
     plants = {
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
@@ -238,11 +237,7 @@ def _table(
     found: Mapping[str, Assessed],
     progress: bool | None,
 ) -> xr.Dataset:
-    """Return the margins of the candidates, and the metrics of their simulations.
-
-    Raises:
-        SimulationError: if no candidate completes its simulation on the arm of the model.
-    """
+    """Return the margins of the candidates, and the metrics of their simulations."""
     drives = {name: one.drive for name, one in found.items()}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
     with warnings.catch_warnings():  # the table has the warnings of the runs
@@ -268,10 +263,7 @@ def _table(
 
 
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
-    """Return the candidate with the least error in the worst case.
-
-    Candidates with the required margin come first, then those that are stable on all arms.
-    """
+    """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
     values = {
         name: (
@@ -282,3 +274,232 @@ def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Datase
         for name, one in found.items()
     }
     return min(values, key=lambda name: values[name])
+
+
+#: Depth of the tip in the surface of the force task, relative to the length of the arm, and the
+#: relative damping times this length and the lowest frequency.
+_SURFACE_DEPTH, _SURFACE_DAMPING = 3e-4, 9.0
+#: Deflection of the tip under the disturbance of the task "hold", relative to the length of the
+#: arm, if the joints did not move.
+_DISTURBED = 0.01
+#: Noise of the instruments of the tip, relative to the length of the arm, and of the force,
+#: relative to that of the task.
+_TIP_NOISE, _FORCE_NOISE = 5e-5, 4e-3
+#: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
+#: start; and time after the motion.
+_BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
+#: Recorded samples in a period of the lowest frequency.
+_RATE = 150.0
+
+
+def case_of(needs: Requirements) -> dict[str, Any]:
+    """Return the content of a study without drives: the keys of a file, for all candidates."""
+    found: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
+    if needs.task == "hold" and needs.lowest:
+        found["loads"] = [_disturbance(needs)]
+    if needs.task == "force":
+        found["contacts"] = [_surface(needs)]
+    hardware: dict[str, Any] = {}
+    if {"tip", "force"} & needs.sensors:
+        hardware["instruments"] = _instruments(needs)
+    if needs.torque_limit is not None:
+        hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
+    if hardware:
+        found["hardware"] = hardware
+    found["plants"] = plants_of(needs)
+    motion = found["motions"][needs.task]
+    moved = motion.get("path", motion)
+    end = moved["start_time"] + moved["duration"]
+    after = 0.0 if needs.task in ("hold", "force") else float(f"{_AFTER * needs.period:.2g}")
+    settling = float(f"{after / _AFTER:.2g}")
+    (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
+    found["run"] = {"duration": duration, "rate": rate, "settling": settling}
+    return found
+
+
+def _motion(needs: Requirements) -> dict[str, Any]:
+    start, end = rounded(needs.start, 6), rounded(needs.end, 6)
+    periods = _BEFORE_PRESSED if needs.task == "force" else _BEFORE
+    before = float(f"{periods * needs.period:.2g}")
+    times = {"duration": needs.motion_time, "start_time": before}
+    if not needs.of_tip:
+        return {"kind": "joint", "start": start, "end": end, **times}
+    line = {"kind": "line", "start": start, "end": end, **times}
+    if needs.task == "track":
+        return line
+    return {"kind": "pressed", "path": line, "force": needs.force}
+
+
+def _surface(needs: Requirements) -> dict[str, Any]:
+    """Return the wall along the line of the tip; the base is on its free side."""
+    along = needs.end - needs.start
+    normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+    if normal @ needs.start > 0.0:  # it points away from the base
+        normal = -normal
+    reach = float(np.sum(needs.arm.lengths))
+    stiffness = needs.force / (_SURFACE_DEPTH * reach)
+    damping = _SURFACE_DAMPING * needs.period / (2.0 * np.pi * reach)
+    return {
+        "surface": {
+            "kind": "wall",
+            "point": rounded(needs.start, 6),
+            "normal": rounded(normal, 6),
+        },
+        "stiffness": rounded([stiffness], 2)[0],
+        "damping": rounded([damping], 2)[0],
+    }
+
+
+def _disturbance(needs: Requirements) -> dict[str, Any]:
+    """Return a push across the last link at the tip, for one period after the start."""
+    arm, links = needs.arm, len(needs.arm.spec.links)
+    still = equilibrium(arm, needs.start)
+    across = _across(needs)
+    pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
+    compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
+    force = rounded(across * _DISTURBED * float(np.sum(arm.lengths)) / compliance)
+    before, period = _BEFORE * needs.period, needs.period
+    times = rounded([before, before, before + period, before + period])
+    factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
+    return {"link": links, "force": force, "factor": factor}
+
+
+def _across(needs: Requirements) -> FloatArray:
+    """Return the unit vector (2,) across the last link."""
+    angle = float(needs.arm.tip(needs.arm.rest(needs.start))[2])
+    return np.array([-np.sin(angle), np.cos(angle)])
+
+
+def _instruments(needs: Requirements) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
+    if "gauges" in needs.sensors:
+        found.append({"signal": "strain"})
+    if "tip" in needs.sensors:
+        noise = rounded([_TIP_NOISE * float(np.sum(needs.arm.lengths))], 2)[0]
+        found.append({"signal": "tip", "noise": noise})
+    if "force" in needs.sensors:
+        noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
+        found.append({"signal": "contact_force", "noise": noise})
+    return found
+
+
+def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:
+    """Return plants at the limits of the uncertainty, named by it; the first is the model."""
+    found: dict[str, dict[str, Any]] = {"nominal": {}}
+    heavy = {"payload_factor": 1.0 + needs.payload}
+    light = {"payload_factor": max(0.0, 1.0 - needs.payload)}
+    soft = {"flexural_rigidity_factor": 1.0 - needs.rigidity}
+    stiff = {"flexural_rigidity_factor": 1.0 + needs.rigidity}
+    if needs.payload and needs.rigidity:
+        found["heavy, soft"] = heavy | soft
+        found["light, stiff"] = light | stiff
+        found["heavy, stiff"] = heavy | stiff
+        found["light, soft"] = light | soft
+    elif needs.payload:
+        found |= {"heavy": heavy, "light": light}
+    elif needs.rigidity:
+        found |= {"soft": soft, "stiff": stiff}
+    return found
+
+
+_ERRORS = {
+    "hold": "RMS error of the tip",
+    "point_to_point": "settled error and residual vibration of the tip",
+    "track": "RMS error of the tip",
+    "force": "RMS error of the force",
+}
+
+
+def reasons_of(
+    needs: Requirements,
+    candidates: Sequence[Candidate],
+    found: Mapping[str, Assessed],
+    table: xr.Dataset,
+    chosen: str,
+) -> tuple[str, ...]:
+    """Return the sentences that explain a proposal."""
+    worst = table["score"].max("plant", skipna=False)
+    reason = next(one.reason for one in candidates if one.name == chosen)
+    result = _result(needs, table["score"].sel(candidate=chosen))
+    sentences = [f"{chosen} for the task {needs.task}: {result}. {reason}"]
+    for name in found:
+        if name != chosen:
+            sentences.append(_other(needs, name, found[name], float(worst.sel(candidate=name))))
+    sentences += [
+        f"{one.name} could not be designed for this arm."
+        for one in candidates
+        if one.name not in found
+    ]
+    if found[chosen].stable:
+        sentences.append(_margin(needs, found[chosen]))
+    else:
+        hint = "Reduce the uncertainty, or add sensors."
+        sentences.insert(0, f"No candidate is stable on {_arms(needs)}. {hint}")
+    return (*sentences, *_advice(needs))
+
+
+def _result(needs: Requirements, score: xr.DataArray) -> str:
+    """Return the error of the proposal on the simulated arms, or the arms on which it fails."""
+    failed = score["plant"].values[np.isnan(score.values)]
+    if failed.size:
+        return f"it does not complete its run on {' and '.join(map(repr, map(str, failed)))}"
+    return (
+        f"{_ERRORS[needs.task]} at most {_amount(needs, float(score.max()))} on the simulated arms"
+    )
+
+
+def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
+    """Return why another candidate is not proposed, or how near it is."""
+    if not one.stable:
+        return f"{name} is unstable on one of the arms."
+    if not np.isfinite(worst):
+        return f"{name} does not complete its run on one of the arms."
+    text = f"{name}: {_amount(needs, worst)}"
+    if one.margins["disk_margin"] < needs.disk_margin:
+        text += f", with a disk margin of only {one.margins['disk_margin']:.2g}"
+    return text + "."
+
+
+def _margin(needs: Requirements, one: Assessed) -> str:
+    """Return the margins of a stable proposal, in words."""
+    margins = one.margins
+    text = (
+        f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
+        f"permits a gain factor of {margins['gain_margin']:.2g}, "
+        f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
+        f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
+        f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
+        f"{margins['damping_ratio']:.2g}."
+    )
+    if margins["disk_margin"] < needs.disk_margin:
+        text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
+    return text
+
+
+def _arms(needs: Requirements) -> str:
+    """Return the arms on which loops are analysed, in words."""
+    if needs.payload or needs.rigidity:
+        return "all arms within the uncertainty that were tried"
+    return "the model"
+
+
+def _advice(needs: Requirements) -> Iterator[str]:
+    """Yield what would permit better controllers."""
+    free = needs.task != "force"
+    if free and needs.computing == "low" and needs.lowest:
+        yield (
+            "With more computing power, an observer of the bending (LQG) is a candidate: "
+            'computing="medium".'
+        )
+    if free and needs.lowest and not {"gauges", "tip"} & needs.sensors:
+        yield "Strain gauges near the roots of the links would show the bending to the controller."
+    if needs.computing == "high" and needs.torque_limit is None and free:
+        yield "MPC is not a candidate without torque_limit."
+    if needs.task == "track" and (needs.payload or needs.rigidity):
+        yield "If the motion repeats, iterative learning removes the errors of an uncertain arm."
+    if not (needs.payload or needs.rigidity):
+        yield "The arm is taken as exact: give the uncertainty of its payload and rigidity."
+
+
+def _amount(needs: Requirements, error: float) -> str:
+    return f"{error:.3g} N" if needs.task == "force" else f"{1e3 * error:.3g} mm"

@@ -104,11 +104,7 @@ def requirements_of(
     force: object,
     disk_margin: object,
 ) -> Requirements:
-    """Validate the arguments of `flexarm.design`, and complete them with defaults.
-
-    Raises:
-        InputError: if an argument is wrong, or does not fit the arm or the task.
-    """
+    """Validate the arguments of `flexarm.design`, and complete them with defaults."""
     arm = check_kind("arm", arm, Arm)
     task = check_choice("task", task, TASKS)
     computing = check_choice("computing", computing, COMPUTING)

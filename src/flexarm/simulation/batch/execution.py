@@ -6,36 +6,42 @@ import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
+from dataclasses import replace
 from functools import partial
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.control.contract.base import Controller
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.events import DURATION, FAILURE
 from flexarm.simulation.batch.variations import Variations
-from flexarm.simulation.calls.channels import channels_of_run
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
-from flexarm.simulation.calls.preparation import RunOptions, start_of, torque_history
+from flexarm.simulation.calls.preparation import Situation, start_of, torque_history
+from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
-from flexarm.simulation.run.contact_start import refuse_deep_start
-from flexarm.simulation.run.events import event_log
 from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import replaced
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+#: Arguments of ``simulate`` that act on the arm, besides its torques.
+ACTING = (
+    *("tip_force", "loads", "base_acceleration", "contacts"),
+    *("events", "prescribed", "changes"),
+)
 
 
 class Outcome(NamedTuple):
@@ -82,9 +88,7 @@ class OpenLoop:
 
     Args:
         variations: arguments of the runs.
-        options: options of all runs.
-        acting: the arguments ``tip_force``, ``loads``, ``base_acceleration``, ``contacts``,
-            ``events``, ``prescribed`` and ``changes`` of ``simulate``.
+        shared: what all runs have in common, with the arm of the first one.
         channels: names of the required channels.
 
     Attributes:
@@ -92,18 +96,9 @@ class OpenLoop:
     """
 
     def __init__(
-        self,
-        variations: Variations,
-        options: RunOptions,
-        acting: Mapping[str, Any],
-        channels: Collection[str],
+        self, variations: Variations, shared: Situation, channels: Collection[str]
     ) -> None:
-        self._variations, self._options = variations, options
-        self._channels = channels
-        self._events, self._prescribed = acting["events"], acting["prescribed"] or {}
-        self._changes = acting["changes"]
-        names = "tip_force", "loads", "base_acceleration", "contacts"
-        self._environment = tuple(acting[name] for name in names)
+        self._variations, self._shared, self._channels = variations, shared, channels
         self._meter = Meter("simulating", False)
         self._template: Run | None = None
         self._histories: dict[float, PiecewiseCubic] = {}
@@ -117,7 +112,7 @@ class OpenLoop:
         """
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
-            self.history(0, run.arm, state, self._options.rtol)
+            self.history(0, run.arm, state, self._shared.settings.relative(run.arm))
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k.
@@ -163,22 +158,25 @@ class OpenLoop:
 
     def _new_run(self, k: int) -> tuple[Run, FloatArray]:
         """Return run k and its initial state."""
-        arm, options = self._variations.arm(k), self._options
-        state = self.start(k, arm)
+        own, shared = self._variations, self._shared
+        arm = own.arm(k)
         if self._template is not None:
-            requested = options.integrator, options.step
-            return restarted(self._template, state, *requested), state
+            state = self.start(k, arm)
+            return restarted(self._template, state, shared.settings), state
+        initial, initial_rate = own.state_of(k)
         with self.users:
-            environment = Environment.of(arm, *self._environment)
-            log = event_log(arm, self._events)
-            own = self._changes, self._prescribed
-            run = options.new_run(arm, state, environment, log, self._meter, *own)
-        placed = run.loads.placed.contacts
-        refuse_deep_start(arm, state, placed)
+            run = replace(
+                shared,
+                arm=arm,
+                torque=own.torque(k),
+                initial=initial,
+                initial_rate=initial_rate,
+            ).new_run(self._meter)
+        state = run.progress.state
         run.loads_of = partial(self._loads, run.loads_of)
-        same = self._variations.same_arm and run.changes is None
-        if same and not placed.body.size and log is None:
-            self._template = restarted(run, state, options.integrator, options.step)
+        same = own.same_arm and run.changes is None
+        if same and not run.loads.placed.contacts.body.size and run.watch is None:
+            self._template = restarted(run, state, shared.settings)
         return run, state
 
     def _loads(self, loads_of: Any, relative: float) -> LoadHistory:
@@ -202,12 +200,12 @@ class OpenLoop:
             InputError: if the torque does not fit the arm.
             FunctionError: if a function of time raises an exception.
         """
-        torque, prescribed = self._variations.torque(k), self._prescribed
-        shared = self._variations.same_torque and not prescribed
+        torque = self._variations.torque(k)
+        shared = self._variations.same_torque and not self._shared.prescribed
         with self.users:
             if shared and relative in self._histories:
                 return self._histories[relative]
-            found = torque_history(arm, torque, prescribed, state, self._options, relative)
+            found = torque_history(self._shared, torque, arm, state, relative)
             if shared:
                 self._histories[relative] = found
             return found
@@ -229,21 +227,17 @@ class ClosedLoop:
 
     Args:
         arm: the controllers' model of the arm if parameters vary, otherwise None.
-        options: arguments of ``simulate``, the same for all runs.
+        shared, channels: as for `OpenLoop`.
 
     Attributes:
         model: ``arm`` as given. users: lock of functions and objects of users.
     """
 
     def __init__(
-        self,
-        variations: Variations,
-        arm: Arm | None,
-        options: Mapping[str, Any],
-        channels: Collection[str],
+        self, variations: Variations, arm: Arm | None, shared: Situation, channels: Collection[str]
     ) -> None:
         self._variations, self.model = variations, arm
-        self._options, self._channels = options, channels
+        self._shared, self._channels = shared, channels
         self.users = Lock()
 
     def __call__(self, k: int) -> Outcome:
@@ -253,21 +247,22 @@ class ClosedLoop:
             InputError: if an argument does not fit the arm or the controller of the run.
         """
         own = self._variations
-        simulated = own.arm(k)
+        simulated, duration = own.arm(k), self._shared.duration
         initial, initial_rate = own.state_of(k)
         try:
             with self.users, warnings.catch_warnings():  # kept in the outcome
                 warnings.simplefilter("ignore", FlexarmWarning)
                 result = simulate(
                     self.model or simulated,
+                    duration,
                     plant=None if self.model is None else simulated,
                     controller=_copied(own.controller(k)),
                     reference=own.reference(k),
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,
-                    progress=False,
-                    **self._options,
+                    settings=replaced(self._shared.settings, progress=False),
+                    **{name: getattr(self._shared, name) for name in ACTING},
                 )
         except SimulationError as error:
             if error.result is None:
@@ -278,7 +273,7 @@ class ClosedLoop:
     def _outcome(self, k: int, result: xr.Dataset, stopped: float | None) -> Outcome:
         attributes, times = result.attrs, result["time"].values
         ended_by = attributes["ended_by"]
-        end = float(times[-1]) if ended_by != DURATION else float(self._options["duration"])
+        end = float(times[-1]) if ended_by != DURATION else self._shared.duration
         return Outcome(
             [k],
             times,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -12,14 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
-from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.base import FloatArray, Integrator, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
-from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
+from flexarm.integrate.lanes.stepper import (
+    CONTACT_PLACES,
+    LOAD_PLACES,
+    LOAD_VALUES,
+    LaneIntegrator,
+    LaneStepper,
+    lane_method,
+)
 from flexarm.integrate.memory import (
     CLOCK_PLACES,
     COUNT_PLACES,
@@ -30,25 +36,23 @@ from flexarm.integrate.memory import (
     TOUCHES,
 )
 from flexarm.kernels.compilation.packs import COMPILED
-from flexarm.kernels.layout import run_time_sizes
+from flexarm.kernels.layout import ArmConstants, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.events import DURATION
 from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
-from flexarm.simulation.batch.lane_arrays import arms_of_runs, drive_of_runs
 from flexarm.simulation.batch.variations import Variations
-from flexarm.simulation.calls.channels import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.calls.limits import deep_contact
-from flexarm.simulation.calls.preparation import RunOptions
+from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
-from flexarm.simulation.run.contact_start import refuse_deep_start
+from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import returns_to_surface
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
 from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import axial_load
-from flexarm.simulation.run.work.estimate import Start, choose_by_work
+from flexarm.simulation.run.work import Start, choose_by_work
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
 #: steps that become ever shorter are noticed.
@@ -56,27 +60,18 @@ MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
-#: Arguments of ``simulate`` that act on an arm, in lanes too.
-_IN_LANES = frozenset({"tip_force", "loads", "base_acceleration", "contacts"})
 #: Function that advances runs under a drive to their ends, or by at most that many steps.
 Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
 
-def fits_lanes(
-    variations: Variations,
-    options: RunOptions,
-    acting: Mapping[str, Any],
-    channels: Collection[str],
-) -> bool:
-    """Return whether lanes support the runs, as far as that is known before their start.
-
-    Args:
-        acting: as for ``OpenLoop``.
-    """
-    plain = all(is_absent(value) for name, value in acting.items() if name not in _IN_LANES)
-    if not plain or options.specialized or options.stations:
+def fits_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
+    """Return whether lanes support the runs, as far as that is known before their start."""
+    settings, contacts = shared.settings, shared.environment.contacts
+    if shared.events or shared.prescribed or shared.changes:
         return False
-    unknown = BY_FORCES if is_absent(acting["contacts"]) else BY_FORCES - BY_CONTACTS
+    if settings.specialized or settings.stations:
+        return False
+    unknown = BY_FORCES - BY_CONTACTS if contacts else BY_FORCES
     return all(map(arm_fits_lanes, variations.arms)) and not unknown.intersection(channels)
 
 
@@ -85,10 +80,6 @@ def arm_fits_lanes(arm: Arm) -> bool:
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
-
-
-def is_absent(value: Any) -> bool:
-    return value is None or (isinstance(value, list | tuple | dict) and not value)
 
 
 class Ready(NamedTuple):
@@ -108,36 +99,35 @@ class Lanes(ABC):
 
     Runs that fail, that need another method, or whose functions of time fail are executed by
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
-
-    Args:
-        environment: loads, base acceleration and contacts of all runs.
     """
 
     def __init__(
         self,
         variations: Variations,
-        options: RunOptions,
+        shared: Situation,
         channels: Collection[str],
         alone: OpenLoop | ClosedLoop,
-        environment: Environment,
     ) -> None:
-        self._variations, self._environment = variations, environment
+        self._variations, self._shared, self._settings = variations, shared, shared.settings
         self._factors: dict[tuple[int, ...], PiecewiseCubic] = {}
         self._loads: LoadHistory | None = None  # of the only arm
-        self._options, self._channels, self._alone = options, channels, alone
-        self._times = options.times
+        self._channels, self._alone = channels, alone
+        self._times = shared.times
         self._observed = set(channels) - BY_CONTACTS
-        self._steppers: dict[tuple[int, ...], LaneStepper] = {}
+        self._steppers: dict[tuple[float, ...], LaneStepper] = {}
         arm = variations.arms[0]
         self._arm = arm if variations.same_arm else None
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
 
-    def _tolerance_of(self, arm: Arm) -> Tolerance:
-        """Return the tolerance of runs of an arm, without their highest frequencies."""
-        atol, rtol, horizon = self._options.atol, self._options.rtol, self._options.duration
-        absolute, scale = absolute_tolerance(arm, atol, rtol)
-        return Tolerance(absolute, rtol, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
+    def _tolerance_of(self, arm: Arm, method: Integrator | None = None) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies.
+
+        Without a method, the relative tolerance is the requested error, if that is given.
+        """
+        horizon = self._shared.duration
+        relative, absolute, scale = self._settings.tolerance(arm, method)
+        return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -147,14 +137,15 @@ class Lanes(ABC):
         groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
         method = None
         for place, run in enumerate(ready):
-            if place == 0 or self._options.integrator == "auto":
+            if place == 0 or self._settings.integrator == "auto":
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                key = (method.name, sizes, *run.group)
+                relative = self._settings.tolerance(run.arm, method)[0]
+                key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1], ready[places[0]])
+            stepper = self._stepper(key[1], method, ready[places[0]])
             group = [ready[place] for place in places]
             for outcome in self._advance(method, stepper, group, fastest[places]):
                 done.update(outcome.runs)
@@ -177,16 +168,11 @@ class Lanes(ABC):
         """Return run k before its start, by default from the start of its motion."""
 
     def _loads_on(self, arm: Arm) -> LoadHistory:
-        """Return the loads of a run.
-
-        Raises:
-            InputError: if a load does not fit the arm.
-            FunctionError: if a function of time raises an exception.
-        """
+        """Return the loads of a run."""
         if self._loads is not None:
             return self._loads
         with self._alone.users:
-            found = self._options.loads_of(arm, self._environment, self._factors)
+            found = self._shared.loads_of(arm, self._factors)
         if self._arm is not None:
             self._loads = found
         return found
@@ -205,7 +191,7 @@ class Lanes(ABC):
 
     def _fastest(self, ready: Sequence[Ready]) -> FloatArray:
         """Return the highest frequencies (k,) of runs, rad/s."""
-        least = 1.0 / self._options.duration
+        least = 1.0 / self._shared.duration
         if self._arm is not None and ready:
             return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
         return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
@@ -220,8 +206,10 @@ class Lanes(ABC):
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
-        requested = self._options.integrator, self._options.step
-        return choose_integrator(*requested, run.arm, tolerance, run.touch)
+        requested = self._settings.integrator, self._settings.step
+        by_accuracy = self._settings.request(run.arm) is not None
+        duration = self._shared.duration if by_accuracy else None
+        return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
 
     def _advance(
         self,
@@ -236,7 +224,7 @@ class Lanes(ABC):
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
         placed = [run.loads.placed for run in ready]
         runs = LaneRuns(
-            *arms_of_runs(arms, placed, self._options.atol, self._options.duration),
+            *arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
             state=states,
             fastest=fastest,
             clock=np.zeros((count, CLOCK_PLACES)),
@@ -244,7 +232,7 @@ class Lanes(ABC):
             status=np.full(count, Status.PAUSED.value),
             sample_times=self._times,
             samples=np.empty((count, self._times.size, *states.shape[1:])),
-            until=np.full(count, self._options.duration),
+            until=np.full(count, self._shared.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
         carried = self._carry(partial(stepper.advance, method), ready, runs)
@@ -329,7 +317,7 @@ class Lanes(ABC):
             [run.number for run in own],
             times,
             channels,
-            self._options.duration,
+            self._shared.duration,
             DURATION,
             "",
             method.name,
@@ -345,11 +333,11 @@ class Lanes(ABC):
         found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
         return {name: np.array([one[name] for one in found]) for name in found[0]}
 
-    def _stepper(self, key: tuple[int, ...], run: Ready) -> LaneStepper:
+    def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance_of(run.arm)
+            tolerance = self._tolerance_of(run.arm, method)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -362,7 +350,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, self._options.rtol)
+        history = self._alone.history(k, arm, state, self._settings.relative(arm))
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
@@ -371,23 +359,21 @@ class OpenLanes(Lanes):
             return False
         if not method.adaptive:
             return True
-        tolerance = self._tolerance._replace(unit=runs.unit[min(place, len(runs.unit) - 1)])
+        tolerance = self._tolerance_of(run.arm, method)._replace(
+            unit=runs.unit[min(place, len(runs.unit) - 1)]
+        )
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        default = self._options.atol is None
+        default = self._settings.atol is None
         steps = int(runs.counts[place, STEPS])
         return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
     def _touching(
         self, loads: LoadHistory, arm: Arm, state: FloatArray
     ) -> tuple[LoadHistory, float]:
-        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s.
-
-        Raises:
-            InputError: if the run starts deep inside a surface.
-        """
-        if not self._environment.contacts:
+        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s."""
+        if not self._shared.environment.contacts:
             return loads, 0.0
-        contacts = contacts_of_run(arm, self._environment.contacts, state)
+        contacts = contacts_of_run(arm, self._shared.environment.contacts, state)
         refuse_deep_start(arm, state, contacts)
         placed = loads.placed._replace(contacts=contacts)
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
@@ -395,13 +381,13 @@ class OpenLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
-        choice = choose_by_drive(choice, run.arm, stops, self._options.duration)
+        choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
         start = Start(
             run.arm,
             run.state,
-            self._tolerance_of(run.arm)._replace(fastest=touch),
-            self._options.duration,
+            self._tolerance_of(run.arm, choice.integrator)._replace(fastest=touch),
+            self._shared.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )
         return choose_by_work(choice, start)
@@ -426,3 +412,63 @@ def _structure(run: Ready) -> tuple[int, ...]:
     placed = run.loads.placed
     bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
     return (*sizes, *bodies, id(run.loads.factors))
+
+
+def arms_of_runs(
+    arms: Sequence[Arm], loads: Sequence[Loads], atol: float | None, horizon: float
+) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
+    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
+
+    Args:
+        arms: of each run, or one of all.
+        loads: of each run, on the same bodies. With one arm, only the contacts differ.
+        atol, horizon: of all runs, see ``tolerance_of``.
+    """
+    found = [arm.assembly.constants for arm in arms]
+    constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
+    scales = [absolute_tolerance(arm, atol, 1.0)[1] for arm in arms]
+    units = np.stack([tip_units(*pair, horizon) for pair in zip(arms, scales, strict=True)])
+    touching = [one.contacts for one in loads]
+    contacts = _stacked(touching[: len(arms)], CONTACT_PLACES)
+    contacts = contacts._replace(law=np.stack([one.law for one in touching]))
+    return constants, units, _stacked(loads[: len(arms)], LOAD_VALUES + LOAD_PLACES), contacts
+
+
+def _stacked(records: Sequence[Any], names: Sequence[str]) -> Any:
+    """Return the first record, with some of its arrays stacked with those of the others."""
+    arrays = {name: np.stack([getattr(one, name) for one in records]) for name in names}
+    return records[0]._replace(**arrays)
+
+
+def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:
+    """Join the torques of the runs; equal objects are stored once.
+
+    Args:
+        loads: of all runs.
+    """
+    different = list({id(history): history for history in histories}.values())
+    places, starts = {}, np.zeros(3, dtype=np.int64)
+    stops = [loads.stops_with(history) for history in different]
+    for history, own in zip(different, stops, strict=True):
+        sizes = [history.breaks.size, len(history.coefficients), own.size]
+        ends = starts + sizes
+        places[id(history)] = np.stack([starts, ends], axis=1).ravel()
+        starts = ends
+    return LaneDrive(
+        breaks=np.concatenate([history.breaks for history in different]),
+        coefficients=np.concatenate(
+            [arm.padded_torque(history.coefficients) for history in different]
+        ),
+        stops=np.concatenate(stops),
+        places=np.array([places[id(history)] for history in histories]),
+        **factors_of(loads),
+    )
+
+
+def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+    """Return the fields of ``LaneDrive`` for loads."""
+    return {
+        "amplitude": loads.placed.value,
+        "factor_breaks": loads.factors.breaks,
+        "factor_coefficients": np.ascontiguousarray(loads.factors.coefficients),
+    }

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from inspect import signature
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count, check_kind, check_options
 from flexarm.base.errors import (
@@ -25,50 +25,232 @@ from flexarm.base.errors import (
 )
 from flexarm.base.processes import check_workers
 from flexarm.control.contract.base import Controller, Reference
+from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
+from flexarm.model.scenarios.events import FAILURE
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
-from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.simulation.batch.execution import ACTING, ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes
-from flexarm.simulation.batch.recording import TAKEN, Recorder
 from flexarm.simulation.batch.reductions import (
     Reduction,
     check_channel,
     check_reductions,
     check_samples,
+    reduced,
 )
-from flexarm.simulation.batch.variations import variations_of
-from flexarm.simulation.calls.plausible_run import implausible_run
-from flexarm.simulation.calls.preparation import Torque, run_options
-from flexarm.simulation.calls.result import arm_text, package_version, software_versions
+from flexarm.simulation.batch.variations import Variations, variations_of
+from flexarm.simulation.calls.limits import limit_variables
+from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
+from flexarm.simulation.calls.result import (
+    arm_text,
+    coordinates_of,
+    package_version,
+    software_versions,
+)
 from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.run.channels import CHANNELS, LIMITS
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.tolerance import absolute_tolerance
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings, replaced, settings_of
+from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Texts and counts of each run, with their meanings; the texts are those of a single result.
+TEXTS = {
+    "ended_by": "duration, failure, or the event that ended the run",
+    "failure": "why the run stopped early, or empty",
+    "warning": "warnings of the run, or empty",
+    "integrator": "method of the run",
+}
+COUNTS = {"steps": "accepted steps", "evaluations": "evaluations of the dynamics"}
+_END_TIME = {"units": "s", "long_name": "time reached by the run"}
+_RUN = {"long_name": "run, counted from 0"}
+#: Names that reductions cannot have.
+TAKEN = (
+    *CHANNELS,
+    *LIMITS,
+    *TEXTS,
+    *COUNTS,
+    "end_time",
+    "run",
+    "time",
+    "seed",
+    "position",
+    "station",
+)
 #: A function that executes a block of runs, and the blocks.
 Work = tuple[Callable[[range], Iterable[Outcome]], list[range]]
-#: Options of ``simulate`` that are the same for all runs, with their defaults.
+#: Options of ``simulate`` that are the same for all runs.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
-    *("initial_rate", "rate", "progress"),
+    *("initial_rate", "rate", "progress", "settings"),
 }
-OPTIONS = {
-    name: parameter.default
-    for name, parameter in signature(simulate).parameters.items()
-    if name not in _OWN
-}
-#: Options that act on the arm, besides its torques.
-_ACTING = (
-    *("tip_force", "loads", "base_acceleration", "contacts"),
-    *("events", "prescribed", "changes"),
-)
+OPTIONS = signature(simulate).parameters.keys() - _OWN
 #: Runs that a thread executes before it reports its progress, one at a time or in lanes, and the
 #: memory (bytes) to which the states of the latter are limited.
 _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
+
+
+class Recorder:
+    """Arrays of a batch. Threads may record different runs at the same time.
+
+    Args:
+        arm: the first arm, for the sizes of the channels.
+        times: (samples,) s, sample times of a run that is complete.
+        channels: names of the stored channels.
+        reductions: by the names of their variables.
+        stride: stride of the stored samples.
+        counts: numbers of contacts, and of stations on each link.
+        absent: channels that the runs do not have beyond those of an empty dimension, by name,
+            with what is missing.
+
+    Raises:
+        InputError: if the runs do not have one of the channels.
+    """
+
+    def __init__(
+        self,
+        runs: int,
+        arm: Arm,
+        times: FloatArray,
+        channels: Sequence[str],
+        reductions: Mapping[str, Reduction],
+        stride: int,
+        counts: tuple[int, int],
+        absent: Mapping[str, str],
+    ) -> None:
+        contacts, stations = counts
+        self._arm, self._counts = arm, counts
+        self._times, self._stride = times, stride
+        self._reductions = reductions
+        self._sizes = {
+            "joint": arm.joints,
+            "link": arm.links,
+            "axis": 2,
+            "coordinate": arm.dof,
+            "gauge": len(arm.gauges),
+            "contact": contacts,
+            "station": stations,
+        }
+        needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
+        self._check({"channels": tuple(channels), **needed}, absent)
+        stored = times[::stride].size
+        self._channels = {
+            name: np.full((runs, stored, *self._shape(CHANNELS[name].dims)), np.nan)
+            for name in channels
+        }
+        self._reduced = {
+            name: np.full((runs, *self._shape(item.dims)), np.nan)
+            for name, item in reductions.items()
+        }
+        self.texts = {name: [""] * runs for name in TEXTS}
+        self._numbers = {name: np.zeros(runs, dtype=np.int64) for name in COUNTS}
+        self._end = np.zeros(runs)
+        self._limits: dict[str, FloatArray] = {}
+        self._lock = Lock()
+
+    def _shape(self, dims: Sequence[str]) -> list[int]:
+        return [self._sizes[dim] for dim in dims]
+
+    def _check(self, own: Mapping[str, Sequence[str]], absent: Mapping[str, str]) -> None:
+        """Raise if the runs do not have a channel, because of the arm or the arguments."""
+        problems = []
+        for argument, names in own.items():
+            for name in names:
+                empty = next((d for d in CHANNELS[name].dims if not self._sizes[d]), "")
+                missing = absent.get(name, empty)
+                if missing:
+                    rule = f"has {name!r}, which the runs do not have: there is no {missing}"
+                    problems.append(Problem(argument, rule))
+        if problems:
+            raise InputError(*problems)
+
+    def record(self, outcome: Outcome) -> None:
+        """Record the outcome of one or several runs."""
+        times, runs = outcome.times, outcome.runs
+        count = min(times.size, self._times.size)
+        if count and times[count - 1] != self._times[count - 1]:
+            count -= 1  # an event that ends the run is its last sample, between two others
+        for name, stored in self._channels.items():
+            if name in outcome.channels:
+                kept = outcome.channels[name][:, : count : self._stride]
+                stored[runs, : kept.shape[1]] = kept
+        for name, numbers in outcome.limits.items():
+            with self._lock:
+                unknown = np.full((self._end.size, *numbers.shape[1:]), np.nan)
+                self._limits.setdefault(name, unknown)[runs] = numbers
+        for row, k in enumerate(runs):
+            failure = outcome.failure
+            if outcome.ended_by != FAILURE and self._reductions:
+                failure = self._reduce(k, outcome, row)
+            self.texts["ended_by"][k] = FAILURE if failure else outcome.ended_by
+            self.texts["failure"][k] = failure
+            self.texts["warning"][k] = outcome.warnings[row]
+            self.texts["integrator"][k] = outcome.integrator
+        self._numbers["steps"][runs] = outcome.steps
+        self._numbers["evaluations"][runs] = outcome.evaluations
+        self._end[runs] = outcome.end_time
+
+    def _reduce(self, k: int, outcome: Outcome, row: int) -> str:
+        """Compute the reductions of run k; return why one failed, or an empty text."""
+        failure = ""
+        channels = {name: values[row] for name, values in outcome.channels.items()}
+        for name, item in self._reductions.items():
+            try:
+                self._reduced[name][k] = reduced(item, outcome.times, channels)
+            except Exception as error:  # of a function of the user
+                words = " ".join(str(error).split())
+                text = f"The reduction {name!r} failed with {type(error).__name__}: {words}"
+                failure = failure or text
+        return failure
+
+    def dataset(self, variations: Variations, attributes: dict[str, Any]) -> xr.Dataset:
+        """Return the labelled dataset."""
+        import xarray as xr
+
+        variables: dict[str, Any] = {
+            name: (
+                ("run", "time", *CHANNELS[name].dims),
+                values,
+                {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning},
+            )
+            for name, values in self._channels.items()
+        }
+        for name, item in self._reductions.items():
+            variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
+        limits = {name: self._limits[name] for name in LIMITS if name in self._limits}
+        variables |= limit_variables(limits, ("run",))
+        variables["end_time"] = ("run", self._end, _END_TIME)
+        for name, meaning in COUNTS.items():
+            variables[name] = ("run", self._numbers[name], {"long_name": meaning})
+        for name, meaning in TEXTS.items():
+            variables[name] = ("run", np.array(self.texts[name], dtype=str), {"long_name": meaning})
+        used = {"run", "time"}.union(*(dims for dims, *_ in variables.values() if dims != "run"))
+        return xr.Dataset(variables, self._coordinates(variations, used), attributes)
+
+    def _coordinates(self, variations: Variations, used: set[str]) -> dict[str, Any]:
+        contacts, stations = self._counts
+        instruments = (variations.hardware and variations.hardware.instruments) or ()
+        names = [item.label for item in instruments if item.limit < np.inf]
+        label = {"long_name": "instrument with a limit"}
+        found = coordinates_of(self._arm, self._times[:: self._stride], stations, contacts)
+        found["instrument"] = ("instrument", names, label)
+        if not variations.same_arm:
+            found.pop("position", None)  # the lengths of the links may differ
+        own: dict[str, Any] = {"run": ("run", np.arange(variations.count), _RUN)}
+        for path, values in variations.parameters.items():
+            own[path] = ("run", values, {"long_name": f"{path} of the simulated arm"})
+        if variations.seeds is not None:
+            own["seed"] = ("run", variations.seeds, {"long_name": "seed of the noise"})
+        kept = {
+            name: item
+            for name, item in found.items()
+            if used.issuperset([item[0]] if isinstance(item[0], str) else item[0])
+        }
+        return own | kept
 
 
 @public_call
@@ -91,6 +273,7 @@ def simulate_batch(
     stride: int = 1,
     threads: int | None = None,
     progress: bool | None = None,
+    settings: RunSettings | None = None,
     **options: Any,
 ) -> xr.Dataset:
     """Simulate many runs and return them as one labelled dataset with the dimension ``run``.
@@ -121,6 +304,7 @@ def simulate_batch(
         threads: number of threads, by default one for each core that this process may use.
             Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
+        settings: as in ``simulate``.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
 
@@ -147,8 +331,12 @@ def simulate_batch(
     """
     started = time.perf_counter()
     check_options(options, OPTIONS, "simulate_batch")
+    keywords = {name: options.pop(name) for name in list(options) if name not in ACTING}
+    keywords |= {"progress": progress} if settings is None or progress is not None else {}
+    keywords |= {"rate": rate} if settings is None or rate != DEFAULTS.rate else {}
+    checked = settings_of(settings, keywords, simulate)
     # Code that is compiled in the middle of a run may differ in the last digits.
-    given = OPTIONS | {"specialized": False} | options
+    checked = replaced(checked, specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
     stride = check_count("stride", stride)
     names = _channels(channels)
@@ -166,58 +354,60 @@ def simulate_batch(
         parameters=parameters,
         seeds=seeds,
     )
-    acting = {name: given.pop(name) for name in _ACTING}
-    own.check_events(acting["events"])
-    checked = run_options(duration, rate=rate, **given)
-    check_samples(reduced, float(checked.times[-1]))
     first = own.arms[0]
+    shared = Situation(arm=first, duration=duration, settings=checked, **options)
+    own.check_events(shared.events)
+    check_samples(reduced, float(shared.times[-1]))
     starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
-    warn_of(implausible_run(first, checked.duration, rate, starts))
+    warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))
-    environment = Environment.of(first, *(acting[name] for name in _ACTING[:4]))
-    counts = len(environment.contacts), checked.stations
+    counts = len(shared.environment.contacts), checked.stations
     closed = own.controllers[0] is not None
     absent = {} if closed else {"torque_command": "controller"}
     if not any(one.assembly.has_bristles for one in own.arms):
         absent["bristle_deflection"] = "friction with bristles"
-    sizes = first, checked.times, names, reduced, stride, counts, absent
+    sizes = first, shared.times, names, reduced, stride, counts, absent
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
-    size = checked.times.size * 16 * first.assembly.coordinates.size
+    size = shared.times.size * 16 * first.assembly.coordinates.size
     lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
     if closed:
         model = model or (first if own.parameters else None)
-        everything = {**given, **acting, "duration": checked.duration, "rate": rate}
-        loop = ClosedLoop(own, model, everything, needed)
+        loop = ClosedLoop(own, model, shared, needed)
         with warnings.catch_warnings():  # kept in the outcomes
             warnings.simplefilter("ignore", FlexarmWarning)
-            if fits_closed_lanes(own, checked, acting, needed):
-                lanes = ClosedLanes(own, checked, needed, loop, environment)
+            if fits_closed_lanes(own, shared, needed):
+                lanes = ClosedLanes(own, shared, needed, loop)
                 lanes.prepare()
                 work: Work = lanes, lane_blocks
             else:
                 work, threads = _first_alone(loop, recorder, own.count), 1
-            _execute(work, recorder, own.count, threads, progress)
+            _execute(work, recorder, own.count, threads, checked.progress)
     else:
-        alone = OpenLoop(own, checked, acting, needed)
-        if fits_lanes(own, checked, acting, needed):
+        alone = OpenLoop(own, shared, needed)
+        if fits_lanes(own, shared, needed):
             alone.prepare()
-            work = OpenLanes(own, checked, needed, alone, environment), lane_blocks
+            work = OpenLanes(own, shared, needed, alone), lane_blocks
         else:
             work = _first_alone(alone, recorder, own.count)
-        _execute(work, recorder, own.count, threads, progress)
+        _execute(work, recorder, own.count, threads, checked.progress)
     attributes = {
         "flexarm_version": package_version(),
         "software": software_versions(),
-        "duration": checked.duration,
+        "duration": shared.duration,
         "rate": checked.rate,
-        "rtol": checked.rtol,
         "wall_seconds": time.perf_counter() - started,
     }
-    if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
-        attributes["atol"] = math.prod(absolute_tolerance(first, checked.atol, checked.rtol))
+    request = checked.request(first)
+    if request is not None:
+        attributes["accuracy"] = request * reach_of(first)
+    else:
+        relative, absolute, scale = checked.tolerance(first)
+        attributes["rtol"] = relative
+        if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
+            attributes["atol"] = absolute * scale
     if len(own.arms) == 1:
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])
@@ -232,11 +422,7 @@ def _channels(given: object) -> tuple[str, ...]:
 
 
 def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: int) -> Work:
-    """Execute and record the first run, which validates what all share; return the other work.
-
-    Raises:
-        InputError: if an argument does not fit the first run.
-    """
+    """Execute and record the first run, which validates what all share; return the other work."""
     recorder.record(execute(0))
     return lambda runs: (attempt(execute, k) for k in runs), _blocks(1, count, _BLOCK)
 

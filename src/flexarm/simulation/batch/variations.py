@@ -192,11 +192,7 @@ def _arms(name: str, arm: object) -> list[Arm]:
 
 
 def _check_structure(name: str, arm: Arm, first: Arm) -> None:
-    """Raise if an arm has other coordinates, links or gauges than the first one.
-
-    Raises:
-        InputError: if they differ.
-    """
+    """Raise if an arm has other coordinates, links or gauges than the first one."""
     own, known = ((one.dof, one.links, one.joints, len(one.gauges)) for one in (arm, first))
     if own != known:
         parts = "coordinates, links, joints and gauges"
@@ -291,11 +287,7 @@ def _seeds(given: ArrayLike) -> NDArray[np.int64]:
 
 
 def _common(lengths: Mapping[str, int | None]) -> int:
-    """Return the number of runs.
-
-    Raises:
-        InputError: if two arguments have different numbers of runs, or one has none.
-    """
+    """Return the number of runs."""
     counts = {name: length for name, length in lengths.items() if length is not None}
     count = max(counts.values(), default=1)
     longest = next((name for name, length in counts.items() if length == count), "")
@@ -312,11 +304,7 @@ def _common(lengths: Mapping[str, int | None]) -> int:
 
 
 def _specs(arms: Sequence[Arm], values: Mapping[str, FloatArray], count: int) -> list[ArmSpec]:
-    """Return the description of the arm of each run; empty without parameters.
-
-    Raises:
-        ModelError: if a value is not possible; all problems of all runs are listed.
-    """
+    """Return the description of the arm of each run; empty without parameters."""
     if not values:
         return []
     specs, problems = [], []

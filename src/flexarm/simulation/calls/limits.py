@@ -18,7 +18,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import CURVATURE, GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.simulation.calls.metrics import reference_angles
-from flexarm.simulation.loop.closed_loop import ClosedLoop
+from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
 from flexarm.simulation.run.validity import axial_load
@@ -173,11 +173,14 @@ def _stops(run: Run) -> tuple[dict[str, FloatArray], str]:
             for one in _joints(part.arm)
         ]
         lower, upper = np.array(pairs).T
-        beyond.append(np.maximum(np.maximum(lower - angle, angle - upper), 0.0))
-    depth = np.concatenate(beyond)
-    hits = np.diff(depth > 0.0, axis=0, prepend=False) & (depth > 0.0)
-    deepest = depth.max(axis=0)
-    count = np.where(np.isnan(deepest), np.nan, hits.sum(axis=0))
+        beyond.append(np.stack([lower - angle, angle - upper], axis=1))
+    depth = np.concatenate(beyond)  # (samples, sides, joints)
+    hits = (np.diff(depth > 0.0, axis=0, prepend=False) & (depth > 0.0)).sum(axis=(0, 1))
+    deepest = np.maximum(depth.max(axis=(0, 1)), 0.0)
+    limited = np.isfinite(deepest)
+    if run.integrator.adaptive and limited.sum() == 1:
+        hits[limited] = (run.progress.impacts + 1) // 2  # each impact begins and ends
+    count = np.where(limited, hits, np.nan)
     numbers = {"stop_depth": deepest, "stop_hits": count}
     for number, joint, angle in zip(run.arm.joint_numbers, _joints(run.arm), deepest, strict=True):
         if joint.limits is None:
@@ -236,11 +239,11 @@ def limits_of_run(
         numbers["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=0), 0.0)
     if loop is None:
         return numbers, list(filter(None, texts))
-    readings = loop.sensors()
+    readings = loop.instruments
     numbers |= instrument_numbers(readings)
     texts.append(instrument_warning(readings, numbers))
-    if loop.limited and loop.times:
-        since, saturated = loop.saturated()
+    if loop.acting.limited and loop.times:
+        since, saturated = loop.acting.saturated()
         numbers |= motor_numbers(since, saturated, run.progress.time)
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,14 +31,20 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
-from flexarm.simulation.loop.sampled_loop import SampleSchedule
+from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.sensors import TipMotion
-from flexarm.simulation.run.contact_start import refuse_deep_start
-from flexarm.simulation.run.new_run import RTOL, initial_state, new_run
+from flexarm.simulation.run.contacts import refuse_deep_start
+from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import (
+    RunSettings,
+    StepSettings,
+    replaced,
+    settings_of,
+    with_keywords,
+)
 from flexarm.simulation.run.validity import BendingWatch
 
 
@@ -48,8 +54,9 @@ class Plant:
     The plant starts at time zero, at rest, with straight links and all joint angles zero. ``step``
     applies a torque until the next sample time and returns the readings of the sensors there. The
     loop of ``flexarm.simulate`` uses the same code, so the results agree to the last digit. Nothing
-    is recorded. A copy (``copy.deepcopy``, ``pickle``) continues independently from the current
-    state; a pickle cannot contain a load or base acceleration that is a lambda function.
+    is recorded, and no second run estimates the error through impacts: compare plants of different
+    tolerances for that. A copy (``copy.deepcopy``, ``pickle``) continues independently from the
+    current state; a pickle cannot contain a load or base acceleration that is a lambda function.
 
     Args:
         arm: the simulated arm.
@@ -61,6 +68,7 @@ class Plant:
         breaks: times (s) at which loads or a base acceleration that are functions of time jump or
             have a kink.
         integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
+        settings: these, ``breaks`` and ``specialized`` as one object, see ``flexarm.RunSettings``.
         duration: s, latest time of a step; None for no limit. Required if loads or the base
             acceleration are functions of time, which are evaluated in advance.
         specialized: True compiles the hot loop for the sizes of this arm: several seconds, once per
@@ -82,6 +90,7 @@ class Plant:
     """
 
     @public_call
+    @with_keywords(StepSettings)
     def __init__(
         self,
         arm: Arm,
@@ -91,23 +100,21 @@ class Plant:
         tip_force: ArrayLike | None = None,
         loads: Sequence[Load] = (),
         base_acceleration: BaseAcceleration | None = None,
-        breaks: ArrayLike = (),
         contacts: Sequence[Contact] = (),
         changes: Sequence[Change] = (),
-        integrator: str | Integrator = "auto",
-        step: float | None = None,
-        rtol: float = RTOL,
-        atol: float | None = None,
         duration: float | None = None,
         specialized: bool = False,
         warn: bool = True,
+        settings: RunSettings | None = None,
+        **keywords: Unpack[StepSettings],
     ) -> None:
         self.arm = arm = check_kind("arm", arm, Arm)
         if hardware is not None:
             check_kind("hardware", hardware, Hardware, "a Hardware object")
         self.sample_time = check_positive("sample_time", sample_time)
-        given = tip_force, loads, base_acceleration, contacts
-        environment = Environment.of(arm, *given)
+        checked = settings_of(settings, keywords, Plant.__init__)
+        compiled = check_flag("specialized", specialized) or bool(settings and settings.specialized)
+        environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
         if duration is None:
             _refuse_functions(environment)
         self.duration = math.inf if duration is None else check_positive("duration", duration)
@@ -116,22 +123,17 @@ class Plant:
         self._new_run = partial(
             new_run,
             arm,
+            settings=replaced(checked, specialized=compiled),
             duration=self.duration,
             sample_times=np.zeros(0),
-            environment=environment,
-            breaks=breaks,
             spacing=self.sample_time,
-            integrator=integrator,
-            step=step,
-            rtol=check_positive("rtol", rtol),
-            atol=None if atol is None else check_positive("atol", atol),
+            environment=environment,
             meter=Meter("stepping", False),
-            specialized=check_flag("specialized", specialized),
             changes=changes,
         )
         self._reset(None, None, None)
-        if self._schedule.run.doubt and warn:
-            warn_caller(self._schedule.run.doubt, AccuracyWarning)
+        if self._loop.run.doubt and warn:
+            warn_caller(self._loop.run.doubt, AccuracyWarning)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles; helpers of the arm are created again."""
@@ -172,15 +174,15 @@ class Plant:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = hardware.replace(seed=seed)
-        run = self._new_run(state)
+        run = self._new_run(state=state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             warn_of_degrees(initial=arm.joint_angles(initial))
             refuse_deep_start(arm, state, run.loads.placed.contacts)
-        self._schedule = SampleSchedule(run, self.sample_time, hardware, keep=False)
+        self._loop = RunLoop(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None
         self.warning = ""
-        self.measurement = self._schedule.measure()
+        self.measurement = self._loop.measure()
         return self.measurement
 
     @public_call
@@ -198,20 +200,20 @@ class Plant:
             LargeDeflectionWarning: if a link exceeds the linear beam theory; once after each
                 reset.
         """
-        schedule = self._schedule
+        loop = self._loop
         command = check_array("torque", torque, (self.arm.joints,))
-        self._check_time((schedule.tick + 1) * self.sample_time)
-        if schedule.tick == 0:  # not in __init__, because a reset may first move the arm
-            start, contacts = schedule.run.progress.state, schedule.run.loads.placed.contacts
+        self._check_time((loop.tick + 1) * self.sample_time)
+        if loop.tick == 0:  # not in __init__, because a reset may first move the arm
+            start, contacts = loop.run.progress.state, loop.run.loads.placed.contacts
             refuse_deep_start(self.arm, start, contacts)
         try:
-            schedule.hold(command)
+            loop.hold(command)
         except SimulationError as error:
             self._stopped_at = error.time
             raise
-        self.measurement = schedule.measure()
+        self.measurement = loop.measure()
         if not self.warning:
-            self.warning = self._bending(schedule.run.progress.state)
+            self.warning = self._bending(loop.run.progress.state)
             if self.warning and self._warn:
                 warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement
@@ -228,22 +230,22 @@ class Plant:
     @property
     def time(self) -> float:
         """Current sample time, s; after a failure the time reached."""
-        return self._schedule.time if self._stopped_at is None else self._stopped_at
+        return self._loop.time if self._stopped_at is None else self._stopped_at
 
     @property
     def q(self) -> FloatArray:
         """Coordinates (dof,)."""
-        return self._schedule.run.state()[0]
+        return self._loop.run.state()[0]
 
     @property
     def qd(self) -> FloatArray:
         """Rates of the coordinates (dof,)."""
-        return self._schedule.run.state()[1]
+        return self._loop.run.state()[1]
 
     @property
     def tip_motion(self) -> FloatArray:
         """Values of ``tip``, then of ``tip_velocity``, (6,)."""
-        return self._tip(self._schedule.run.progress.state).copy()
+        return self._tip(self._loop.run.progress.state).copy()
 
     @property
     def tip(self) -> FloatArray:
@@ -258,13 +260,13 @@ class Plant:
     @property
     def saturated(self) -> NDArray[np.bool_]:
         """Whether each motor is at its limit, (joints,), during the last step; for anti-windup."""
-        _, saturated = self._schedule.acting.saturated()
+        _, saturated = self._loop.acting.saturated()
         return saturated[-1] if len(saturated) else np.zeros(self.arm.joints, dtype=bool)
 
     @property
     def contact_force(self) -> FloatArray:
         """Forces (contacts, 2) of contacts on the arm, N, world axes."""
-        run = self._schedule.run
+        run = self._loop.run
         state = run.progress.state[None]
         forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
         return forces

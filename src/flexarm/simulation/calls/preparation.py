@@ -1,143 +1,246 @@
-"""Preparation of runs: validated options, initial state, torque over time."""
+"""Preparation of runs: their checked arguments, initial state, and torque over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from inspect import signature
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions.environment import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import (
-    check_choice,
-    check_count,
-    check_flag,
+    about_degrees,
     check_function,
+    check_kind,
+    check_mapping,
     check_positive,
 )
-from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.base.errors import InputError, Problem, shown, unknown_arguments
 from flexarm.base.user_functions import call
-from flexarm.control.contract.base import Reference
-from flexarm.integrate import Integrator
+from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
-from flexarm.model import Change
+from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.model.arm.plausibility import weights
+from flexarm.model.plausible import Number, Range, judge
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import Prescribed, prescribe
-from flexarm.simulation.histories.samples import INTERPOLATIONS, sampled_torque
-from flexarm.simulation.run.events import EventLog
+from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.loop.control_loop import RunLoop
+from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
+from flexarm.simulation.run.events import Event, event_log
+from flexarm.simulation.run.integrator_choice import Choice
 from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import (
+    DEFAULTS,
+    AllSettings,
+    RunSettings,
+    SampleSettings,
+    replaced,
+    settings_of,
+)
 from flexarm.simulation.run.stepping import Run
+from flexarm.simulation.run.work import choose
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
+#: Samples in a run; samples of a controller; durations of a run and of its motion over each other.
+_SAMPLES, _UPDATES = Range(1.0 - 1e-9, 1e3, np.inf), Range(1.0 - 1e-9, 1e3, np.inf)
+_MOTION = Range(3e-3, 1.0, 500.0)
+#: Largest torque of a motor over that by which the weight turns the horizontal arm.
+_TORQUE = Range(1e-2, 3.0, 1e5)
 
 
-class RunOptions(NamedTuple):
-    """Validated options of a run, with the meaning that ``simulate`` gives them."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Situation:
+    """Arguments of a run, with the meaning that ``simulate`` gives them.
 
+    Creating it validates the objects; the rest is validated when a run is created.
+
+    Raises:
+        InputError: if an object has the wrong type, or two arguments contradict each other.
+    """
+
+    arm: Arm
     duration: float  # s
-    rate: float  # Hz
-    step: float | None  # s
-    rtol: float
-    atol: float | None  # m; None for the default
-    breaks: FloatArray  # (k,) s
-    interpolation: str  # of torque samples
-    integrator: str | Integrator
-    stations: int
-    specialized: bool | None
+    settings: RunSettings = DEFAULTS
+    torque: Torque | None = None
+    controller: Controller | None = None
+    reference: Reference | None = None
+    plant: Arm | None = None
+    hardware: Hardware | None = None
+    prescribed: Prescribed | None = None
+    initial: ArrayLike | None = None
+    initial_rate: ArrayLike | None = None
+    tip_force: ArrayLike | None = None
+    loads: Sequence[Load] = ()
+    base_acceleration: BaseAcceleration | None = None
+    events: Sequence[Event] = ()
+    contacts: Sequence[Contact] = ()
+    changes: Sequence[Change] = ()
+
+    def __post_init__(self) -> None:
+        self._check_objects()
+        duration = vars(self)["duration"] = check_positive("duration", self.duration)
+        step = self.settings.step
+        if step is not None and step > duration:
+            rule = f"be at most the duration of {duration:.6g} s"
+            raise InputError(Problem("step", rule, shown(step)))
+        if (fault := sample_fault(duration, self.settings.rate)) is not None:
+            raise InputError(fault.problem())
+        if self.simulated.joints != self.arm.joints:
+            rule = f"have the number of joints of the arm ({self.arm.joints})"
+            raise InputError(Problem("plant", rule, shown(self.simulated.joints)))
+
+    def _check_objects(self) -> None:
+        """Validate objects before their attributes are used; one thing drives the joints."""
+        check_kind("arm", self.arm, Arm)
+        if self.plant is not None:
+            check_kind("plant", self.plant, Arm)
+        controller = self.controller
+        if self.hardware is not None:
+            check_kind("hardware", self.hardware, Hardware)
+            if controller is None:
+                raise InputError(Problem("hardware", "requires a controller"))
+        if controller is not None:
+            check_controller("controller", controller)
+            check_positive("controller.sample_time", getattr(controller, "sample_time", None))
+        if self.reference is not None:
+            check_reference(self.reference)
+        if self.prescribed is not None:
+            check_mapping("prescribed", self.prescribed, "joint numbers and motions")
+        driven = {"torque": self.torque is not None, "prescribed": bool(self.prescribed)}
+        for name, given in driven.items():
+            if given and controller is not None:
+                raise InputError(Problem(name, "cannot be combined with a controller"))
+
+    @property
+    def simulated(self) -> Arm:
+        """The simulated arm."""
+        return self.arm if self.plant is None else self.plant
 
     @property
     def times(self) -> FloatArray:
         """Sample times (samples,), s."""
-        count = int(np.floor(self.duration * self.rate * (1 + 1e-12))) + 1
+        duration, rate = self.duration, self.settings.rate
+        count = int(np.floor(duration * rate * (1 + 1e-12))) + 1
         # The last sample may exceed the end by rounding, and would then never be computed.
-        return np.minimum(np.arange(count) / self.rate, self.duration)
+        return np.minimum(np.arange(count) / rate, duration)
 
-    def loads_of(
-        self,
-        arm: Arm,
-        environment: Environment,
-        known: dict[tuple[int, ...], PiecewiseCubic],
-    ) -> LoadHistory:
-        """Return the loads of a run without contacts; see ``load_history``."""
-        given = self.duration, self.rtol, None, self.breaks, 1.0 / self.rate
-        return load_history(arm, environment, *given, known)
+    @cached_property
+    def environment(self) -> Environment:
+        """Loads, base acceleration and contacts."""
+        acting = self.tip_force, self.loads, self.base_acceleration, self.contacts
+        return Environment.of(self.simulated, *acting)
 
-    def new_run(
-        self,
-        arm: Arm,
-        state: FloatArray,
-        environment: Environment,
-        log: EventLog | None,
-        meter: Meter,
-        changes: Sequence[Change] = (),
-        prescribed: Prescribed | None = None,
-    ) -> Run:
-        """Create a run from ``state`` (2, n, 1 + m); the errors are those of ``new_run``."""
-        return new_run(
+    @cached_property
+    def start(self) -> FloatArray:
+        """Initial state (2, n, 1 + m), by default at the start of the motion."""
+        given = self.initial, self.initial_rate, self.reference, self.torque
+        return start_of(self.simulated, *given)
+
+    @property
+    def interpolation(self) -> str:
+        """Interpolation of the samples of the torque; that of a function of time is "cubic"."""
+        sampled = self.torque is not None and not callable(self.torque)
+        return self.settings.torque_interpolation if sampled else "cubic"
+
+    def loads_of(self, arm: Arm, known: dict[tuple[int, ...], PiecewiseCubic]) -> LoadHistory:
+        """Return the loads of a run of an arm without contacts; see ``load_history``."""
+        settings = self.settings
+        given = self.duration, settings.relative(arm), None, settings.breaks, 1.0 / settings.rate
+        return load_history(arm, self.environment, *given, known)
+
+    def new_run(self, meter: Meter) -> Run:
+        """Create a run.
+
+        Raises:
+            InputError: if an argument does not fit the arm, the initial state is deep inside a
+                surface, or a reference presses away from one.
+        """
+        arm, state = self.simulated, self.start.copy()
+        log = event_log(arm, self.events)
+        run = new_run(
             arm,
             state,
+            self.settings,
             duration=self.duration,
             sample_times=self.times,
-            environment=environment,
-            breaks=self.breaks,
-            spacing=1.0 / self.rate,
-            log=log,
-            integrator=self.integrator,
-            step=self.step,
-            rtol=self.rtol,
-            atol=self.atol,
+            spacing=1.0 / self.settings.rate,
+            environment=self.environment,
             meter=meter,
-            stations=self.stations,
-            specialized=self.specialized,
-            changes=changes,
-            prescribed=tuple(prescribed or ()),
+            log=log,
+            changes=self.changes,
+            prescribed=tuple(self.prescribed or ()),
         )
+        placed = run.loads.placed.contacts
+        refuse_deep_start(arm, state, placed)
+        refuse_pressing_outward(arm, self.contacts, placed, self.reference, self.duration)
+        return run
+
+    def history_of(self, run: Run) -> Callable[[float], PiecewiseCubic]:
+        """Return the function `torque_history` of a relative tolerance, for a run at its start."""
+        return partial(torque_history, self, self.torque, run.arm, run.progress.state)
 
 
-def run_options(
+class GoalArguments(SampleSettings, total=False):
+    """Keyword arguments of a run under given torques."""
+
+    initial: ArrayLike | None
+    initial_rate: ArrayLike | None
+    tip_force: ArrayLike | None
+    loads: Sequence[Load]
+    base_acceleration: BaseAcceleration | None
+    contacts: Sequence[Contact]
+
+
+class DrivenArguments(GoalArguments, total=False):
+    """Keyword arguments of a run."""
+
+    torque: Torque | None
+    controller: Controller | None
+    reference: Reference | None
+    hardware: Hardware | None
+    prescribed: Prescribed | None
+    events: Sequence[Event]
+
+
+class RunArguments(DrivenArguments, AllSettings, total=False):
+    """All keyword arguments of a run."""
+
+    plant: Arm | None
+    changes: Sequence[Change]
+
+
+def situation_of(
+    function: Callable[..., Any],
+    arm: Arm,
     duration: float,
-    *,
-    rate: float,
-    step: float | None,
-    rtol: float,
-    atol: float | None,
-    breaks: ArrayLike,
-    torque_interpolation: str,
-    integrator: str | Integrator,
-    stations: int,
-    specialized: bool | None,
-) -> RunOptions:
-    """Validate the options of a run; the integrator is validated when the run is created.
+    settings: RunSettings | None,
+    arguments: Mapping[str, Any],
+) -> Situation:
+    """Return the situation of a call.
+
+    Args:
+        function: the called one, decorated by `with_keywords`.
+        arguments: its keyword arguments.
 
     Raises:
-        InputError: if an option has the wrong type or value.
+        InputError: if an argument does not exist, has the wrong type, or contradicts another.
     """
-    if specialized is not None:
-        check_flag("specialized", specialized)
-    duration = check_positive("duration", duration)
-    if step is not None and check_positive("step", step) > duration:
-        rule = f"be at most the duration of {duration:.6g} s"
-        raise InputError(Problem("step", rule, shown(step)))
-    rate = check_positive("rate", rate)
-    known = check_array("breaks", breaks, (-1,))
-    check_choice("torque_interpolation", torque_interpolation, INTERPOLATIONS)
-    rtol = check_positive("rtol", rtol)
-    atol = None if atol is None else check_positive("atol", atol)
-    if (fault := sample_fault(duration, rate)) is not None:
-        raise InputError(fault.problem())
-    if type(stations) is not int or stations != 0:
-        stations = check_count("stations", stations, 2, MOST_STATIONS)
-    return RunOptions(
-        duration, rate, step, rtol, atol, known, torque_interpolation, integrator, stations,
-        specialized,
-    )  # fmt: skip
+    if not arguments.keys() <= vars(function)["keywords"] | {"torque"}:
+        raise unknown_arguments(arguments, signature(function).parameters)
+    keywords = {name: value for name, value in arguments.items() if name in vars(DEFAULTS)}
+    own = {name: value for name, value in arguments.items() if name not in keywords}
+    settings = settings_of(settings, keywords, function)
+    return Situation(arm=arm, duration=duration, settings=settings, **own)
 
 
 def start_of(
@@ -163,18 +266,8 @@ def start_of(
     return initial_state(arm, initial, initial_rate, straight)
 
 
-def between_samples(torque: Torque | None, options: RunOptions) -> str:
-    """Return the interpolation of samples of a torque; that of a function of time is "cubic"."""
-    return "cubic" if torque is None or callable(torque) else options.interpolation
-
-
 def torque_history(
-    arm: Arm,
-    torque: Torque | None,
-    prescribed: Prescribed,
-    state: FloatArray,
-    options: RunOptions,
-    relative: float,
+    situation: Situation, torque: Torque | None, arm: Arm, state: FloatArray, relative: float
 ) -> PiecewiseCubic:
     """Return torques and prescribed accelerations for a relative tolerance of the run.
 
@@ -184,8 +277,8 @@ def torque_history(
         InputError: if torques or prescribed motions do not fit the arm.
         FunctionError: if a function of time raises an exception.
     """
-    joints, duration, breaks = arm.joints, options.duration, options.breaks
-    spacing = 1.0 / options.rate
+    joints, duration, settings = arm.joints, situation.duration, situation.settings
+    breaks, spacing = settings.breaks, 1.0 / settings.rate
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))
     elif isinstance(torque, PiecewiseCubic):
@@ -194,7 +287,74 @@ def torque_history(
         check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=spacing)
     else:
-        history = sampled_torque(
-            torque, options.rate, duration, joints, options.interpolation, breaks
-        )
+        interpolation = settings.torque_interpolation
+        history = sampled_torque(torque, settings.rate, duration, joints, interpolation, breaks)
+    prescribed = situation.prescribed or {}
     return prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
+
+
+def integrator_of(arm: Arm, **arguments: Any) -> Choice:
+    """Return the integrator of a run with some arguments of ``simulate``, by its rules.
+
+    Raises:
+        InputError: if ``simulate`` would raise it.
+    """
+    names = vars(DEFAULTS).keys() & arguments.keys()
+    settings = replaced(DEFAULTS, **{name: arguments.pop(name) for name in names})
+    situation = Situation(arm=arm, settings=settings, **arguments)
+    run = situation.new_run(Meter("checking", False))
+    if situation.controller is not None:
+        sample_time = situation.controller.sample_time
+        return RunLoop(run, sample_time, situation.hardware).run.choice
+    choose(run, situation.history_of(run)(situation.settings.relative(arm)))
+    return run.choice
+
+
+def implausible_run(
+    arm: Arm,
+    duration: float,
+    rate: float,
+    angles: FloatArray | None = None,
+    controller: Any = None,
+    reference: Any = None,
+    hardware: Hardware | None = None,
+) -> list[str]:
+    """Return a sentence for each implausible number of a run.
+
+    Args:
+        arm: the simulated arm. duration: s. rate: of the samples, Hz.
+        angles: joint angles at the start, if they are given, rad.
+    """
+    findings: list[str] = []
+    if angles is not None and (text := about_degrees("initial", angles)):
+        findings.append(text)
+    if duration * rate < _SAMPLES.low:
+        text = f"rate is {rate:.4g} Hz, less than one sample in the duration of {duration:.4g} s"
+        findings.append(f"{text}: did you mean {1.0 / rate:.4g} Hz ({rate:.4g} s between samples)?")
+    if controller is not None:
+        step = Number("controller.sample_time", float(controller.sample_time), "s", -1.0)
+        judge(findings, duration / step.value, _UPDATES, "longer than the run", step)
+    length = getattr(reference, "duration", None)
+    if isinstance(length, float) and length > 0.0:
+        times = Number("duration", duration, "s"), Number("reference.duration", length, "s", -1.0)
+        short = duration < length
+        statement = f"but the motion takes {length:.4g} s"
+        if short:
+            times, statement = times[::-1], f"but the run takes {duration:.4g} s"
+        judge(findings, duration / length, _MOTION, statement, *times)
+    if hardware is not None and hardware.motors is not None:
+        _judge_motors(findings, arm, hardware.motors.torque_limit)
+    return findings
+
+
+def _judge_motors(findings: list[str], arm: Arm, limit: ArrayLike) -> None:
+    """Judge the torque limits of motors by the weight of the arm, if it has any."""
+    statement = "{ratio} of the torque by which the weight turns the horizontal arm"
+    torques = [weights(arm.spec)[seat.link] for seat in arm.assembly.seats]
+    limits = np.asarray(limit, dtype=np.float64)
+    if limits.ndim and limits.shape != (len(torques),):
+        return  # the run refuses them
+    for most, torque in zip(np.broadcast_to(limits, len(torques)), torques, strict=True):
+        if torque > 0.0 and np.isfinite(most):
+            number = Number("hardware.motors.torque_limit", float(most), "N m")
+            judge(findings, float(most) / torque, _TORQUE, statement, number)

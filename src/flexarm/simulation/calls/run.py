@@ -2,90 +2,96 @@
 
 from __future__ import annotations
 
+import copy
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial, wraps
+from inspect import signature
+from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
 
-from numpy.typing import ArrayLike
-
-from flexarm.arm.actions.environment import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_kind, check_mapping, check_positive
 from flexarm.base.errors import (
+    AccuracyWarning,
+    FlexarmError,
     FlexarmWarning,
     InputError,
-    Problem,
+    LargeDeflectionWarning,
     SimulationError,
     UnstableLoopWarning,
     public_call,
-    shown,
     warn_caller,
 )
-from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
-from flexarm.integrate import Integrator
-from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import DURATION, FAILURE
-from flexarm.simulation.calls.channels import channels_of_run
-from flexarm.simulation.calls.interrupted_runs import computed_until_failure
+from flexarm.simulation.calls.integration_error import with_error
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
-from flexarm.simulation.calls.plausible_run import implausible_run
 from flexarm.simulation.calls.preparation import (
-    Torque,
-    between_samples,
-    run_options,
-    start_of,
-    torque_history,
+    RunArguments,
+    Situation,
+    implausible_run,
+    situation_of,
 )
-from flexarm.simulation.calls.result import add_loop, exceeded_bound, make_result
+from flexarm.simulation.calls.result import add_loop, channels_of_run, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.prescribed import Prescribed
-from flexarm.simulation.loop.closed_loop import ClosedLoop
-from flexarm.simulation.loop.stability import instability
-from flexarm.simulation.run.changes.schedule import change_variables
-from flexarm.simulation.run.contact_start import refuse_deep_start, refuse_pressing_outward
-from flexarm.simulation.run.events import Event, event_log, event_variables
-from flexarm.simulation.run.impacts import Beginning, compare_loops
-from flexarm.simulation.run.new_run import RTOL
+from flexarm.simulation.loop.control_loop import ClosedLoop
+from flexarm.simulation.loop.stability import AnalysedLoop, instability
+from flexarm.simulation.run.changes import change_variables
+from flexarm.simulation.run.events import event_variables
+from flexarm.simulation.run.impacts import loop_comparison
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
-from flexarm.simulation.run.stepping import Run
+from flexarm.simulation.run.stepping import Notices, Run
 
 if TYPE_CHECKING:
     import xarray as xr
 
+P = ParamSpec("P")
 
-@computed_until_failure
+
+def _computed_until_failure(simulate: Callable[P, xr.Dataset]) -> Callable[P, xr.Dataset]:
+    """Attach the result up to the failure to the exception of a function of time.
+
+    Functions of time are approximated before a run begins. If one fails, the run is repeated up
+    to the last time at which it returned a value.
+    """
+
+    @wraps(simulate)
+    def run(*args: P.args, **options: P.kwargs) -> xr.Dataset:
+        try:
+            return simulate(*args, **options)
+        except FunctionError as failed:
+            if failed.result is None and failed.time > 0.0:
+                given = signature(simulate).bind(*args, **options).arguments
+                _keep_result(failed, partial(run, **{**given, "duration": failed.time}))
+            raise
+
+    return run
+
+
+def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
+    """Attach the result of a shorter run; if that fails even earlier, raise its own error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)
+        try:
+            failed.result = again()
+        except InputError:  # the time is shorter than the given step
+            return
+    failed.result.attrs |= {"failure": str(failed), "ended_by": FAILURE}
+
+
+@_computed_until_failure
 @public_call
+@with_keywords(RunArguments, Situation)
 def simulate(
     arm: Arm,
     duration: float,
     *,
-    torque: Torque | None = None,
-    controller: Controller | None = None,
-    reference: Reference | None = None,
-    plant: Arm | None = None,
-    hardware: Hardware | None = None,
-    prescribed: Prescribed | None = None,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    events: Sequence[Event] = (),
-    contacts: Sequence[Contact] = (),
-    changes: Sequence[Change] = (),
-    integrator: str | Integrator = "auto",
-    rate: float = 1000.0,
-    stations: int = 0,
-    step: float | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    torque_interpolation: str = "cubic",
-    breaks: ArrayLike = (),
-    specialized: bool | None = None,
-    progress: bool | None = None,
+    settings: RunSettings | None = None,
+    **arguments: Unpack[RunArguments],
 ) -> xr.Dataset:
     """Simulate an arm and return its motion as a labelled dataset.
 
@@ -120,6 +126,7 @@ def simulate(
         changes: numbers of the simulated arm that change during the run (``Change``); the
             controller's model does not. Samples and readings at the time of a change are before it,
             also at the start; only a terminal event in its jump records the state after it.
+        settings: the arguments that follow as one object, see ``flexarm.RunSettings``.
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
         rate: samples recorded per second, Hz; the last one may lie before the end of the run.
         stations: sections of each link, evenly spaced from root to tip, at which to record axial
@@ -128,6 +135,10 @@ def simulate(
             its own. If the step is too long for "rk4", "auto" uses another method and warns. A
             fixed-step method without a step halves it until the tip differs by at most 1e-4 of
             the reach from the motion at twice the step.
+        accuracy: largest error of the tip (m) that the integration may cause, such as 1e-5 of the
+            reach, the hundredth part of a line in a plot. Method and tolerances follow from it, a
+            second run verifies it, and a run that misses it is repeated. Instead of ``rtol`` and
+            ``atol``.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
             ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
             A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
@@ -149,9 +160,11 @@ def simulate(
         Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
         falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
-        "duration", "failure" or the name of the event that ended the run. With ``changes`` also
-        ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and ``change_energy``
-        (J, of the arm) over ``change``; the attribute ``arm`` describes the arm at the start.
+        "duration", "failure" or the name of the event that ended the run. With ``accuracy`` the
+        attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
+        also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
+        ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
+        at the start.
 
     Raises:
         InputError: if an argument has the wrong shape, is not finite, or contradicts another, the
@@ -167,7 +180,7 @@ def simulate(
             stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
             or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
             of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
-            attribute ``impact_steps``.
+            attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
@@ -177,53 +190,59 @@ def simulate(
             ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
-    check_objects(arm, plant, controller, reference, hardware, torque, prescribed)
-    options = run_options(
-        duration,
-        rate=rate,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        breaks=breaks,
-        torque_interpolation=torque_interpolation,
-        integrator=integrator,
-        stations=stations,
-        specialized=specialized,
-    )
-    simulated = plant if plant is not None else arm
-    if simulated.joints != arm.joints:
-        rule = f"have the number of joints of the arm ({arm.joints})"
-        raise InputError(Problem("plant", rule, shown(simulated.joints)))
-    state = start_of(simulated, initial, initial_rate, reference, torque)
+    situation = situation_of(simulate, arm, duration, settings, arguments)
+    simulated, initial = situation.simulated, situation.initial
+    controller, reference, hardware = situation.controller, situation.reference, situation.hardware
     angles = None if initial is None else simulated.joint_angles(initial)
-    given = angles, controller, reference, hardware
-    warn_of(implausible_run(simulated, options.duration, options.rate, *given))
-    log = event_log(simulated, events)
-    acting = tip_force, loads, base_acceleration, contacts
-    environment = Environment.of(simulated, *acting)
-    with Meter("simulating", progress) as meter:
-        run = options.new_run(simulated, state, environment, log, meter, changes, prescribed)
-        placed = run.loads.placed.contacts
-        refuse_deep_start(simulated, state, placed)
-        refuse_pressing_outward(simulated, contacts, placed, reference, options.duration)
-        if controller is not None:
-            beginning = Beginning.of(run)
-            loop = ClosedLoop(run, controller, reference, hardware)
-            q = simulated.unpadded(state[0])
-            checked = controller, reference, hardware, contacts, q, options.duration
-            stability = partial(instability, arm, simulated, *checked, {})
-            compare = partial(compare_loops, run, beginning, loop.execute_again)
-            result = _closed_loop(run, loop, stability, compare)
-        else:
-            history_of = partial(
-                torque_history, simulated, torque, prescribed or {}, state, options
-            )
-            result = _open_loop(run, history_of, between_samples(torque, options))
-    for text, category in run.notices:
+    driven = angles, controller, reference, hardware
+    warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
+    with Meter("simulating", situation.settings.progress) as meter:
+        result, notices = _executed(meter, situation)
+        doubt = ""
+        if situation.settings.accuracy is not None:
+            again = partial(_executed_again, meter, situation)
+            result, doubt = with_error(result, situation.settings.accuracy, again)
+    if doubt:
+        notices = [*notices, (doubt, AccuracyWarning)]
+        result.attrs["warning"] = " ".join(text for text, _ in notices)
+    for text, category in notices:
         warn_caller(text, category)
     if left := exceeded_bound(result.attrs):
         warn_caller(left, FlexarmWarning)
     return result
+
+
+def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
+    """Execute a run; return its result and its warnings."""
+    run = situation.new_run(meter)
+    controller = situation.controller
+    if controller is None:
+        result = _open_loop(run, situation.history_of(run), situation.interpolation)
+        return result, run.notices
+    simulated = situation.simulated
+    acting = controller, situation.reference, situation.hardware
+    loop = ClosedLoop(run, *acting)
+    q = simulated.unpadded(situation.start[0])
+    analysed = AnalysedLoop(
+        *(situation.arm, simulated, *acting, situation.contacts, q, situation.duration)
+    )
+    stability = partial(instability, analysed, {})
+    return _closed_loop(run, loop, stability), run.notices
+
+
+def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
+    """Execute a run with another accuracy, without warnings; return None if that fails."""
+    try:
+        varied = replace(
+            situation,
+            settings=replaced(situation.settings, accuracy=accuracy),
+            controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _executed(meter, varied)[0]
+    except (FlexarmError, TypeError):
+        return None
 
 
 def _open_loop(
@@ -245,19 +264,17 @@ def _open_loop(
     return result
 
 
-def _closed_loop(
-    run: Run, loop: ClosedLoop, stability: Callable[..., str], compare: Callable[[], None]
-) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
     """Execute a run with a controller.
 
     Args:
         stability: `instability`, with all arguments but ``changed``.
-        compare: `compare_loops`, with all arguments.
     """
     unstable = stability()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
+    compare = loop_comparison(run, loop.repetition)
     failure: SimulationError | None = None
     try:
         loop.execute()
@@ -314,7 +331,7 @@ def _result(
         "unstable_loop": unstable,
     }
     loop = drive if isinstance(drive, ClosedLoop) else None
-    given = drive.torque_at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
+    given = drive.acting.at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
     channels = channels_of_run(run, given)
     numbers, texts = limits_of_run(run, loop, channels)
     run.notices = notices_of(run, texts, failure)
@@ -322,40 +339,7 @@ def _result(
     if loop is not None and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = loop.command_at(times)
     result = make_result(run.first_arm, times, channels, attributes)
-    result = add_limits(result, numbers, loop.sensors() if loop is not None else ())
+    result = add_limits(result, numbers, loop.instruments if loop is not None else ())
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))
-
-
-def check_objects(
-    arm: object,
-    plant: object | None,
-    controller: object | None,
-    reference: object | None,
-    hardware: object | None,
-    torque: Torque | None,
-    prescribed: Prescribed | None,
-) -> None:
-    """Validate objects before their attributes are used, and that one thing drives the joints.
-
-    Raises:
-        InputError: if an object has the wrong type, or two arguments cannot be combined.
-    """
-    check_kind("arm", arm, Arm)
-    if plant is not None:
-        check_kind("plant", plant, Arm)
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-        if controller is None:
-            raise InputError(Problem("hardware", "requires a controller"))
-    if controller is not None:
-        check_controller("controller", controller)
-        check_positive("controller.sample_time", getattr(controller, "sample_time", None))
-    if reference is not None:
-        check_reference(reference)
-    if prescribed is not None:
-        check_mapping("prescribed", prescribed, "joint numbers and motions")
-    for name, given in (("torque", torque is not None), ("prescribed", bool(prescribed))):
-        if given and controller is not None:
-            raise InputError(Problem(name, "cannot be combined with a controller"))

@@ -1,8 +1,8 @@
-"""Error of the derivatives of a run through contacts and joint stops, from a second tolerance.
+"""Error of the derivatives of a run through contacts, joint stops and friction that holds.
 
 The error control of the steps knows the motion alone. Each impact multiplies the errors of the
-derivatives before it, so a run that meets a contact or a stop is differentiated twice. Without one,
-the derivatives are as accurate as the motion.
+derivatives before it, and each start or end of sticking adds the derivative of its time, so such a
+run is differentiated twice. Without one, the derivatives are as accurate as the motion.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.columns import LOWER_STOP, STOP_STIFFNESS, UPPER_STOP
 from flexarm.kernels.forces.contact import GAP
-from flexarm.simulation.calls.preparation import RunOptions
+from flexarm.simulation.run.impacts import slides
+from flexarm.simulation.run.settings import RunSettings, replaced
 from flexarm.simulation.run.stepping import Run
 
 #: Ratio of both tolerances, and the least relative tolerance that rounding errors allow.
@@ -28,9 +29,9 @@ _DOUBTFUL, _DOUBTFUL_STEP = 1e-2, 1e-3
 
 
 class SecondRun(NamedTuple):
-    """Options of a second run."""
+    """Settings of a second run."""
 
-    options: RunOptions
+    settings: RunSettings
     tighter: bool  # whether it is the more accurate one
     allowed: float  # largest difference without a warning
 
@@ -39,25 +40,25 @@ class SecondRun(NamedTuple):
         if error <= self.allowed:
             return ""
         return (
-            f"the derivatives have an estimated relative error of {error:.1g}, because contacts or "
-            "joint stops amplify errors. Reduce rtol and atol, step or the duration."
+            f"the derivatives have an estimated relative error of {error:.1g}, because contacts, "
+            "joint stops or friction amplify errors. Reduce rtol and atol, step or the duration."
         )
 
 
-def second_run(run: Run, options: RunOptions) -> SecondRun | None:
-    """Return the options of a second run; None if ``run`` met neither a contact nor a stop."""
-    integrator, progress = run.integrator, run.progress
-    if not integrator.adaptive:
-        if not _touches(run):
-            return None
-        if run.default_step is None:
-            return SecondRun(_with_half_the_step(integrator, options), True, _DOUBTFUL_STEP)
-    elif progress.impacts + progress.touches == 0:
+def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
+    """Return the settings of a second run; None if ``run`` met no contact, no stop and no friction.
+
+    The second run is not repeated with other tolerances, so that these are the ones in use.
+    """
+    integrator, progress, used = run.integrator, run.progress, run.tolerance
+    met = progress.impacts + progress.touches > 0 if integrator.adaptive else _touches(run)
+    if not (met or slides(run)):
         return None
-    used = run.tolerance
+    if not integrator.adaptive:
+        return SecondRun(_with_half_the_step(run, settings), True, _DOUBTFUL_STEP)
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
-    second = options._replace(rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
+    second = replaced(settings, rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
     return SecondRun(second, tighter, _DOUBTFUL)
 
 
@@ -72,11 +73,12 @@ def _touches(run: Run) -> bool:
     return bool(np.any((angles < body[:, LOWER_STOP]) | (angles > body[:, UPPER_STOP])))
 
 
-def _with_half_the_step(integrator: Integrator, options: RunOptions) -> RunOptions:
-    half = 0.5 * float(integrator.step or 0.0)
-    if isinstance(options.integrator, Integrator):
-        return options._replace(integrator=replace(options.integrator, step=half))
-    return options._replace(step=half)
+def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
+    search = run.default_step
+    half = 0.5 * float((run.integrator.step if search is None else search.shortest) or 0.0)
+    if isinstance(settings.integrator, Integrator):
+        return replaced(settings, integrator=replace(settings.integrator, step=half))
+    return replaced(settings, step=half)
 
 
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:

@@ -25,10 +25,14 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.along import Separation, linearize_along
-from flexarm.linear.small_deviations.collocation import stage_times, step_edges
-from flexarm.linear.small_deviations.deviations import DeviationPath, break_times, solve_deviations
-from flexarm.linear.small_deviations.smooth import SmoothMatrices
+from flexarm.linear.small_deviations.along import Separation, SmoothMatrices, linearize_along
+from flexarm.linear.small_deviations.collocation import (
+    DeviationPath,
+    break_times,
+    solve_deviations,
+    stage_times,
+    step_edges,
+)
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
@@ -36,7 +40,7 @@ from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.new_run import RTOL as CLOSE
+from flexarm.simulation.run.tolerance import RTOL as CLOSE
 
 if TYPE_CHECKING:
     import xarray as xr

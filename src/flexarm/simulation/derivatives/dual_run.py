@@ -1,21 +1,115 @@
-"""A run in dual numbers: the steps of ``simulate``, with derivatives in eight directions."""
+"""A run in dual numbers: its numbers, its steps in eight directions, and its channels."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm.arm.actions.environment import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.observe import Observed, named_channels, with_energies
+from flexarm.arm.stations import place_gauges
 from flexarm.integrate.base import FloatArray, Progress, Status, System
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.compilation.dual_arrays import DualArray, Duals
-from flexarm.kernels.layout import ArmConstants, Workspace, new_workspace, run_time_sizes
-from flexarm.simulation.derivatives.inputs import ArmInputs, Inputs
+from flexarm.kernels.compilation.duals import DualArray, Duals
+from flexarm.kernels.derivatives.sensitivity import STEP
+from flexarm.kernels.layout import ArmConstants, Array, Workspace, new_workspace, run_time_sizes
+from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, poses_many
+from flexarm.kernels.observation.shapes import gauge_strains
 from flexarm.simulation.run.stepping import Run
 
 #: Steps in one compiled call, after which Ctrl-C is noticed.
 _STEPS = 4096
+#: Samples whose poses are computed together, which bounds the scratch memory of long runs.
+_CHUNK = 1024
+#: Channels that are not linear in the states and the observed quantities.
+_NONLINEAR = {
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+}
+
+
+class ArmInputs(NamedTuple):
+    """Numbers that depend on the parameters of an arm, or their derivatives by one of them.
+
+    The first five arrays are those of ``ArmConstants``, the next five those of ``Loads``, the last
+    three those of ``Contacts``; shapes as there.
+    """
+
+    arm: Array
+    body: Array
+    mode: Array
+    centrifugal: Array
+    shortening: Array
+    gauges: Array  # (gauges, m) strain per modal coordinate
+    load_weight: Array
+    load_lever: Array
+    load_rows: Array
+    load_slopes: Array
+    load_shortening: Array
+    point_rows: Array
+    point_shortening: Array
+    point_law: Array
+
+    @property
+    def constants(self) -> ArmConstants:
+        """The constants of the arm."""
+        return ArmConstants(*self[:5])
+
+
+class Inputs(NamedTuple):
+    """All numbers of a run that parameters change, or their derivatives by one parameter."""
+
+    arm: ArmInputs
+    state: Array  # (2, n, 1 + m) at the start
+    torque: Array  # (pieces, 4, n) coefficients of the drive
+    load_value: Array  # (loads, 3)
+
+
+def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
+    """Return the numbers of an arm with loads and contacts.
+
+    Raises:
+        InputError: if a load or a contact is not on the arm.
+    """
+    placed = Environment(environment.loads, None, environment.contacts).placed(arm)
+    contacts = placed.contacts
+    return ArmInputs(
+        *arm.assembly.constants,
+        place_gauges(arm, arm.gauges)[0],
+        placed.weight,
+        placed.lever,
+        placed.rows,
+        placed.slopes,
+        placed.shortening,
+        contacts.rows,
+        contacts.shortening,
+        contacts.law,
+    )
+
+
+def inputs_of_run(run: Run, environment: Environment) -> Inputs:
+    """Return the numbers of a run that has been simulated."""
+    assert run.history is not None
+    system = run.system(run.history)
+    drive = system.drive
+    own = arm_inputs(run.arm, environment)
+    # The run may have prescribed joints, and its contacts know the mobility of the arm.
+    own = own._replace(**system.constants._asdict(), point_law=drive.loads.contacts.law)
+    return Inputs(own, run.samples[0].copy(), drive.coefficients, drive.amplitude)
+
+
+def no_change(inputs: Inputs) -> Inputs:
+    """Return derivatives of zero, which must not be modified."""
+    return Inputs(
+        ArmInputs(*(_zeros(array) for array in inputs.arm)),
+        *(_zeros(array) for array in inputs[1:]),
+    )
+
+
+def _zeros(array: Array) -> Array:
+    return np.broadcast_to(np.float64(0.0), array.shape)
 
 
 class DualRun(NamedTuple):
@@ -163,3 +257,77 @@ def dual_system(system: System, numbers: Inputs) -> System:
         amplitude=numbers.load_value,
     )
     return System(run_time_sizes(system.constants), own.constants, moved, Workspace(**work))
+
+
+def channel_derivatives(
+    arm: Arm, run: DualRun, count: int, names: Collection[str]
+) -> list[dict[str, FloatArray]]:
+    """Return the derivatives of channels (samples, ...) in each of ``count`` directions.
+
+    The kernels compute poses and strains in dual numbers.
+    """
+    samples = run.samples.array
+    parts: list[list[dict[str, FloatArray]]] = [[] for _ in range(count)]
+    for first in range(0, len(samples), _CHUNK):
+        states = Duals(samples[first : first + _CHUNK])
+        observed = _observed(arm, run, states, with_energies(names))
+        for place, found in enumerate(parts):
+            found.append(_in_direction(arm, [states, *observed], place, names))
+    return [
+        {name: np.concatenate([part[name] for part in found]) for name in names} for found in parts
+    ]
+
+
+def _in_direction(
+    arm: Arm, quantities: Sequence[DualArray | None], place: int, names: Collection[str]
+) -> dict[str, FloatArray]:
+    """Return the derivatives of channels in one direction.
+
+    Args:
+        quantities: states, and the fields of ``Observed`` that follow from them.
+    """
+
+    def channels(form: Callable[[Duals, int], FloatArray], own: set[str]) -> dict[str, FloatArray]:
+        if not own:
+            return {}
+        found: list[Any] = [None if part is None else form(part, place) for part in quantities]
+        return named_channels(arm, found[0], Observed(*found[1:]), own)
+
+    linear = channels(_slopes, set(names) - _NONLINEAR)
+    other = channels(_complex, _NONLINEAR.intersection(names))
+    return linear | {name: array.imag / STEP for name, array in other.items()}
+
+
+def _observed(
+    arm: Arm, run: DualRun, states: DualArray, energies: bool
+) -> tuple[DualArray, DualArray, DualArray, DualArray | None]:
+    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m).
+
+    Without ``energies``, they are zero.
+    """
+    count, sizes = states.shape[0], run_time_sizes(arm.assembly.run_constants)
+    poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
+    tips: DualArray = Duals.zeros(count, 6)
+    energy: DualArray = Duals.zeros(count, 3)
+    if energies:
+        observe_many(sizes, run.constants, states, poses, tips, energy)
+    else:
+        poses_many(sizes, run.constants, states, poses, tips)
+    strains: DualArray = None
+    if arm.gauges:
+        strains = Duals.zeros(count, len(arm.gauges))
+        bodies = place_gauges(arm, arm.gauges)[1]
+        gauge_strains(sizes, states, bodies, run.gauges, strains)
+    return poses, tips, energy, strains
+
+
+def _slopes(duals: Duals, place: int) -> FloatArray:
+    """Return the derivatives in one direction."""
+    slopes: FloatArray = duals.array[..., 1 + place]
+    return slopes
+
+
+def _complex(duals: Duals, place: int) -> FloatArray:
+    """Return values that are perturbed in one direction by an imaginary step."""
+    perturbed: FloatArray = duals.value + 1j * STEP * duals.array[..., 1 + place]
+    return perturbed

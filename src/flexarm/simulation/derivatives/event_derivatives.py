@@ -18,7 +18,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
-from flexarm.kernels.compilation.dual_arrays import DualArray
+from flexarm.kernels.compilation.duals import DualArray
 from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.parameters import Parameters, is_of_arm
@@ -134,7 +134,7 @@ def _motion(known: Parameters, found: Found) -> FloatArray:
     """Return the rates and accelerations (2, n, 1 + m) just before an event."""
     run, history = known.run, known.run.history
     if known.loop is not None:
-        now = known.loop.torque_at(np.array([found.time * (1.0 - _BEFORE)]))
+        now = known.loop.acting.at(np.array([found.time * (1.0 - _BEFORE)]))
         history = PiecewiseCubic.constant(now[0])
     assert history is not None
     system = run.system(history)

@@ -1,13 +1,25 @@
-"""Gradient of a scalar goal of a run: ``flexarm.goal_gradient``."""
+"""Gradient of a scalar goal by torque samples and initial state: ``flexarm.goal_gradient``.
+
+The run is divided at the torque samples. Dual numbers give the derivatives of the state at each end
+by the state and the torque of the interval, whose number does not depend on that of the samples. A
+recursion backwards in time then collects the gradient; theory page "separation", (D.17).
+
+The recursion repeats the run from checkpoint to checkpoint, the last part first, so that the
+derivatives of a few parts are in memory at a time. Both the number of parts and the length of each
+grow with the square root of the number of samples.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Never
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import check_flag, check_kind, check_mapping
@@ -17,48 +29,302 @@ from flexarm.base.errors import (
     Problem,
     check_array,
     public_call,
+    shown,
     warn_caller,
 )
-from flexarm.integrate import Integrator
+from flexarm.base.processes import usable_cores
+from flexarm.integrate.base import FloatArray, Status
+from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
+from flexarm.integrate.implicit.additive_tableau import Additive
+from flexarm.integrate.memory import SOFTENED, TIME, new_memory
+from flexarm.integrate.transfers import additive_transfers, explicit_transfers
+from flexarm.kernels.compilation.cache import Entry
+from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray, Duals
 from flexarm.linear.statics.gaps import refuse_bristles
-from flexarm.model import Contact, Load
-from flexarm.simulation.calls.preparation import RunOptions, run_options
+from flexarm.simulation.calls.preparation import GoalArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import relative_error, second_run
-from flexarm.simulation.derivatives.adjoint import Gradient, goal_gradient_of
-from flexarm.simulation.derivatives.preparation import check_channels, refuse_unsupported, simulated
-from flexarm.simulation.run.new_run import RTOL
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    channel_derivatives,
+    dual_inputs,
+    dual_system,
+    no_change,
+)
+from flexarm.simulation.derivatives.parameters import (
+    Parameters,
+    Samples,
+    check_channels,
+    refuse_unsupported,
+    simulated,
+)
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.work.open_loop import Checkpoints
+from flexarm.simulation.run.work import Checkpoints
 
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Steps in one call of a stepper.
+_STEPS = 4096
+#: Powers of time in the torque between two samples.
+_POWERS = {"hold": 1, "linear": 2, "cubic": 4}
+#: Samples whose channels are differentiated together, which bounds the memory of long runs.
+_CHUNK = 1024
+
+
+class Block(NamedTuple):
+    """Unit changes in eight directions, or fewer and zeros."""
+
+    state: DualArray  # (2, n, 1 + m)
+    torque: FloatArray  # (4, n, directions) coefficients of every piece
+
+
+class Part(NamedTuple):
+    """Intervals of a run between two checkpoints."""
+
+    intervals: slice
+    ends: FloatArray  # (intervals,) s
+    breaks: FloatArray  # (pieces,) s, starts of the pieces of the torque
+    coefficients: FloatArray  # (pieces, 4, n) of the torque
+    state: FloatArray  # (2, n, 1 + m) at the start
+    clock: FloatArray  # ``Memory.clock`` at the start
+
+
+def blocks_of(arm: Arm, powers: int) -> list[Block]:
+    """Return unit changes of the state, then of ``powers`` torque coefficients of each joint."""
+    joints, count = arm.assembly.joint_body, 2 * arm.dof
+    states = arm.padded(np.eye(count, count + powers * arm.joints).T.reshape(-1, 2, arm.dof))
+    torques = np.zeros((len(states), 4, states.shape[2]))
+    for power in range(powers):
+        for joint, body in enumerate(joints):
+            torques[count + power * arm.joints + joint, power, body] = 1.0
+    found = []
+    for k in range(0, len(states), DIRECTIONS):
+        own = slice(k, k + DIRECTIONS)
+        state, torque = (Duals.of(part[0] * 0.0, part[own]) for part in (states, torques))
+        found.append(Block(state, torque.array[..., 1:]))
+    return found
+
+
+def parts_of(known: Parameters, ends: FloatArray, pieces: Sequence[int]) -> list[Part]:
+    """Divide intervals, given by their ``ends`` (s) and the ``pieces`` of the torque in them."""
+    run, checkpoints = known.run, known.checkpoints
+    assert run.history is not None
+    assert checkpoints is not None
+    places = [0, *checkpoints.places]
+    times = run.sample_times[places]
+    edges = [*np.searchsorted(ends, times, side="right"), len(ends)]
+    step = run.integrator.step or (run.progress.step if run.default_step is not None else 0.0)
+    step = step or run.integrator.first_step(run.tolerance.fastest)
+    first = new_memory(known.inputs.state, step).clock
+    found = []
+    for k, place in enumerate(places):
+        if edges[k] == edges[k + 1]:
+            continue
+        own = slice(pieces[edges[k]], pieces[edges[k + 1] - 1] + 1)
+        clock = (checkpoints.clocks[k - 1] if k and checkpoints.clocks else first).copy()
+        clock[TIME], clock[SOFTENED] = times[k], np.nan
+        found.append(
+            Part(
+                slice(edges[k], edges[k + 1]),
+                ends[edges[k] : edges[k + 1]],
+                run.history.breaks[own],
+                known.inputs.torque[own],
+                run.samples[place],
+                clock,
+            )
+        )
+    return found
+
+
+class Repetition:
+    """Repetition of parts of a run in dual numbers, with arrays that all parts share.
+
+    Args:
+        known: the run.
+        parts: all parts that will be repeated.
+        blocks: directions of the derivatives.
+    """
+
+    def __init__(self, known: Parameters, parts: Sequence[Part], blocks: Sequence[Block]) -> None:
+        run = known.run
+        assert run.history is not None
+        self._run, self._blocks = run, blocks
+        pieces = max(len(part.breaks) for part in parts)
+        torque = np.zeros((pieces, *known.inputs.torque.shape[1:]))
+        inputs = known.inputs._replace(torque=torque)
+        numbers = dual_inputs(inputs, [no_change(inputs)])
+        system = dual_system(run.system(run.history), numbers)
+        self.system = system._replace(drive=system.drive._replace(breaks=np.zeros(pieces + 1)))
+        self.gauges = numbers.arm.gauges
+        self._torque: DualArray = numbers.torque
+        self._memory = new_memory(numbers.state, 0.0)
+        self._record = run.integrator.record(system.constants, numbers.state)
+        most = max(len(part.ends) for part in parts)
+        self._ends = np.zeros((len(blocks), most, *numbers.state.shape, 1 + DIRECTIONS))
+        additive = isinstance(run.integrator, Additive)
+        self._entry = Entry(additive_transfers if additive else explicit_transfers, often=1)
+
+    def transfers(self, part: Part) -> FloatArray:
+        """Return the derivatives (intervals, 2 dof, directions) of the states at the ends.
+
+        Raises:
+            SimulationError: if the run fails.
+        """
+        run, memory, count = self._run, self._memory, len(part.breaks)
+        breaks, assembly = self.system.drive.breaks, run.arm.assembly
+        breaks[:count], breaks[count:] = part.breaks, np.inf
+        self._torque.value[:count] = part.coefficients
+        states: DualArray = memory.state
+        for block, ends in zip(self._blocks, self._ends[:, : len(part.ends)], strict=True):
+            self._torque.array[..., 1:] = block.torque
+            states.value[...] = part.state
+            memory.clock[:] = part.clock
+            status = self._entry(
+                self.system, run.tolerance, self._record, memory, part.ends, block.state,
+                Duals(ends), _STEPS,
+            )  # fmt: skip
+            if status != Status.DONE.value:
+                raise run.failure(Status(status))
+        whole = self._ends.reshape(*self._ends.shape[:3], -1, 1 + DIRECTIONS)
+        slopes = whole[:, : len(part.ends), :, assembly.coordinates, 1:]
+        columns = len(self._blocks) * DIRECTIONS
+        found: FloatArray = np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns)
+        return found
+
+
+class Gradient(NamedTuple):
+    """Gradient of a goal."""
+
+    torque: FloatArray  # (samples, joints)
+    state: FloatArray  # (2, dof) by q and qd at the start
+
+
+def goal_gradient_of(
+    known: Parameters, samples: Samples, weights: Mapping[str, FloatArray]
+) -> Gradient:
+    """Return the gradient of the sum of ``weights`` times channels over all samples of a run.
+
+    Raises:
+        InputError: if the integrator is not a one-step method without iteration.
+        SimulationError: if the run fails.
+    """
+    run, arm = known.run, known.run.arm
+    if not isinstance(run.integrator, ExplicitRungeKutta | Additive):
+        rule = "be an explicit Runge-Kutta method or kennedy_carpenter_5 for a gradient"
+        raise InputError(Problem("integrator", rule, shown(run.integrator.name)))
+    assert run.history is not None
+    breaks = run.history.breaks
+    ends = np.unique(np.concatenate([breaks, run.sample_times[1:], [run.duration]]))
+    ends = ends[(ends > 0.0) & (ends <= run.duration)]
+    middle = 0.5 * (np.append(0.0, ends[:-1]) + ends)
+    piece = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(breaks) - 2)
+    parts = parts_of(known, ends, piece)
+    powers = _POWERS[samples.interpolation]
+    blocks = blocks_of(arm, powers)
+    threads = min(usable_cores(), len(parts))
+    repetitions = [Repetition(known, parts, blocks) for _ in range(threads)]
+    torque = np.zeros((len(ends), powers * arm.joints))
+    with ThreadPoolExecutor(threads) as pool:
+        goal = _by_samples(known, weights, blocks, repetitions[0], pool)
+        at_ends = np.zeros((len(ends), goal.shape[1]))
+        at_ends[np.searchsorted(ends, run.sample_times[1:])] = goal[1:]
+        state = goal[0] + _backwards(parts, at_ends, torque, repetitions, pool)
+    pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
+    np.add.at(pieces, piece, torque)
+    by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
+    return Gradient(by_samples, state.reshape(2, -1))
+
+
+def _by_samples(
+    known: Parameters,
+    weights: Mapping[str, FloatArray],
+    blocks: Sequence[Block],
+    repetition: Repetition,
+    pool: Executor,
+) -> FloatArray:
+    """Return the gradient (samples, 2 dof) of the goal by the states at the samples."""
+    states, count = known.run.samples, 2 * known.run.arm.dof
+    sizes = [min(DIRECTIONS, count - first) for first in range(0, count, DIRECTIONS)]
+    found = []
+    for first in range(0, len(states), _CHUNK):
+        own = slice(first, first + _CHUNK)
+        part = {name: array[own] for name, array in weights.items()}
+        of_block = partial(_of_block, known, part, states[own], repetition)
+        found.append(np.concatenate(list(pool.map(of_block, blocks, sizes))).T)
+    return np.concatenate(found)
+
+
+def _of_block(
+    known: Parameters,
+    weights: Mapping[str, FloatArray],
+    states: FloatArray,
+    repetition: Repetition,
+    block: Block,
+    count: int,
+) -> FloatArray:
+    """Return the derivatives (count, samples) of the goal by ``states`` in some directions."""
+    duals = Duals.of(states)
+    duals.array[..., 1:] = block.state.array[..., 1:]
+    run = DualRun(duals, repetition.system.constants, repetition.gauges, 0)
+    return np.array(
+        [
+            sum((w * one[name]).reshape(len(w), -1).sum(axis=1) for name, w in weights.items())
+            for one in channel_derivatives(known.run.arm, run, count, list(weights))
+        ]
+    )
+
+
+def _backwards(
+    parts: Sequence[Part],
+    at_ends: FloatArray,
+    torque: FloatArray,
+    repetitions: Sequence[Repetition],
+    pool: Executor,
+) -> FloatArray:
+    """Return the gradient by the state at the start, and fill that by the torque.
+
+    Args:
+        at_ends: (intervals, states) gradient by the states at the ends of the intervals.
+        torque: (intervals, k) gradient by the coefficients of the torque in each interval.
+    """
+    count, width = at_ends.shape[1], torque.shape[1]
+    adjoint = np.zeros(count)
+    for part, transfers in _from_the_last(parts, repetitions, pool):
+        goal, own = at_ends[part.intervals], torque[part.intervals]
+        for k in reversed(range(len(transfers))):
+            both = (adjoint + goal[k]) @ transfers[k]
+            adjoint, own[k] = both[:count], both[count : count + width]
+    return adjoint
+
+
+def _from_the_last(
+    parts: Sequence[Part], repetitions: Sequence[Repetition], pool: Executor
+) -> Iterator[tuple[Part, FloatArray]]:
+    """Yield each part and its transfers, while those of the parts before it are computed."""
+    together = len(repetitions)
+    found: list[tuple[Part, FloatArray]] = []
+    for last in range(len(parts), 0, -together):
+        group = parts[max(0, last - together) : last][::-1]
+        ahead = pool.map(Repetition.transfers, repetitions, group)
+        yield from found
+        found = list(zip(group, ahead, strict=True))
+    yield from found
+
 
 @public_call
+@with_keywords(GoalArguments, Situation)
 def goal_gradient(
     arm: Arm,
     duration: float,
     weights: Mapping[str, ArrayLike],
     *,
     torque: ArrayLike,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    contacts: Sequence[Contact] = (),
-    integrator: str | Integrator = "auto",
-    rate: float = 1000.0,
-    step: float | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    torque_interpolation: str = "cubic",
-    breaks: ArrayLike = (),
     error_estimate: bool = True,
-    progress: bool | None = None,
-    **unsupported: Never,
+    settings: RunSettings | None = None,
+    **arguments: Unpack[GoalArguments],
 ) -> xr.Dataset:
     """Compute the gradient of a goal with respect to all torque samples and the initial state.
 
@@ -93,41 +359,22 @@ def goal_gradient(
 
     Theory page "separation", (D.17).
     """
-    refuse_unsupported(unsupported)
+    refuse_unsupported(goal_gradient, arguments)
     check_kind("arm", arm, Arm)
+    driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
+    situation = situation_of(goal_gradient, arm, duration, settings, driven)
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
     check_mapping("weights", weights, "channels and arrays")
     names = check_channels(arm, "weights", list(weights))
     if not names:
         raise InputError(Problem("weights", "must not be empty"))
-    options = run_options(
-        duration,
-        rate=rate,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        breaks=breaks,
-        torque_interpolation=torque_interpolation,
-        integrator=integrator,
-        stations=0,
-        specialized=None,
-    )
-    torque = check_array("torque", torque, (-1, arm.joints))
-    given = {
-        "torque": torque,
-        "initial": initial,
-        "initial_rate": initial_rate,
-        "tip_force": tip_force,
-        "loads": loads,
-        "base_acceleration": base_acceleration,
-        "contacts": contacts,
-    }
     check_flag("error_estimate", error_estimate)
-    with Meter("differentiating", progress) as meter:
+    with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(options: RunOptions) -> tuple[Run, Gradient]:
-            checkpoints = Checkpoints.among(len(options.times))
-            known = simulated(arm, options, given, True, meter, checkpoints)
+        def differentiated(settings: RunSettings, once: bool = False) -> tuple[Run, Gradient]:
+            checkpoints = Checkpoints.among(len(situation.times))
+            again = replace(situation, settings=settings)
+            known = simulated(again, True, meter, checkpoints, once=once)
             channels = channels_of(arm, known.run.samples, names)
             arrays = {
                 name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
@@ -136,11 +383,11 @@ def goal_gradient(
             assert known.samples is not None
             return known.run, goal_gradient_of(known, known.samples, arrays)
 
-        run, found = differentiated(options)
+        run, found = differentiated(situation.settings)
         doubt, attributes = run.doubt, {}
-        second = second_run(run, options) if error_estimate else None
+        second = second_run(run, situation.settings) if error_estimate else None
         if second is not None:
-            other = differentiated(second.options)
+            other = differentiated(second.settings, once=True)
             error = relative_error(found.torque, other[1].torque)
             attributes["relative_error"] = error
             run, found = other if second.tighter else (run, found)

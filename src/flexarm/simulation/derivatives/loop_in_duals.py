@@ -1,27 +1,151 @@
-"""The closed loop of a run in dual numbers, with the derivatives of the recorded updates."""
+"""A closed loop in dual numbers, with the derivatives of the updates of its controller."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
-from flexarm.arm.arm import Arm
-from flexarm.base.errors import InputError, Problem
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.analysis.linear_controller import LinearController
+from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.instruments import Readings
-from flexarm.control.hardware.measurement import FloatArray
-from flexarm.kernels.compilation.dual_arrays import Duals
-from flexarm.kernels.compilation.duals import DIRECTIONS
+from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, DualStepper
-from flexarm.simulation.derivatives.inputs import Inputs
-from flexarm.simulation.derivatives.recorded_loop import RecordedLoop
-from flexarm.simulation.derivatives.update_derivatives import is_finite, not_differentiable
+from flexarm.model import Hardware, Instrument
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    DualStepper,
+    Inputs,
+    channel_derivatives,
+)
+from flexarm.simulation.derivatives.update_derivatives import (
+    UpdateDerivatives,
+    is_finite,
+    not_differentiable,
+)
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.actuators import Acting
+from flexarm.simulation.loop.control_loop import ClosedLoop, ControlLoop
+from flexarm.simulation.loop.sensors import Sensing, measured_names
 from flexarm.simulation.run.stepping import Run
+
+
+class RecordedLoop(ClosedLoop):
+    """Closed loop that stores the derivatives of the updates of its controller.
+
+    Args:
+        signals: channels that may be measured.
+
+    Attributes:
+        updates: derivatives of each update, with columns for the readings in ``labels``.
+        sensors: one instrument for each measured channel.
+
+    Raises:
+        InputError: if controller, hardware and arm do not fit each other, or the hardware or the
+            integrator is not supported with derivatives.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        controller: Controller,
+        reference: Reference | None,
+        hardware: Hardware | None,
+        signals: Sequence[str],
+    ) -> None:
+        super().__init__(run, controller, reference, hardware)
+        if run.default_step is not None:
+            rule = f"is required for {run.integrator.name} with derivatives of closed loops"
+            raise InputError(Problem("step", rule))
+        self.sensors = _instruments(run, hardware)
+        self._limited = [item for item in self.sensors if np.isfinite(item.limit)]
+        self._signals = signals
+        self._refuse_instruments()
+        self.updates: list[LinearController] = []
+        self.sizes: dict[str, int] = {}
+        self._used: set[str] = set()  # readings that the last update depends on
+        self._ever_used: set[str] = set()
+        self._reached: set[str] = set()  # rates that include a reading at the limit
+        self._derivatives = UpdateDerivatives(controller, self._reference)
+
+    @property
+    def history(self) -> PiecewiseCubic:
+        """Torque of a hold interval, zero here: the loop in dual numbers writes its own."""
+        pieces = self.acting.pieces
+        held = np.zeros((pieces, 4, self.run.arm.joints))
+        return PiecewiseCubic(np.arange(pieces + 1.0), held, np.zeros(0))
+
+    @property
+    def stored(self) -> list[str]:
+        """Names of the first readings that the controller stores without declaring it."""
+        return self._derivatives.stored
+
+    @property
+    def needed(self) -> list[Instrument]:
+        """Instruments whose readings an update depends on, or the controller stores."""
+        names = self._ever_used.union(self.stored)
+        return [item for item in self.sensors if not names.isdisjoint(item.labels)]
+
+    def _refuse_instruments(self) -> None:
+        """Raise if a reading of an instrument of the hardware has no derivative."""
+        problems = []
+        given = self.hardware.instruments if self.hardware is not None else None
+        for k, item in enumerate(given or ()):
+            name = f"hardware.instruments[{k}]"
+            if item.resolution > 0.0:
+                rule = "is not supported with derivatives of runs"
+                hint = "Rounded readings have no derivative. Leave it out, or add noise instead."
+                problems.append(Problem(f"{name}.resolution", rule, hint=hint))
+            if item.output not in self._signals:
+                rule = "be a channel that follows from q and qd, for derivatives of runs"
+                problems.append(Problem(f"{name}.signal", rule, shown(item.signal)))
+        if problems:
+            raise InputError(*problems)
+
+    def _update(self, t: float, measurement: Measurement) -> FloatArray:
+        if not self.updates:
+            self.sizes = {name: value.size for name, value in measurement.items()}
+        self._derivatives.remember()
+        torque = super()._update(t, measurement)
+        update = self._derivatives.after(t, measurement, torque)
+        if not self.updates or update is not self.updates[-1]:
+            self._used = self._readings_of(update, measurement)
+            self._ever_used |= self._used
+        for item in self._limited:
+            now = np.any(np.abs(measurement[item.label]) >= item.limit)
+            self._reached |= set(item.labels[1:] if now else ())
+            used = self._used.intersection(item.labels)
+            if used & self._reached or (used and now):
+                rule = f"is reached by {item.label}, which has no derivative there"
+                raise InputError(Problem("hardware.instruments.limit", rule))
+        self.updates.append(update)
+        return torque
+
+    def _readings_of(self, update: LinearController, measurement: Measurement) -> set[str]:
+        """Return the names of the readings that an update uses."""
+        start, found = 0, set()
+        for name, value in measurement.items():
+            part = slice(start, start + value.size)
+            start += value.size
+            if not (np.any(update.B[:, part]) or np.any(update.D[:, part])):
+                continue
+            if not any(name in item.labels for item in self.sensors):
+                rule = f"reads {name}, which is not supported with derivatives of runs"
+                raise InputError(Problem("controller", rule))
+            found.add(name)
+        return found
+
+
+def _instruments(run: Run, hardware: Hardware | None) -> list[Instrument]:
+    """Return the instruments of the hardware; without it, ideal ones of the supported readings."""
+    if hardware is not None and hardware.instruments is not None:
+        return list(hardware.instruments)
+    names = measured_names(run.arm, None, 0)
+    return [Instrument(name) for name in names]
 
 
 def loop_in_duals(
@@ -33,12 +157,12 @@ def loop_in_duals(
         SimulationError: if the run fails.
     """
     steppers = [DualStepper(run, inputs, block) for block in blocks]
-    _LoopInDuals(run.arm, loop, steppers).execute(run.duration)
+    _LoopInDuals(run, loop, steppers).execute()
     return [stepper.result() for stepper in steppers]
 
 
-class _LoopInDuals:
-    """Sampled loop of a run that has been simulated, with derivatives in each direction.
+class _LoopInDuals(ControlLoop):
+    """Loop of a run that has been simulated, with a row for the derivatives in each direction.
 
     The commands have the values of the run. Their derivatives follow from those of the readings and
     of the memory of the controller. Motors compute with complex numbers, whose imaginary parts are
@@ -46,32 +170,42 @@ class _LoopInDuals:
     not depend on their number.
     """
 
-    def __init__(self, arm: Arm, loop: RecordedLoop, steppers: Sequence[DualStepper]) -> None:
-        self._arm, self._loop, self._steppers = arm, loop, steppers
-        self._directions = DIRECTIONS * len(steppers)
-        self._bodies = arm.assembly.joint_body
-        self._acting = Acting(loop.hardware, arm, keep=False, runs=self._directions)
-        tick = loop.controller.sample_time
-        self._pairs = [
-            (Readings(_linear(item), tick, np.random.default_rng()), str(item.output))
-            for item in loop.needed
-        ]
+    def __init__(self, run: Run, loop: RecordedLoop, steppers: Sequence[DualStepper]) -> None:
+        self._arm, self._loop, self._steppers = run.arm, loop, steppers
+        self._duration, self._directions = run.duration, DIRECTIONS * len(steppers)
+        self._bodies = run.arm.assembly.joint_body
+        acting = Acting(loop.hardware, run.arm, keep=False, runs=self._directions)
+        super().__init__(acting, loop.sample_time)
+        self._sensing = Sensing(
+            [
+                (
+                    Readings(_linear(item), self.sample_time, np.random.default_rng()),
+                    partial(self._slopes, str(item.output)),
+                )
+                for item in loop.needed
+            ]
+        )
         self._memory: FloatArray = np.zeros((self._directions, 0))
 
-    def execute(self, duration: float) -> None:
-        """Advance to the end of the run, ``duration`` (s)."""
-        sample_time = self._loop.controller.sample_time
-        for k, t in enumerate(self._loop.times):
-            self._acting.command(t, self._command(k))
-            until = min((k + 1) * sample_time, duration)
-            while self._steppers[0].progress.time < until:
-                self._hold(until)
+    @property
+    def end(self) -> float:
+        """End of the run, s."""
+        return self._duration
 
-    def _command(self, k: int) -> Any:
+    @property
+    def now(self) -> float:
+        """Time that the steppers have reached, s."""
+        return self._steppers[0].progress.time
+
+    def _runs_on(self) -> bool:
+        return self.tick < len(self._loop.times)
+
+    def _command(self) -> Any:
         """Return the command (directions, joints) of a sample; imaginary parts are derivatives."""
-        update, readings = self._loop.updates[k], self._measure(k)
+        k = self.tick
+        update, readings = self._loop.updates[k], self._measured()
         if not is_finite(update):
-            update = self._without_corners(update, readings, self._loop.times[k])
+            update = self._without_corners(update, readings, self.time)
         slopes = self._memory @ update.C.T + readings @ update.D.T
         self._memory = self._memory @ update.A.T + readings @ update.B.T
         return self._loop.commands[k] + 1j * STEP * slopes
@@ -79,55 +213,36 @@ class _LoopInDuals:
     def _without_corners(
         self, update: LinearController, readings: FloatArray, t: float
     ) -> LinearController:
-        """Return an update without the infinite derivatives by numbers that no parameter changes.
-
-        Raises:
-            InputError: if a parameter changes a number at a corner.
-        """
+        """Return an update without infinite derivatives by numbers that no parameter changes."""
         for matrix, numbers in zip(update, (self._memory, readings) * 2, strict=True):
             if np.any(numbers[:, np.any(np.isinf(matrix), axis=0)]):
                 raise not_differentiable(self._loop.controller, t)
         return LinearController(*(np.where(np.isinf(part), 0.0, part) for part in update))
 
-    def _measure(self, k: int) -> FloatArray:
+    def _measured(self) -> FloatArray:
         """Return the derivatives (directions, p) of the readings of a sample."""
-        found: dict[str, FloatArray] = {}
-        for readings, channel in self._pairs:
-            if readings.exact:
-                found[readings.labels[0]] = self._slopes(channel)
-                continue
-            if readings.wants(k):
-                readings.take(k, self._slopes(channel))
-            readings.write_available(k, found)
+        slopes = self._sensing.values(self.tick)
         count = self._directions
         nothing = {name: np.zeros((count, size)) for name, size in self._loop.sizes.items()}
-        if k == 0:
-            self._refuse_stored(found)
-        parts = [found.get(name, nothing[name]) for name in nothing]
+        if self.tick == 0:
+            self._refuse_stored(slopes)
+        parts = [slopes.get(name, nothing[name]) for name in nothing]
         return np.concatenate([np.zeros((count, 0)), *parts], axis=1)
 
     def _refuse_stored(self, first: Mapping[str, FloatArray]) -> None:
-        """Raise if a parameter changes a first reading that the controller stores.
-
-        Raises:
-            InputError: if it does.
-        """
+        """Raise if a parameter changes a first reading that the controller stores."""
         for name in self._loop.stored:
             if np.any(first.get(name, 0.0)):
                 rule = f"stores its first {name}, which a parameter changes"
-                hint = "Give it a reference, or declare the attribute in start_memory."
+                hint = "Give it a reference."
                 raise InputError(Problem("controller", rule, hint=hint))
 
-    def _hold(self, until: float) -> None:
-        """Advance to ``until`` (s), or to the time at which the applied torque changes."""
-        now = self._steppers[0].progress.time
-        rate: Any = None
-        if not self._acting.plain:
-            value = self._states()[0].array[1, self._bodies, 0, 0]
-            rate = value + 1j * STEP * self._slopes("joint_rate")
-        self._acting.hold(now, rate)
-        change = self._acting.next_change(now, until)
-        breaks, cubics = self._acting.cubics(now, change)
+    def _rates(self) -> Any:
+        value = self._states()[0].array[1, self._bodies, 0, 0]
+        return value + 1j * STEP * self._slopes("joint_rate")
+
+    def _advance(self, now: float, until: float) -> None:
+        breaks, cubics = self.acting.cubics(now, until)
         slopes = np.moveaxis(cubics.imag / STEP, 2, -1)
         for k, stepper in enumerate(self._steppers):
             drive = stepper.system.drive
@@ -135,7 +250,7 @@ class _LoopInDuals:
             drive.breaks[:] = breaks
             torque[:, :, self._bodies, 0] = cubics[:, :, 0].real
             torque[:, :, self._bodies, 1:] = slopes[..., DIRECTIONS * k : DIRECTIONS * (k + 1)]
-            stepper.advance(change)
+            stepper.advance(until)
 
     def _states(self) -> list[Duals]:
         return [cast(Duals, stepper.progress.state) for stepper in self._steppers]

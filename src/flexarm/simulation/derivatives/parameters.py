@@ -1,33 +1,207 @@
-"""Parameters of a run, each identified by a path, and the derivatives of the run's numbers."""
+"""The run that is differentiated, its parameters, and the derivatives of its numbers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from inspect import signature
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.actions.environment import Environment
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_list_of
+from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
+from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Array
-from flexarm.model.paths import number_at, with_number
-from flexarm.simulation.derivatives.arm_parameters import arm_derivative
-from flexarm.simulation.derivatives.differences import differences
-from flexarm.simulation.derivatives.inputs import ArmInputs, Inputs, arm_inputs, no_change
-from flexarm.simulation.derivatives.recorded_loop import RecordedLoop
+from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
+from flexarm.model import Link
+from flexarm.model.paths import number_at, parts_of, with_number
+from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.derivatives.differences import SMOOTH, differences
+from flexarm.simulation.derivatives.dual_run import (
+    ArmInputs,
+    Inputs,
+    arm_inputs,
+    inputs_of_run,
+    no_change,
+)
+from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.samples import added_coefficients, collected_samples
+from flexarm.simulation.run.channels import CHANNELS
+from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
+from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.work.open_loop import Checkpoints
+from flexarm.simulation.run.work import Checkpoints
 
+#: Change of a number that is zero, and the relative tolerance of its derivative in this comparison.
+_PROBE, _PROBED = 1e-4, 0.05
+#: Columns of a table that must keep their ratio.
+_STIFFNESSES = "flexural_rigidity", "shear_rigidity"
+_INERTIAS = "mass_per_length", "rotary_inertia_per_length"
+#: Relative tolerance for rounding of the columns of two tables.
+_SAME = 1e-12
 #: Paths of numbers that are not those of the arm: of the state at the start, the torque samples,
 #: the force on the tip, and records of the environment.
 _STATE = re.compile(r"(initial|initial_rate)\[(\d{1,6})\]")
 _SAMPLE = re.compile(r"torque\[(\d{1,9})\]\[(\d{1,6})\]")
 _TIP = re.compile(r"tip_force\[([012])\]")
 _RECORD = re.compile(r"(loads|contacts)\[(\d{1,6})\]\.(.+)")
+#: Channels that follow from q and qd alone.
+_OF_STATES = (
+    *("joint_angle", "joint_rate", "joint_twist", "link_angle", "link_rate"),
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+    *("tip", "tip_velocity", "tip_angle", "tip_angle_rate"),
+    *("kinetic_energy", "strain_energy", "gravity_energy", "strain", "q", "qd"),
+)
+
+
+def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> ArmInputs:
+    """Return the derivatives of ``arm_inputs`` by the number at a path.
+
+    Args:
+        name: name of the argument, for messages.
+
+    Raises:
+        InputError: if the path is not that of a number, or the numbers are not differentiable.
+    """
+    value = number_at(name, arm.spec, path)
+    if not _has_formula(arm, environment, path, value):
+        if value == 0.0:
+            hint = "It is 0 in this arm. Give it another value."
+            raise InputError(Problem(name, SMOOTH, shown(path), hint))
+        return ArmInputs(
+            *differences(
+                name, path, value, abs(value), lambda v: _moved(name, arm, environment, path, v)
+            )
+        )
+    found = _by_formula(arm, environment, path, value)
+    if value == 0.0:
+        _check_zero(name, arm, environment, path, found)
+    return found
+
+
+def _has_formula(arm: Arm, environment: Environment, path: str, value: float) -> bool:
+    """Return whether the constants depend on a number by the formulas of ``constants_at``."""
+    parts = parts_of(path)
+    if parts[0] != "links":
+        return True
+    link, field = int(parts[1]), parts[2]
+    if field == "damping":
+        return True
+    if field == "hub_radius":
+        return not _has_points(environment, link)
+    if field == "gauges":
+        return parts[-1] == "distance"
+    try:
+        changed = with_number(arm.spec, path, 2.0 * value, checked=False).links[link]
+        return value != 0.0 and _keeps_shapes(arm, environment, link, changed)
+    except (TypeError, ValueError):  # a section whose formulas do not accept this number
+        return False
+
+
+def _keeps_shapes(arm: Arm, environment: Environment, link: int, changed: Link) -> bool:
+    """Return whether the mode shapes of a link keep their form if it is replaced by another one.
+
+    They do if rigidity, mass and length are each multiplied by a factor; theory page "separation",
+    (D.15). A length must not move points at given stations, either.
+    """
+    tables = arm.spec.links[link].beam(), changed.beam()
+    factors = {}
+    for column in ("x", *_STIFFNESSES, *_INERTIAS):
+        before, after = (np.array(getattr(table, column) or (), dtype=float) for table in tables)
+        there = before != 0.0
+        ratio = after[there] / before[there]
+        if np.any(after[~there]) or (ratio.size and np.ptp(ratio) > _SAME * ratio[0]):
+            return False
+        if ratio.size:
+            factors[column] = float(ratio[0])
+    for pair in (_STIFFNESSES, _INERTIAS):
+        own = [factors[column] for column in pair if column in factors]
+        if own and max(own) - min(own) > _SAME * own[0]:
+            return False
+    if factors["x"] == 1.0:
+        return True
+    shaped = "shear_rigidity" in factors or "rotary_inertia_per_length" in factors
+    return not (shaped or _has_points(environment, link) or arm.spec.links[link].gauges)
+
+
+def _has_points(environment: Environment, link: int) -> bool:
+    """Return whether loads or contacts act on a link, counted from 0."""
+    points = *environment.loads, *environment.contacts
+    return any(getattr(point, "link", None) in (None, link + 1) for point in points)
+
+
+def _by_formula(arm: Arm, environment: Environment, path: str, value: float) -> ArmInputs:
+    given = value + 1j * STEP
+    constants, gauges = constants_at(arm, {path: given}, complex)
+    spec = with_number(arm.spec, path, given, checked=False)
+    masses = [
+        scales_of(old, new).get("mass", 1.0)
+        for old, new in zip(arm.spec.links, spec.links, strict=True)
+    ]
+    loads = Environment(environment.loads, None, environment.contacts).placed(arm)
+
+    def shapes(array: Array, body: Array, power: float) -> Array:
+        """Scale shapes (k, ...) at points of links, which are mass-normalised, with the mass."""
+        moved = array.astype(complex)
+        for row, owner in zip(moved, body, strict=True):
+            row[...] = scaled(row, masses[arm.assembly.piece_of(owner).link], power)
+        return moved
+
+    shape, square = POWERS["mass"]["P"], POWERS["mass"]["G"]
+    points = loads.contacts
+    moved = ArmInputs(
+        *constants,
+        gauges,
+        loads.weight,
+        loads.lever,
+        shapes(loads.rows, loads.body, shape),
+        shapes(loads.slopes, loads.body, shape),
+        shapes(loads.shortening, loads.body, square),
+        shapes(points.rows, points.body, shape),
+        shapes(points.shortening, points.body, square),
+        points.law,
+    )
+    return ArmInputs(*(np.imag(array) / STEP for array in moved))
+
+
+def _moved(name: str, arm: Arm, environment: Environment, path: str, value: float) -> ArmInputs:
+    """Return the numbers of the arm with another value of a parameter."""
+    try:
+        changed = Arm(with_number(arm.spec, path, value))
+        found = arm_inputs(changed, environment)
+    except InputError as error:
+        hint = str(error.problems[0])
+        rule = "be a number that can change by a few per cent"
+        raise InputError(Problem(name, rule, shown(path), hint)) from None
+    return found
+
+
+def _check_zero(name: str, arm: Arm, environment: Environment, path: str, found: ArmInputs) -> None:
+    """Raise if the equations omit the terms of a number that is zero."""
+    before = arm_inputs(arm, environment)
+    for change in (_PROBE, -_PROBE):
+        try:
+            after = _moved(name, arm, environment, path, change)
+        except InputError:  # the model limits this number on one side
+            continue
+        if all(
+            new.shape == old.shape
+            and np.allclose((new - old) / change, slope, rtol=_PROBED, atol=_PROBED)
+            for old, new, slope in zip(before, after, found, strict=True)
+        ):
+            return
+    hint = "It is 0 in this arm, so that the equations omit its terms. Give it another value."
+    raise InputError(Problem(name, SMOOTH, shown(path), hint))
 
 
 def has_samples(paths: Sequence[str]) -> bool:
@@ -163,3 +337,114 @@ class Parameters:
         *arm, load_value = differences(name, path, value, abs(value) or 1.0, at)
         own = no_change(self.inputs)
         return own._replace(arm=ArmInputs(*arm), load_value=load_value)
+
+
+def simulated(
+    situation: Situation,
+    by_samples: bool,
+    meter: Meter,
+    checkpoints: Checkpoints | None = None,
+    *,
+    once: bool = False,
+) -> Parameters:
+    """Simulate a run; return what its derivatives require.
+
+    Args:
+        by_samples: whether steps end at every torque sample. A step that spans several samples
+            computes their derivatives inaccurately.
+        checkpoints: filled by a run without a controller.
+        once: whether the run has exactly these tolerances, and is not repeated with others.
+
+    Raises:
+        InputError: if an argument does not fit the arm.
+        SimulationError: if the run stops early, or a function of time raises an exception.
+    """
+    if not COMPILED:
+        raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
+    arm, environment = situation.arm, situation.environment
+    if situation.events:
+        refuse_bristles(arm, "events", hint="Their times have no derivatives then.")
+    run = situation.new_run(meter)
+    tips = int(situation.tip_force is not None)
+    if situation.controller is not None:
+        loop = RecordedLoop(
+            run,
+            situation.controller,
+            situation.reference,
+            situation.hardware,
+            channels_of_states(arm),
+        )
+        loop.execute()
+        run.history = loop.history
+        return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
+    history_of = situation.history_of(run)
+    torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
+    (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
+    return Parameters(
+        run,
+        environment,
+        inputs_of_run(run, environment),
+        _samples(situation, history_of),
+        tips,
+        checkpoints=checkpoints,
+    )
+
+
+def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]) -> Samples | None:
+    """Return torque samples; None for another kind of torque."""
+    torque, settings = situation.torque, situation.settings
+    if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
+        return None
+    samples, joints = np.shape(torque)
+    history = history_of(settings.relative(situation.simulated))
+    return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
+
+
+def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    """Raise if there are arguments that derivatives do not support, or unknown ones.
+
+    Raises:
+        InputError: if there is any; all are listed.
+    """
+    known = signature(simulate).parameters
+    problems = [
+        Problem(name, "is not supported with derivatives of runs")
+        if name in known
+        else Problem(name, "is not an argument", hint=nearest(name, known))
+        for name in arguments
+        if name not in vars(function)["keywords"]
+    ]
+    if problems:
+        raise InputError(*problems)
+
+
+def channels_of_states(arm: Arm) -> list[str]:
+    """Return the names of the channels of an arm that follow from q and qd."""
+    return [name for name in _OF_STATES if name != "strain" or arm.gauges]
+
+
+def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:
+    """Return the names of channels; None: of all that are possible.
+
+    Raises:
+        InputError: if a channel does not exist or does not follow from q and qd.
+    """
+    possible = channels_of_states(arm)
+    if given is None:
+        return possible
+    names = check_list_of(argument, given, str)
+    known = f"Known: {', '.join(possible)}."
+    problems = [
+        Problem(
+            f"{argument}[{k}]",
+            "be a channel that follows from q and qd",
+            repr(name),
+            # No similar name if the channel exists: it is not a spelling error.
+            known if name in CHANNELS else suggestion(name, possible),
+        )
+        for k, name in enumerate(names)
+        if name not in possible
+    ]
+    if problems:
+        raise InputError(*problems)
+    return names

@@ -4,42 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Never
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_flag, check_kind, check_list_of
+from flexarm.base.arguments import check_flag, check_list_of
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
 from flexarm.base.processes import usable_cores
-from flexarm.control.contract.base import Controller, Reference
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.duals import DIRECTIONS
-from flexarm.model import Contact, Hardware, Load
-from flexarm.simulation.calls.preparation import RunOptions, Torque, run_options
+from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import second_run, state_errors
-from flexarm.simulation.derivatives.channels import channel_derivatives
-from flexarm.simulation.derivatives.dual_run import DualRun, run_in_duals
+from flexarm.simulation.derivatives.dual_run import (
+    DualRun,
+    Inputs,
+    channel_derivatives,
+    run_in_duals,
+)
 from flexarm.simulation.derivatives.event_derivatives import (
     EVENTS,
     crossings,
     event_slopes,
     moved_to,
 )
-from flexarm.simulation.derivatives.inputs import Inputs
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
-from flexarm.simulation.derivatives.parameters import Parameters, has_samples
-from flexarm.simulation.derivatives.preparation import check_channels, refuse_unsupported, simulated
-from flexarm.simulation.histories.prescribed import Prescribed
+from flexarm.simulation.derivatives.parameters import (
+    Parameters,
+    check_channels,
+    has_samples,
+    refuse_unsupported,
+    simulated,
+)
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.events import Event
-from flexarm.simulation.run.new_run import RTOL
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:
@@ -47,34 +49,16 @@ if TYPE_CHECKING:
 
 
 @public_call
+@with_keywords(DrivenArguments, Situation)
 def sensitivities(
     arm: Arm,
     duration: float,
     parameters: Sequence[str],
     *,
     channels: Sequence[str] | None = None,
-    torque: Torque | None = None,
-    controller: Controller | None = None,
-    reference: Reference | None = None,
-    hardware: Hardware | None = None,
-    prescribed: Prescribed | None = None,
-    initial: ArrayLike | None = None,
-    initial_rate: ArrayLike | None = None,
-    tip_force: ArrayLike | None = None,
-    loads: Sequence[Load] = (),
-    base_acceleration: BaseAcceleration | None = None,
-    events: Sequence[Event] = (),
-    contacts: Sequence[Contact] = (),
-    integrator: str | Integrator = "auto",
-    rate: float = 1000.0,
-    step: float | None = None,
-    rtol: float = RTOL,
-    atol: float | None = None,
-    torque_interpolation: str = "cubic",
-    breaks: ArrayLike = (),
     error_estimate: bool = True,
-    progress: bool | None = None,
-    **unsupported: Never,
+    settings: RunSettings | None = None,
+    **arguments: Unpack[DrivenArguments],
 ) -> xr.Dataset:
     """Compute the derivatives of a run with respect to parameters.
 
@@ -90,15 +74,16 @@ def sensitivities(
             ``torque[12][0]`` (sample, joint; both from 0), ``tip_force[1]``,
             ``loads[0].force[0]``, ``contacts[0].stiffness``.
         channels: names of channels that follow from q and qd; None: all of them.
-        error_estimate: whether a run that meets a contact or a joint stop is repeated at a second
-            tolerance, a hundredth of the first one (with a given step: half of it). The derivatives
+        error_estimate: whether a run that meets a contact or a joint stop, or slides against
+            friction that holds, is repeated at a second tolerance, a hundredth of the first one
+            or, near rounding, a hundred times it (fixed steps: half the step). The derivatives
             are then those of the more accurate run, and their largest difference is the coordinate
             ``relative_error``.
 
     The other arguments are those of ``simulate``; ``arm`` is the simulated arm, and a controller
     has its own model. The function of an event of your own is one of t, q and qd alone: if it uses
     an arm, that arm does not change. The updates of a controller are differentiated with respect to
-    its readings and its ``memory``, which it must declare. Changes of the arm and section forces
+    its readings and its memory, so it must have a ``step``. Changes of the arm and section forces
     are not supported.
 
     Returns:
@@ -109,7 +94,7 @@ def sensitivities(
     Raises:
         InputError: if an argument has the wrong type or value or is not supported, or a parameter
             does not exist or is not one on which the equations depend smoothly, or a controller is
-            not differentiable, reads rounded signals or keeps undeclared numbers.
+            not differentiable, reads rounded signals or has no ``step``.
         SimulationError: if the run stops early, or a function of time raises an exception.
 
     Warns:
@@ -118,51 +103,25 @@ def sensitivities(
 
     Theory page "separation", section 7.
     """
-    refuse_unsupported(unsupported)
-    check_kind("arm", arm, Arm)
+    refuse_unsupported(sensitivities, arguments)
+    situation = situation_of(sensitivities, arm, duration, settings, arguments)
     paths = check_list_of("parameters", parameters, str)
     names = check_channels(arm, "channels", channels)
     if not paths:
         raise InputError(Problem("parameters", "must not be empty"))
-    given = {
-        "torque": torque,
-        "controller": controller,
-        "reference": reference,
-        "hardware": hardware,
-        "prescribed": prescribed,
-        "initial": initial,
-        "initial_rate": initial_rate,
-        "tip_force": tip_force,
-        "loads": loads,
-        "base_acceleration": base_acceleration,
-        "events": events,
-        "contacts": contacts,
-    }
-    options = run_options(
-        duration,
-        rate=rate,
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        breaks=breaks,
-        torque_interpolation=torque_interpolation,
-        integrator=integrator,
-        stations=0,
-        specialized=None,
-    )
     check_flag("error_estimate", error_estimate)
-    with Meter("differentiating", progress) as meter:
+    with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(options: RunOptions) -> _Derivatives:
-            known = simulated(arm, options, given, has_samples(paths), meter)
-            return _derivatives(known, paths, names)
+        def differentiated(settings: RunSettings, once: bool = False) -> _Derivatives:
+            run = replace(situation, settings=settings)
+            return _derivatives(simulated(run, has_samples(paths), meter, once=once), paths, names)
 
-        found = differentiated(options)
+        found = differentiated(situation.settings)
         doubt = found.run.doubt
-        second = second_run(found.run, options) if error_estimate else None
+        second = second_run(found.run, situation.settings) if error_estimate else None
         errors = None
         if second is not None:
-            other = differentiated(second.options)
+            other = differentiated(second.settings, once=True)
             errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
             found = other if second.tighter else found
             doubt = doubt or second.doubt(errors.max())

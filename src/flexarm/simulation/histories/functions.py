@@ -186,12 +186,7 @@ class _Follower:
         return times[np.diff(history.breaks)[piece] > self._shortest]
 
     def _values(self, times: FloatArray) -> FloatArray:
-        """Evaluate the function, with one call for all times if it is vectorized.
-
-        Raises:
-            InputError: if it does not return ``columns`` numbers.
-            FunctionError: if it raises; its time is the last one at which the function returned.
-        """
+        """Evaluate the function, with one call for all times if it is vectorized."""
         if getattr(self._function, "vectorized", False):
             try:
                 all_at_once = call(self._name, self._function, times)
@@ -223,9 +218,6 @@ class _Follower:
 
         One check for all rows saves most of the time of a short run. NumPy would convert rows of
         other types, such as masked arrays, without an error, so they are checked one by one.
-
-        Raises:
-            InputError: if a value is not ``columns`` finite numbers; it contains the first time.
         """
         if set(map(type, rows)) <= _PLAIN:
             try:

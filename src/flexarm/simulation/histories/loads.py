@@ -99,11 +99,7 @@ def load_history(
 
 
 def _base(given: Any) -> Any:
-    """Return the acceleration of the base with a pair (times, values) as a checked table.
-
-    Raises:
-        InputError: if the pair is not a valid table.
-    """
+    """Return the acceleration of the base with a pair (times, values) as a checked table."""
     if not is_table(given):
         return given
     try:

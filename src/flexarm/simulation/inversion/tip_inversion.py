@@ -14,10 +14,10 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
@@ -33,24 +33,32 @@ from flexarm.base.errors import (
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.collocation import stage_times
-from flexarm.linear.small_deviations.response import torque_response
-from flexarm.motion import Motion, rigid_torque
-from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.dynamics.tip_constraint import TipConstraint
+from flexarm.linear.small_deviations.collocation import stage_times, torque_response
+from flexarm.motion import JointState, Motion, rigid_torque
+from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
+from flexarm.motion.geometry.chain import RigidChain
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.inversion.correction import (
+from flexarm.simulation.inversion.torques import (
     DEGREE,
     CorrectedTorque,
+    JointSupport,
+    SupportedTorque,
     free_coefficients,
+    joint_support,
     spline_knots,
     spline_values,
 )
-from flexarm.simulation.inversion.joint_support import JointSupport, SupportedTorque, joint_support
-from flexarm.simulation.inversion.reference import InversionReference, inversion_reference
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
+from flexarm.simulation.run.settings import DEFAULTS, RunSettings, replaced
 
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+#: Samples per knot of the torque's spline; a spline of order 6 through them is exact to 1e-6.
+_PER_KNOT = 8.0
+#: Coefficients of u^3, u^4 and u^5 in the quintic law that ends the motion of the joints at rest.
+_EASE = (10.0, -15.0, 6.0)
 #: Bending that remains at the start of the torques, as a fraction of that at the motion's start.
 _LEFT = 1e-6
 #: Longest time before and after a motion, as a multiple of its duration.
@@ -67,6 +75,118 @@ _MOST_RIGID = 0.05
 _STEPS = 12
 #: Knots of the unsupported torque per knot of the original one, and samples per knot.
 _FINER, _PER_FINER = 4, 4
+#: Relative tolerance of the runs that determine the unsupported torque.
+_CLOSE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class InversionReference(Motion):
+    """Joint angles of a flexible arm whose tip follows a motion.
+
+    As a reference for feedback, the joint angles include the effect of bending on the *tip*. The
+    reference begins before the motion and ends after it, as the torques do.
+
+    Attributes:
+        motion: of the rigid model; the tip follows it.
+        torque: function of time: (joints,) N m, consistent with the joint angles.
+        initial: (dof,) initial coordinates.
+    """
+
+    motion: Motion
+    torque: CorrectedTorque
+    initial: FloatArray
+    start_time: float
+    duration: float
+    _coordinates: BSpline = field(repr=False)
+    _joints: NDArray[np.intp] = field(repr=False)
+    chain: RigidChain = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "chain", self.motion.chain)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Start and end, and the breaks of the motion in between, s."""
+        inner = (t for t in self.motion.breaks if self.start_time < t < self.end_time)
+        return (self.start_time, *inner, self.end_time)
+
+    def tip(self, t: ArrayLike) -> FloatArray:
+        """Return the reference position of the tip (2,) or (T, 2), world axes, m."""
+        return self.motion.tip(t)
+
+    def at(self, times: FloatArray) -> JointState:
+        """See `Motion.at`."""
+        return JointState(*(part[:, self._joints] for part in self.coordinates(times)))
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
+        inside = np.clip(times, self.start_time, self.end_time)
+        moving = ((times >= self.start_time) & (times < self.end_time))[:, None]
+        rate, acceleration = (self._coordinates(inside, nu) * moving for nu in (1, 2))
+        return [self._coordinates(inside), rate, acceleration]
+
+
+def inversion_reference(
+    arm: Arm,
+    torque: CorrectedTorque,
+    ends: tuple[float, float],
+    initial: FloatArray,
+    final: FloatArray,
+    supported: SupportedTorque | None = None,
+) -> InversionReference:
+    """Simulate an arm under the torques of an inversion and return its joint angles.
+
+    Args:
+        ends: start and end of the torque's change, s.
+        initial, final: (dof,) coordinates at rest before and after.
+        supported: the torque of a supported arm, to use instead of ``torque``.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    start, end = ends
+    if supported is not None:
+        arm = supported.support.arm
+    spacing = float(np.max(np.diff(torque.knots)))
+    count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
+    rate = count / (end - start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
+        result = simulate(
+            arm,
+            end - start,
+            torque=_Later(supported or torque, start),
+            initial=initial,
+            rate=rate,
+            rtol=1e-9,
+            progress=False,
+        )
+    times, angles = result.time.values, result.joint_angle.values
+    after = torque.motion.end_time - start
+    u = np.clip((times - after) / (times[-1] - after), 0.0, 1.0)
+    ease = u**3 * (_EASE[0] + u * (_EASE[1] + u * _EASE[2]))
+    q = np.array(result.q.values)
+    q[:, arm.joint_index] += np.outer(ease, arm.joint_angles(final) - angles[-1])
+    still = [(1, np.zeros(arm.dof)), (2, np.zeros(arm.dof))]
+    spline = make_interp_spline(times + start, q, k=5, bc_type=(still, still))
+    return InversionReference(
+        torque.motion, torque, initial, start, end - start, spline, arm.joint_index
+    )
+
+
+@dataclass(frozen=True)
+class _Later:
+    """Torque with a shifted time axis."""
+
+    torque: CorrectedTorque | SupportedTorque
+    start: float
+    vectorized: bool = True
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(t - self.start for t in self.torque.breaks)
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        return self.torque(np.asarray(t) + self.start)
 
 
 class InversionError(FlexarmError, RuntimeError):
@@ -150,6 +270,7 @@ def tip_inversion(
     pre_actuation: float | None = None,
     post_actuation: float | None = None,
     reduction: float = 2e-3,
+    settings: RunSettings | None = None,
 ) -> TipInversion:
     """Compute the torques that make the tip of a flexible arm follow the tip of the rigid model.
 
@@ -162,6 +283,7 @@ def tip_inversion(
         pre_actuation, post_actuation: s; by default until 1e-6 of the bending remains.
         reduction: target of the tip's largest error, as a fraction of that under rigid torques, or
             of a twentieth of the arm's length if the arm falls under those.
+        settings: method and accuracy of the runs, see ``RunSettings``.
 
     Raises:
         InputError: if the motion starts too early or the joints cannot control the tip, or an
@@ -177,6 +299,7 @@ def tip_inversion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
+    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
@@ -190,7 +313,7 @@ def tip_inversion(
         raise InputError(Problem("motion", rule, f"{motion.start_time:.6g} s", hint))
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)
-    search = _Search(constraint, first, last, start, end, support)
+    search = _Search(constraint, first, last, start, end, support, settings)
     found, rigid = search.run(goal)
     if found.tip > max(goal, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
@@ -228,7 +351,9 @@ class _Search:
         start: float,
         end: float,
         support: JointSupport | None,
+        settings: RunSettings,
     ) -> None:
+        self.settings = settings
         self.constraint, self.first, self.support = constraint, first, support
         arm = self.arm = constraint.arm
         self.plant = arm if support is None else support.arm
@@ -301,7 +426,8 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        run = self._simulated(self.plant, supported, rate, rtol=1e-9)
+        rtol = min(_CLOSE, self.settings.relative(self.arm))
+        run = self._simulated(self.plant, supported, rate, rtol)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
         rates = run.qd.values[inside][:, joint]
@@ -310,7 +436,7 @@ class _Search:
         coefficients = make_lsq_spline(times, added, knots, k=DEGREE).c
         torque = CorrectedTorque(given.rigid, knots, coefficients)
         try:
-            alone = self._simulated(self.arm, torque, self.rate, rtol=1e-9)
+            alone = self._simulated(self.arm, torque, self.rate, rtol)
         except SimulationError:
             return torque, np.inf
         return torque, self._misses(alone.time.values, alone.q.values)[3]
@@ -326,8 +452,13 @@ class _Search:
         return missed, rows, error, tip
 
     def _simulated(
-        self, arm: Arm, torque: CorrectedTorque | SupportedTorque, rate: float, **options: Any
+        self,
+        arm: Arm,
+        torque: CorrectedTorque | SupportedTorque,
+        rate: float,
+        rtol: float | None = None,
     ) -> Any:
+        rtol = self.settings.relative(self.arm) if rtol is None else rtol
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
@@ -336,9 +467,7 @@ class _Search:
                 self.duration,
                 torque=torque,
                 initial=self.first.q,
-                rate=rate,
-                progress=False,
-                **options,
+                settings=replaced(self.settings, rate=rate, rtol=rtol, progress=False),
             )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:

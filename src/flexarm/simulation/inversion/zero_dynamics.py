@@ -19,7 +19,7 @@ from flexarm.motion.dynamics.dynamics_along import dynamics_along
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm.motion.dynamics.tip_constraint import TipConstraint
+    from flexarm.motion.dynamics.dynamics_along import TipConstraint
 
     Floats = NDArray[np.float64]
 

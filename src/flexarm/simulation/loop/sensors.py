@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.arm.actions.loads import marker, place_loads
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.arm.assembly.scratch import as_slice
+from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.hardware.instruments import Readings
-from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
 from flexarm.kernels.compilation.cache import Entry
@@ -50,63 +48,46 @@ class TipMotion:
         return self._tip
 
 
-class ExactSensing:
-    """Exact sensors, the default if no hardware is given."""
+class Sensing:
+    """Sensors of a loop, each with the function that reads its signal from the rows.
 
-    def __init__(self, run: Run) -> None:
-        names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
-        self._readers = [
-            (name, _contact_force(run) if name == "contact_force" else _channel(run.arm, name))
-            for name in names
-        ]
-        self._none = {} if run.arm.gauges else {"strain": np.zeros(0)}
+    Args:
+        sensors: states of instruments, or names of exact sensors, with their readers.
+        constant: values that are the same at all sample times, by name.
+    """
 
-    def memory(self) -> tuple[Readings, ...]:
-        """Return the state of the sensors between sample times, which is empty."""
-        return ()
+    def __init__(
+        self,
+        sensors: Sequence[tuple[Readings | str, Callable[..., FloatArray]]],
+        constant: dict[str, FloatArray] | None = None,
+    ) -> None:
+        self._sensors, self._constant = sensors, constant or {}
 
-    def recall(self, memory: tuple[Readings, ...]) -> None:
-        """Restore the state of the sensors; exact sensors have none."""
+    @property
+    def readings(self) -> list[Readings]:
+        """States of the instruments between sample times."""
+        return [sensor for sensor, _ in self._sensors if isinstance(sensor, Readings)]
 
-    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
-        """Return the measurement at sample time k, at t (s)."""
-        values = {name: read(state, system, t) for name, read in self._readers}
-        return Measurement(**values, **self._none)
+    def recalled(self, readings: Sequence[Readings]) -> Sensing:
+        """Return these sensors with other states of the instruments, if there are any."""
+        readers = [read for _, read in self._sensors]
+        sensors = list(zip(readings, readers, strict=True)) if readings else self._sensors
+        return Sensing(sensors, self._constant)
 
-
-class InstrumentSensing:
-    """Instruments of the hardware, with their errors."""
-
-    def __init__(self, run: Run, hardware: Hardware, tick: float) -> None:
-        assert hardware.instruments is not None
-        generator = np.random.default_rng(hardware.seed)
-        self._pairs = [
-            (Readings(item, tick, child), _reader(run, item))
-            for item, child in zip(
-                hardware.instruments, generator.spawn(len(hardware.instruments)), strict=True
-            )
-        ]
-
-    def memory(self) -> tuple[Readings, ...]:
-        """Return the state of the instruments between sample times."""
-        return tuple(readings for readings, _ in self._pairs)
-
-    def recall(self, memory: tuple[Readings, ...]) -> None:
-        """Restore the state of the instruments."""
-        readers = [read for _, read in self._pairs]
-        self._pairs = list(zip(memory, readers, strict=True))
-
-    def measure(self, k: int, t: float, state: FloatArray, system: System) -> Measurement:
-        """Return the measurement at sample time k, at t (s)."""
+    def values(self, k: int, *rows: Any) -> dict[str, FloatArray]:
+        """Return the readings at sample time k by name; ``rows``: arguments of the readers."""
         values: dict[str, FloatArray] = {}
-        for readings, read in self._pairs:
-            if readings.exact:
-                values[readings.labels[0]] = read(state, system, t)
-                continue
-            if readings.wants(k):
-                readings.take(k, read(state, system, t))
-            readings.write_available(k, values)
-        return Measurement(**values)
+        for sensor, read in self._sensors:
+            if isinstance(sensor, str):
+                values[sensor] = read(*rows)
+            elif sensor.exact:
+                values[sensor.labels[0]] = read(*rows)
+            else:
+                if sensor.wants(k):
+                    sensor.take(k, read(*rows))
+                sensor.write_available(k, values)
+        values.update(self._constant)
+        return values
 
 
 def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[str, ...]:
@@ -121,9 +102,7 @@ def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[
     return ("joint_angle", "joint_rate", *["strain"] * strain, *["contact_force"] * force)
 
 
-def sensing_of(
-    run: Run, hardware: Hardware | None, tick: float
-) -> ExactSensing | InstrumentSensing:
+def sensing_of_run(run: Run, hardware: Hardware | None, tick: float) -> Sensing:
     """Create the sensors of a run whose controller has the sample time ``tick`` (s).
 
     Raises:
@@ -131,8 +110,16 @@ def sensing_of(
             time is not a multiple of ``tick``.
     """
     if hardware is None or hardware.instruments is None:
-        return ExactSensing(run)
-    return InstrumentSensing(run, hardware, tick)
+        names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
+        readers = [
+            _contact_force(run) if name == "contact_force" else _channel(run.arm, name)
+            for name in names
+        ]
+        none = {} if run.arm.gauges else {"strain": np.zeros(0)}
+        return Sensing(list(zip(names, readers, strict=True)), none)
+    children = np.random.default_rng(hardware.seed).spawn(len(hardware.instruments))
+    pairs = zip(hardware.instruments, children, strict=True)
+    return Sensing([(Readings(item, tick, child), _reader(run, item)) for item, child in pairs])
 
 
 def _reader(run: Run, instrument: Instrument) -> Reader:

@@ -12,7 +12,7 @@ from flexarm.arm.actions.contacts import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_forces
-from flexarm.control.analysis.linear_controller import FrozenReference, MemoryNameError, memory_of
+from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
 from flexarm.control.analysis.plant_model import (
     PlantModel,
@@ -22,11 +22,11 @@ from flexarm.control.analysis.plant_model import (
     signals_of,
     sliding,
 )
-from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, Sensor
-from flexarm.simulation.run.changes.schedule import ChangedArm
+from flexarm.simulation.run.changes import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units
 
 #: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
@@ -65,44 +65,48 @@ class LoopPole(NamedTuple):
     end: float
 
 
+class AnalysedLoop(NamedTuple):
+    """Sampled loop of a run.
+
+    Attributes:
+        arm: the controller's model of the plant.
+        initial: q (dof,) of the plant at the start.
+        duration: of the run, s.
+    """
+
+    arm: Arm
+    plant: Arm
+    controller: Controller
+    reference: Reference | None
+    hardware: Hardware | None
+    contacts: Sequence[Contact]
+    initial: FloatArray
+    duration: float
+
+
 def loop_poles(
-    arm: Arm,
-    plant: Arm,
-    controller: Controller,
-    reference: Reference | None,
-    hardware: Hardware | None,
-    contacts: Sequence[Contact],
-    initial: FloatArray,
-    duration: float,
-    known: Poles | None = None,
-    changed: Sequence[ChangedArm] = (),
+    loop: AnalysedLoop, known: Poles | None = None, changed: Sequence[ChangedArm] = ()
 ) -> list[LoopPole]:
     """Return the dominant pole of the sampled loop at the start and at the end of a motion.
 
     With ``changed`` also at the beginning of each changed arm. Equal arms are analysed once at
     each posture.
 
-    Not analysed, and left out, are controllers that do not declare their memory, cannot be copied
+    Not analysed, and left out, are controllers that have no ``step``, cannot be copied
     or fail in the analysis, and instruments that read a `Sensor` or a torque.
 
     Args:
-        arm: the controller's model of the plant.
-        initial: q (dof,) of the plant at the start.
-        duration: of the run, s.
         known: results of earlier calls that differ in the initial state alone, for reuse.
         changed: arms after changes, in the order of their begin.
-
-    Raises:
-        MemoryNameError: if the controller's ``memory`` names an attribute that it does not have.
     """
-    if memory_of(controller) is None:
+    plant, duration = loop.plant, loop.duration
+    if not has_poles(loop.controller):
         return []
-    instruments = instruments_of(plant, hardware, len(contacts))
+    instruments = instruments_of(plant, loop.hardware, len(loop.contacts))
     signals = signals_of(instruments)
     if any(isinstance(item, Sensor) or item == "torque" for item in signals):
         return []
-    bare = without_friction(contacts)
-    end = min(float(getattr(reference, "end_time", 0.0) or 0.0), duration)
+    end = min(float(getattr(loop.reference, "end_time", 0.0) or 0.0), duration)
     first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
     found, known, plants = [], {} if known is None else known, [plant]
     for part in (first, *changed):
@@ -111,17 +115,12 @@ def loop_poles(
         plants += [] if same else [part.plant]
         for t, when in _times(part, end):
             # After the start, the posture is that of the reference, which rests after its end.
-            t = 0.0 if reference is None else min(t, end) if end > 0.0 else t
-            key = number, t, b"" if t > 0.0 else plant.joint_angles(initial).tobytes()
-            arms = arm, plants[number]
+            t = 0.0 if loop.reference is None else min(t, end) if end > 0.0 else t
+            key = number, t, b"" if t > 0.0 else plant.joint_angles(loop.initial).tobytes()
             try:
                 if key not in known:
                     with one_warning():  # the run itself warns of its states
-                        known[key] = _worst(
-                            arms, controller, reference, hardware, bare, initial, t, instruments
-                        )
-            except MemoryNameError:
-                raise
+                        known[key] = _worst(loop, plants[number], t, instruments)
             except (
                 Exception
             ):  # the run itself reports a missing equilibrium or a failing controller
@@ -131,31 +130,21 @@ def loop_poles(
 
 
 def instability(
-    arm: Arm,
-    plant: Arm,
-    controller: Controller,
-    reference: Reference | None,
-    hardware: Hardware | None,
-    contacts: Sequence[Contact],
-    initial: FloatArray,
-    duration: float,
-    known: Poles | None = None,
-    changed: Sequence[ChangedArm] = (),
+    loop: AnalysedLoop, known: Poles | None = None, changed: Sequence[ChangedArm] = ()
 ) -> str:
     """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
 
     See `loop_poles` for the arguments and errors.
     """
-    loop = controller, reference, hardware, contacts
-    poles = loop_poles(arm, plant, *loop, initial, duration, known, changed)
-    text = describe_instability(poles, controller.sample_time)
+    poles = loop_poles(loop, known, changed)
+    text = describe_instability(poles, loop.controller.sample_time)
     if not text:
         return ""
     for share in _SHARES:
-        cured, cure = _with_inertia(plant, share)
+        cured, cure = _with_inertia(loop.plant, share)
         if cured is None:
             break
-        poles = loop_poles(arm, cured, *loop, initial, duration)
+        poles = loop_poles(loop._replace(plant=cured))
         if poles and max(pole.growth for pole in poles) <= 0.0:
             return f"{text} {cure}"
     return text
@@ -257,17 +246,12 @@ def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
 
 
 def _worst(
-    arms: tuple[Arm, Arm],
-    controller: Controller,
-    reference: Reference | None,
-    hardware: Hardware | None,
-    contacts: Sequence[Contact],
-    initial: FloatArray,
-    t: float,
-    instruments: list[Instrument],
+    analysed: AnalysedLoop, plant: Arm, t: float, instruments: list[Instrument]
 ) -> tuple[float, float, float]:
     """Return growth (1/s), frequency (Hz) and magnitude of the fastest growing pole."""
-    rate, (arm, plant) = sliding(controller, reference, *arms)
+    controller, reference, hardware = analysed.controller, analysed.reference, analysed.hardware
+    contacts, initial = without_friction(analysed.contacts), analysed.initial
+    rate, (arm, plant) = sliding(controller, reference, analysed.arm, plant)
     still = FrozenReference(reference, t) if reference is not None else None
     presses = bool(contacts) and hasattr(reference, "contact_force")
     angle = plant.joint_angles(initial)

@@ -1,19 +1,26 @@
-"""The controller of a plant: an object in the same process, or another process over UDP."""
+"""The controller of a plant, in the same process or over UDP; the clock, and times of samples."""
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import InputError, check_array
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.control.hardware.measurement import Measurement
-from flexarm.simulation.real_time.clock import Clock
+from flexarm.control.hardware.measurement import Measurement, readings_by_name
+from flexarm.simulation.calls.result import add_readings
 from flexarm.simulation.real_time.packets import (
     END,
     START,
+    Address,
+    Datagrams,
     Layout,
     Packet,
     WrongPacketError,
@@ -22,10 +29,106 @@ from flexarm.simulation.real_time.packets import (
     packed_head,
     torque_layout,
 )
-from flexarm.simulation.real_time.sockets import Address, Datagrams
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Time (s) before an instant at which sleeping ends and the clock is read until the instant is
+#: there, because operating systems wake a program late by 50 to 100 us.
+_SPIN = 2e-4
+_PERCENTILES = (50.0, 99.0, 99.9)
+#: Times of samples: the variable, the attribute of `SampleTimes`, and the meaning.
+_TIMES = {
+    "sample_start": ("started", "start of the sample on the clock"),
+    "sample_late": ("late", "start of the sample after its planned time"),
+    "sample_answer": ("answered", "time from the start of the sample to its torque"),
+    "sample_busy": ("busy", "time from the start of the sample to the end of its work"),
+}
 #: Time (s) after which an unanswered packet is sent again, and for which the last one is.
 _AGAIN, _FAREWELL = 0.05, 0.5
+
+
+class Clock:
+    """Monotonic clock of the computer, s."""
+
+    def now(self) -> float:
+        """Return the time, s."""
+        return time.perf_counter()
+
+    def wait_until(self, instant: float) -> None:
+        """Return at an instant, or at once if it is over."""
+        left = instant - self.now() - _SPIN
+        if left > 0.0:
+            time.sleep(left)
+        while self.now() < instant:
+            pass
+
+
+@dataclass
+class SampleTimes:
+    """Times of the samples of a run, s.
+
+    Attributes:
+        started: at which samples started, from the first one.
+        late: how long after its planned time a sample started; empty without a plan.
+        answered: from the start of a sample to its torque; NaN if the clock starts with it.
+        busy: from the start of a sample to the end of its work.
+    """
+
+    started: list[float] = field(default_factory=list)
+    late: list[float] = field(default_factory=list)
+    answered: list[float] = field(default_factory=list)
+    busy: list[float] = field(default_factory=list)
+    _first: float = 0.0
+
+    def add(self, started: float, answered: float, ended: float, planned: float | None) -> None:
+        """Add a sample.
+
+        Args:
+            started, answered, ended: on the clock; ``answered`` may be NaN.
+            planned: its start, from that of the first sample; None without a plan.
+        """
+        if not self.started:
+            self._first = started
+        self.started.append(started - self._first)
+        if planned is not None:
+            self.late.append(self.started[-1] - planned)
+        self.answered.append(answered - started)
+        self.busy.append(ended - started)
+
+    def missed(self, sample_time: float) -> int:
+        """Return the number of samples whose work ended after the planned time of the next."""
+        pairs = zip(self.late, self.busy, strict=False)
+        return sum(late + busy > sample_time for late, busy in pairs)
+
+    def table(self) -> str:
+        """Return means, percentiles and largest values in microseconds, as lines of text."""
+        heads = ["mean", *(f"{p:g} %" for p in _PERCENTILES), "largest"]
+        lines = [f"{'µs':<10}" + "".join(f"{head:>11}" for head in heads)]
+        rows: dict[str, Sequence[float] | FloatArray] = {
+            "period": np.diff(self.started),
+            "late": self.late,
+            "answer": self.answered,
+            "busy": self.busy,
+        }
+        for name, values in rows.items():
+            x = 1e6 * np.asarray(values)
+            x = x[np.isfinite(x)]
+            if x.size:
+                shown = [np.mean(x), *np.percentile(x, _PERCENTILES), np.max(x)]
+                lines.append(f"{name:<10}" + "".join(f"{value:>11.1f}" for value in shown))
+        return "\n".join(lines)
+
+
+def add_samples(
+    run: xr.Dataset, ticks: FloatArray, readings: Sequence[Measurement], times: SampleTimes
+) -> xr.Dataset:
+    """Return a result with readings and times of its samples, at times ``ticks`` (samples,), s."""
+    for name, (attribute, meaning) in _TIMES.items():
+        values = np.array(getattr(times, attribute)[: len(ticks)])
+        if values.size:
+            run[name] = ("tick", values, {"units": "s", "long_name": meaning})
+    return add_readings(run, ticks, readings_by_name(readings))
 
 
 class PartnerError(Exception):
@@ -172,11 +275,7 @@ class UdpController:
             self._datagrams.send(self._sent.packed(packet, self._token))
 
     def _read(self, data: bytes, packet: Packet) -> Packet | None:
-        """Return the packet of bytes if it answers a packet or ends the run.
-
-        Raises:
-            PartnerError: if it is an answer in this run, but has another layout.
-        """
+        """Return the packet of bytes if it answers a packet or ends the run."""
         head = head_of(data)
         if head is not None and (head.token, head.number) == (self._request, START):
             if not self._begun and head.time != self._token:

@@ -36,13 +36,16 @@ from flexarm.control.contract.base import (
 )
 from flexarm.model import Link
 from flexarm.simulation.calls.plant import Plant
-from flexarm.simulation.loop.sampled_reference import sampled_reference
-from flexarm.simulation.real_time.clock import Clock
-from flexarm.simulation.real_time.controller_side import ControllerLoop
-from flexarm.simulation.real_time.packets import REFERENCE, Layout, SentReference, reference_values
-from flexarm.simulation.real_time.partners import OwnController, Partner, UdpController
-from flexarm.simulation.real_time.plant_side import PlantLoop
-from flexarm.simulation.real_time.sockets import check_address
+from flexarm.simulation.loop.control_loop import sampled_reference
+from flexarm.simulation.real_time.loops import ControllerLoop, PlantLoop
+from flexarm.simulation.real_time.packets import (
+    REFERENCE,
+    Layout,
+    SentReference,
+    check_address,
+    reference_values,
+)
+from flexarm.simulation.real_time.partners import Clock, OwnController, Partner, UdpController
 
 if TYPE_CHECKING:
     import xarray as xr

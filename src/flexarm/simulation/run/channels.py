@@ -61,7 +61,12 @@ _LIMITS = (
         "longest_reading_saturation", ("instrument",), "s", "longest time of a reading at its limit"
     ),
     Channel("stop_depth", ("joint",), "rad", "largest angle beyond the stops, at the samples"),
-    Channel("stop_hits", ("joint",), "1", "number of times that the joint reaches a stop"),
+    Channel(
+        "stop_hits",
+        ("joint",),
+        "1",
+        "number of impacts on the stops; with fixed steps or several joints, those at samples",
+    ),
     Channel("contact_depth", ("contact",), "m", "largest depth in the surface, at the samples"),
 )
 

@@ -1,4 +1,4 @@
-"""Repetitions of runs in which joints meet their stops, or points return to surfaces.
+"""Verified runs: joints that meet their stops, points that return to surfaces, and friction.
 
 Each impact multiplies the errors made before it, by 5 to 20 with flexible links: an error of 1e-9
 of the reach at the first impact is 1e-4 at the sixth, even if the impacts are located exactly. So
@@ -7,32 +7,40 @@ requested ones promise, or it gets a warning with the estimated error.
 
 Contacts press and slide more often than they bounce, and amplify less. A run whose points return
 to surfaces is therefore compared with a cheaper one of looser tolerances first.
+
+With a fixed step, no step ends at an impact or where friction stops or releases a joint: such a run
+is compared with one of half the step.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import SimulationError
 from flexarm.integrate import DormandPrince8, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Tolerance
+from flexarm.integrate.reactions import reactions_many
 from flexarm.kernels.columns import BRISTLE_ROOT, BRISTLED, COULOMB, COULOMB_EXCESS
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.event_search import Mark
-from flexarm.simulation.run.integrator_choice import Choice
+from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import TIGHT, reach_of
-from flexarm.simulation.run.work.estimate import explicit_work
-from flexarm.simulation.run.work.open_loop import Checkpoints as Checkpoints
-from flexarm.simulation.run.work.open_loop import run_open_loop
+from flexarm.simulation.run.work import Checkpoints as Checkpoints
+from flexarm.simulation.run.work import run_open_loop
 
 #: Tightest relative tolerance: below, rounding determines the error.
 _TIGHTEST = 1e-13
@@ -49,6 +57,8 @@ _POWER, _SHARE, _PARTED, _CHATTERED = 0.9, 0.1, 1e-2, 1e-3
 #: The same with contacts, if nothing else is known: some of 100 random arms lost a short contact at
 #: both tolerances, with errors of half the difference.
 _AT_MOST = 0.5
+#: Relative tolerance at which the rounding errors of a run are as large as those of its steps.
+_ROUNDED = 3e-12
 #: Ratio of the tolerances of a run and one that only verifies it, or of the later repetitions.
 _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
@@ -65,11 +75,11 @@ def run_through_impacts(
     run: Run,
     history_of: Callable[[float], PiecewiseCubic],
     checkpoints: Checkpoints | None = None,
-) -> None:
+) -> Beginning:
     """Simulate under a torque; repeat the run with tighter tolerances if impacts require it.
 
-    The run gets a warning if its error remains larger than the tolerances promise. A fixed step is
-    kept and compared with half of it.
+    Returns the beginning of the run. The run gets a warning if its error remains larger than the
+    tolerances promise. A fixed step is kept and compared with half of it.
 
     Args:
         history_of: function that returns the torque history for a relative tolerance of the run.
@@ -80,18 +90,93 @@ def run_through_impacts(
         SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     requested = run.tolerance.relative
-    history = history_of(requested)  # also sets the start of prescribed joints
+    beginning, history_of = run_to_slips(run, history_of, checkpoints)
+    stops = meets_stops(run)
+    impacts, allowed = stops or returns(run), allowed_error(requested)
+    if not run.integrator.adaptive:
+        if impacts or slides(run):
+            _compare_with_half_the_step(run, beginning)
+    elif impacts and 0.5 * requested < _TIGHTEST:
+        _compare_with_looser(run, beginning, allowed)
+    elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
+        _tighten(run, beginning, history_of, checkpoints)
+    return beginning
+
+
+def run_to_slips(
+    run: Run,
+    history_of: Callable[[float], PiecewiseCubic],
+    checkpoints: Checkpoints | None = None,
+) -> tuple[Beginning, Callable[[float], PiecewiseCubic]]:
+    """Simulate under a torque; repeat the run with steps that end at its breaks to find slips.
+
+    Returns the beginning of the run, and the function of the histories in use. The arguments and
+    the exceptions are those of ``run_through_impacts``.
+    """
+    history = history_of(run.relative_of_functions)  # also sets the start of prescribed joints
     beginning = Beginning.of(run)
     run_open_loop(run, history, checkpoints)
-    stops = meets_stops(run)
-    if not stops and not returns(run):
-        return
-    if not run.integrator.adaptive:
-        _compare_with_half_the_step(run, beginning)
-    elif 0.5 * requested < _TIGHTEST:
-        _compare_with_looser(run, beginning, allowed_error(requested))
-    elif stops or not _agrees_with_looser(run, beginning, allowed_error(requested)):
-        _tighten(run, beginning, history_of, checkpoints)
+    if misses_slip(run):
+        history_of = partial(stopping_at_breaks, history_of)
+        beginning.repeat(run, 1.0)
+        run_open_loop(run, history_of(run.relative_of_functions), checkpoints)
+        if misses_slip(run):
+            text = (
+                "a joint sticks at a sample although friction cannot hold it: the slip is shorter "
+                "than the steps. Pass its time in breaks, or use a smaller step."
+            )
+            run.doubt = " ".join(filter(None, [run.doubt, text]))
+    return beginning, history_of
+
+
+def stopping_at_breaks(
+    history_of: Callable[[float], PiecewiseCubic], relative: float
+) -> PiecewiseCubic:
+    """Return a history in which steps end at every break.
+
+    A step that spans several of its pieces may miss a slip, or compute derivatives by torque
+    samples inaccurately.
+    """
+    history = history_of(relative)
+    return replace(history, stops=np.unique(history.breaks[history.breaks > 0.0]))
+
+
+def misses_slip(run: Run) -> bool:
+    """Return whether a joint rests around a sample at which friction cannot hold it.
+
+    The step of a joint that sticks is long, and its stages may miss a short torque. With a fixed
+    step, a slip begins at the end of its step, so that longer rests count.
+    """
+    history, fixed, search = run.history, not run.integrator.adaptive, run.default_step
+    step = search.shortest if search is not None else run.integrator.step
+    apart = float(step or 0.0) if fixed else 0.0
+    return history is not None and any(
+        _misses_slip(part, history, apart) for _, part in run.parts()
+    )
+
+
+def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
+    """Return whether a joint rests around a sample for longer than a step, as in `misses_slip`."""
+    count, n = run.progress.sample, run.arm.assembly.bodies
+    if not run.arm.assembly.has_sticking or count < 3:
+        return False
+    near = 1 + math.ceil(step / (run.sample_times[1] - run.sample_times[0]))
+    angle, rate = np.moveaxis(run.samples[:count, :, :, 0], 1, 0)
+    system = run.system(history)
+    held = system.constants.holds * system.constants.free > 0.0
+    still = (rate[:-1] == 0.0) & (rate[1:] == 0.0) & (angle[:-1] == angle[1:]) & held
+    if len(still) < 2 * near:
+        return False
+    windows = np.lib.stride_tricks.sliding_window_view(still, 2 * near, axis=0)
+    rests: NDArray[np.bool_] = np.all(windows, axis=-1)
+    resting = np.flatnonzero(np.any(rests, axis=1))
+    places = near + resting
+    times, states = run.sample_times[places], run.samples[places]
+    torques = run.arm.padded_torque(history.at(times))
+    accelerations, motor = np.zeros(states[:, 0].shape), np.zeros((places.size, n))
+    root, wrench = np.zeros((2, places.size, n, 3))
+    reactions_many(system, times, states, torques, accelerations, root, wrench, motor)
+    return bool(np.any(rests[resting] & (accelerations[:, :, 0] != 0.0)))
 
 
 def _tighten(
@@ -107,18 +192,17 @@ def _tighten(
         before = run.samples, run.sample_times, run.progress.sample
         factor = max(factor, _TIGHTEST / tight)
         tight *= factor
-        completed = dict(vars(run))
+        completed = _completed(run, checkpoints)
         beginning.repeat(run, tight / requested)
         try:
             run_open_loop(run, history_of(tight), checkpoints)
         except SimulationError:
-            if run.watch is not None or run.changes is not None or checkpoints is not None:
-                raise
-            vars(run).update(completed)
+            for owner, values in completed:
+                vars(owner).update(values)
             _compare_with_looser(run, beginning, allowed)
             return
         apart = difference(run, *before)
-        error = _error_of_finer(apart, factor, _parted(run))
+        error = _error_of_finer(apart, tight / factor, tight, _parted(run))
         if not np.any(error > allowed):
             return
         if 0.5 * tight < _TIGHTEST:
@@ -131,6 +215,16 @@ def _tighten(
         _doubt(run, error, allowed)
 
 
+def _completed(run: Run, checkpoints: Checkpoints | None) -> list[tuple[Any, dict[str, Any]]]:
+    """Return the objects that a repetition changes, with copies of their attributes."""
+    log = run.watch.log if run.watch is not None else None
+    return [
+        (owner, {k: v.copy() if isinstance(v, list) else v for k, v in vars(owner).items()})
+        for owner in (run, log, run.changes, checkpoints)
+        if owner is not None
+    ]
+
+
 def meets_stops(run: Run) -> bool:
     """Return whether a joint has met a stop; with a fixed step, whether it did in a sample."""
     limits = run.arm.assembly.constants.limits
@@ -141,6 +235,14 @@ def meets_stops(run: Run) -> bool:
         return run.progress.impacts > 0
     angle = run.samples[: run.progress.sample, 0, :, 0]
     return bool(np.any(((angle < lower) | (angle > upper)) & (stiffness > 0.0)))
+
+
+def slides(run: Run) -> bool:
+    """Return whether a joint that friction can hold moves in a sample."""
+    rates = run.samples[: run.progress.sample, 1, :, 0]
+    return run.arm.assembly.has_sticking and bool(
+        rates[:, run.arm.assembly.constants.holds > 0.0].any()
+    )
 
 
 def returns(run: Run) -> bool:
@@ -193,11 +295,15 @@ class Beginning:
 
     def repeat(self, run: Run, factor: float) -> None:
         """Return a run to its beginning, with tolerances multiplied by ``factor``."""
-        choice = _choice_of_repetition(run, self, factor)
+        self.restore(run, _choice_of_repetition(run, self, factor), scaled(self.tolerance, factor))
+
+    def restore(self, run: Run, choice: Choice, tolerance: Tolerance) -> None:
+        """Return a run to its beginning, with another integrator and tolerance."""
         run.discarded += run.progress.evaluations
         run.begin_again()
         run.choice, run.integrator, run.doubt = choice, choice.integrator, choice.doubt
-        run.tolerance = scaled(self.tolerance, factor)
+        run.tolerance = tolerance
+        run.default_step = default_step(run.integrator, run.tolerance)
         run.sample_times, run.duration = self.times, self.duration
         run.samples = np.empty((len(self.times), *self.state.shape))
         run.progress = Progress(0.0, self.state.copy(), 0.0)
@@ -258,9 +364,16 @@ def _parted(run: Run) -> float:
     return _CHATTERED if run.loads.placed.contacts.body.size else _PARTED
 
 
-def _error_of_finer(apart: FloatArray, factor: float, parted: float) -> FloatArray:
-    """Estimate the error of the finer of two runs, from their difference."""
-    share = np.where(apart > parted, max(_SHARE, factor**_POWER), factor**_POWER)
+def _gain(coarse: float, fine: float) -> float:
+    """Return the error at a relative tolerance over that at a coarser one."""
+    gain: float = ((fine + _ROUNDED) / (coarse + _ROUNDED)) ** _POWER
+    return gain
+
+
+def _error_of_finer(apart: FloatArray, coarse: float, fine: float, parted: float) -> FloatArray:
+    """Estimate the error of the finer of two runs, from their difference and their tolerances."""
+    gain = _gain(coarse, fine)
+    share = np.where(apart > parted, max(_SHARE, gain), gain)
     error: FloatArray = np.where(np.isfinite(apart), apart * share, np.inf)
     return error
 
@@ -271,9 +384,8 @@ def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> Non
     if not large.size:
         return
     reach = reach_of(run.arm)
-    place = "joint stops" if meets_stops(run) else "surfaces"
     text = (
-        f"impacts on {place} amplify errors: the error of the tip is about "
+        f"{_cause(run)}: the error of the tip is about "
         f"{reach * error.max():.1g} m, and above {reach * allowed:.1g} m from t = "
         f"{run.sample_times[large[0]]:.4g} s on. Do not rely on this result after that time"
         f"{remedy}."
@@ -281,20 +393,46 @@ def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> Non
     run.doubt = " ".join(filter(None, [run.doubt, text]))
 
 
-def compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None]) -> None:
+def _cause(run: Run) -> str:
+    """Return why the error of a run may exceed that of its steps."""
+    if meets_stops(run):
+        return "impacts on joint stops amplify errors"
+    if returns(run):
+        return "impacts on surfaces amplify errors"
+    return "a fixed step may miss where friction stops or releases a joint"
+
+
+def loop_comparison(
+    run: Run, repetition: Callable[[], Callable[[Run], None]]
+) -> Callable[[], None]:
+    """Return a function that warns, after a run with a controller, if its impacts repeat.
+
+    Call it before the run, because a controller may keep what it learns.
+
+    Args:
+        repetition: function that copies the loop and returns a function that executes the copy.
+    """
+    stops = run.arm.assembly.constants.limits[:, 2].any()
+    impacts = stops or run.loads.placed.contacts.body.size
+    if impacts and run.integrator.adaptive and run.changes is None:
+        with suppress(Exception):  # a controller that cannot be copied
+            return partial(_compare_loops, run, Beginning.of(run), repetition())
+    return lambda: None
+
+
+def _compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None]) -> None:
     """Warn if impacts repeat in a run with a controller and its error is too large.
 
     Args:
         execute: function that executes the loop again, with the same controller from its start.
     """
     tolerance = beginning.tolerance
-    compared = run.integrator.adaptive and run.changes is None
-    if not compared or not (meets_stops(run) or returns(run)):
+    if not (meets_stops(run) or returns(run)):
         return
     # Steps end at sample times, so that tolerances that differ little lead to the same steps.
     factor, share = max(TIGHT, _TIGHTEST / tolerance.relative), 1.0
     if factor > 0.5:
-        factor, share = _RATIO, _RATIO**-_POWER
+        factor, share = _RATIO, _gain(_RATIO * tolerance.relative, tolerance.relative)
     other = beginning.again(run, tolerance=scaled(tolerance, factor))
     try:
         execute(other)
@@ -316,7 +454,12 @@ def _compare_with_half_the_step(run: Run, beginning: Beginning) -> None:
 
 def _compare_with_looser(run: Run, beginning: Beginning, allowed: float) -> None:
     apart = _verify(run, beginning, tolerance=scaled(run.tolerance, _RATIO))
-    error = _error_of_finer(apart, 1.0 / _RATIO, _parted(run))
+    if not apart.size:
+        text = f"{_cause(run)}, and that of the tip is not known: no second run verifies this one."
+        run.doubt = " ".join(filter(None, [run.doubt, text]))
+        return
+    tight = run.tolerance.relative
+    error = _error_of_finer(apart, _RATIO * tight, tight, _parted(run))
     # Once two runs have parted, their difference is the best estimate.
     _doubt(run, np.where(apart > _parted(run), apart, error), allowed)
 

@@ -21,6 +21,7 @@ from flexarm.integrate import (
 )
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
+from flexarm.simulation.run.accuracy import FINEST_OF_ORDER_5
 from flexarm.simulation.run.tolerance import TIGHT, damping_rate, friction_rate
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
@@ -49,6 +50,11 @@ _SMOOTH = 1e3
 _ESTIMATED = 1e-2
 #: First step over that time where a longer one could miss friction.
 _SETTLING = 0.5
+#: Phase (rad) of the fastest vibration per evaluation of an explicit method whose steps are limited
+#: by stability; if accuracy limits them, the phase is a third of this.
+_PHASE = 0.5
+#: Explicit work below which order 8 is chosen: it takes some milliseconds.
+_FEW = 5000.0
 
 
 class Choice(NamedTuple):
@@ -103,12 +109,14 @@ def choose_integrator(
     tolerance: Tolerance,
     touch: float = 0.0,
     prescribed: tuple[int, ...] = (),
+    duration: float | None = None,
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     The duration of the run, its drive and its sample time count in ``simulation.run.work``.
 
     Args:
+        tolerance: its relative one is the request if ``duration`` (s) is given.
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
         prescribed: joints, by number from 1, whose motion is prescribed.
 
@@ -120,10 +128,31 @@ def choose_integrator(
     _refuse_with_bristles(requested, step, arm)
     _refuse_with_sticking(requested, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed)
+    if duration is not None and choice.open and isinstance(choice.integrator, DormandPrince8):
+        choice = _by_accuracy(choice, arm, tolerance, duration)
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
     return choice._replace(fastest=max(tolerance.fastest, damping, damping_rate(arm, prescribed)))
+
+
+def _by_accuracy(choice: Choice, arm: Arm, tolerance: Tolerance, duration: float) -> Choice:
+    """Return the method with the least work for a requested error; see `accuracy`.
+
+    An explicit method takes the work that stability requires, whatever the request. Below some
+    thousand evaluations the difference is not worth another method.
+    """
+    work = explicit_work(tolerance.fastest, duration)
+    rigid = not arm.assembly.constants.w2.any()
+    if rigid or tolerance.relative < FINEST_OF_ORDER_5 or work < _FEW:
+        return choice
+    reason = "order 5 with bending implicit: fewest evaluations at the requested accuracy"
+    return choice._replace(integrator=KennedyCarpenter5(), reason=reason, open=False)
+
+
+def explicit_work(fastest: float, duration: float) -> float:
+    """Return the least evaluations of an explicit method; ``fastest``: rad/s, or decay in 1/s."""
+    return fastest * duration / _PHASE
 
 
 def settling(

@@ -12,20 +12,20 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions.environment import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, check_array
-from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
 from flexarm.simulation.histories.loads import LoadHistory, load_history
-from flexarm.simulation.run.changes.schedule import arm_changes
-from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
+from flexarm.simulation.run.accuracy import relative_tolerance
+from flexarm.simulation.run.changes import arm_changes
+from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.event_search import Watch
 from flexarm.simulation.run.events import EventLog
 from flexarm.simulation.run.integrator_choice import choose_integrator
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import RTOL as RTOL
-from flexarm.simulation.run.tolerance import for_arm, tolerance_of
+from flexarm.simulation.run.tolerance import for_arm, tolerance_of, with_relative
 
 #: Number of sample times that stand for the duration of a plant without one.
 UNBOUNDED = 1e4
@@ -34,42 +34,43 @@ UNBOUNDED = 1e4
 def new_run(
     arm: Arm,
     state: FloatArray,
+    settings: RunSettings,
     *,
     duration: float,
     sample_times: FloatArray,
-    environment: Environment,
-    breaks: ArrayLike,
     spacing: float,
-    log: EventLog | None = None,
-    integrator: str | Integrator,
-    step: float | None,
-    rtol: float,
-    atol: float | None,
+    environment: Environment,
     meter: Meter,
-    stations: int = 0,
-    specialized: bool | None = None,
+    log: EventLog | None = None,
     changes: Sequence[Change] = (),
     prescribed: tuple[int, ...] = (),
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
     The arguments are those of ``simulate``. They are validated by the caller, except for the
-    environment and the integrator. ``spacing`` is the interval (s) between the
-    instants at which functions of time are compared with their cubic approximations.
+    environment. ``spacing`` is the interval (s) between the instants at which functions of time are
+    compared with their cubic approximations.
 
     Raises:
-        InputError: if a load, the base acceleration or a contact does not fit the arm, or no
-            integrator has that name, or a change does not fit the arm.
+        InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
+            the integrator does not support it.
     """
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(arm, touching)
     horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
-    tolerance = tolerance_of(arm, state, atol, rtol, horizon)
-    choice = choose_integrator(integrator, step, arm, tolerance, touch, prescribed)
+    request = settings.request(arm)
+    tolerance = tolerance_of(arm, state, *settings.tolerance(arm), horizon)
+    choice = choose_integrator(
+        *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
+        duration=None if request is None else horizon,
+    )
+    if request is not None:
+        tolerance = with_relative(tolerance, relative_tolerance(choice.integrator, arm, request))
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
-        return load_history(arm, environment, duration, relative, touching, breaks, spacing)
+        given = duration, relative, touching, settings.breaks, spacing
+        return load_history(arm, environment, *given)
 
     return Run(
         arm=arm,
@@ -81,13 +82,14 @@ def new_run(
         horizon=horizon,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(rtol),
+        loads=loads_of(settings.relative(arm)),
         loads_of=loads_of,
         meter=meter,
         prescribed=prescribed,
-        stations=stations,
-        specialized=specialized,
-        default_atol=atol is None,
+        stations=settings.stations,
+        specialized=settings.specialized,
+        default_atol=settings.atol is None,
+        request=request,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
@@ -96,17 +98,27 @@ def new_run(
     )
 
 
-def restarted(run: Run, state: FloatArray, integrator: str | Integrator, step: float | None) -> Run:
+def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
     """Return a run like one without contacts and events, from another initial state.
 
     The new run shares arm, loads and sample times with ``run``.
 
     Args:
         state: (2, n, 1 + m).
-        integrator, step: as requested for ``run``.
+        settings: those of ``run``.
     """
+    request = run.request
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
-    choice = choose_integrator(integrator, step, run.arm, tolerance, prescribed=run.prescribed)
+    if request is not None:
+        tolerance = with_relative(tolerance, request)
+    choice = choose_integrator(
+        *(settings.integrator, settings.step, run.arm, tolerance),
+        prescribed=run.prescribed,
+        duration=None if request is None else run.horizon,
+    )
+    if request is not None:
+        relative = relative_tolerance(choice.integrator, run.arm, request)
+        tolerance = with_relative(tolerance, relative)
     return replace(
         run,
         choice=choice,

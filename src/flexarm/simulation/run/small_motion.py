@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from flexarm.integrate.base import FloatArray, Progress, Tolerance
+from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.impacts import run_through_impacts
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.work.open_loop import Checkpoints
+from flexarm.simulation.run.work import Checkpoints
 
 #: Absolute tolerance, in multiples of the relative one times the motion, above which a run with
 #: default tolerances is repeated, and that of the second run. In vibrations over 20 periods the
@@ -46,8 +45,8 @@ def run_accurately(
 
     The arguments and the exception are those of ``run_through_impacts``.
     """
-    tolerance, start = run.tolerance, _Start(run)
-    run_through_impacts(run, history_of, checkpoints)
+    tolerance = run.tolerance
+    beginning = run_through_impacts(run, history_of, checkpoints)
     first = run.samples[: run.progress.sample]
     if not run.integrator.adaptive:
         run.doubt = run.doubt or _doubt_of_search(run, first)
@@ -56,10 +55,9 @@ def run_accurately(
     motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first, steps)
     if motion is None:
         return
-    evaluations = run.discarded + run.progress.evaluations
-    start.restore(run, tolerance._replace(absolute=_REPEATED * tolerance.relative * motion))
+    fine = tolerance._replace(absolute=_REPEATED * tolerance.relative * motion)
+    beginning.restore(run, beginning.choice, fine)
     run_through_impacts(run, history_of, checkpoints)
-    run.discarded += evaluations
     if not run.default_atol:
         run.doubt = run.doubt or _doubt(tolerance, run, first, motion)
 
@@ -133,26 +131,3 @@ def _largest(tolerance: Tolerance, samples: FloatArray) -> float:
     moved = np.ptp(samples[:, 0], axis=0) / tolerance.unit[0]
     fast = np.abs(samples[:, 1]).max(axis=0) / tolerance.unit[1]
     return float(max(moved.max(), fast.max()))
-
-
-class _Start:
-    """Values of a run before its first step, from which it can begin again."""
-
-    def __init__(self, run: Run) -> None:
-        # The history of prescribed joints sets their start in this array.
-        self._array, self._state = run.progress.state, run.progress.state.copy()
-        self._loads, self._times, self._duration = run.loads, run.sample_times, run.duration
-        self._mark = run.watch.mark() if run.watch is not None else None
-
-    def restore(self, run: Run, tolerance: Tolerance) -> None:
-        """Return to the start, with another tolerance."""
-        run.begin_again()
-        run.tolerance, run.loads = tolerance, self._loads
-        run.sample_times, run.duration = self._times, self._duration
-        run.samples = np.empty((len(self._times), *self._state.shape))
-        self._array[...] = self._state
-        run.progress = Progress(0.0, self._array, 0.0)
-        run.doubt, run.discarded = "", 0
-        if run.watch is not None and self._mark is not None:
-            run.watch = replace(run.watch, tolerance=run.tolerance)
-            run.watch.restore(self._mark)

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.actions.environment import EMPTY, Environment
+from flexarm.arm.actions.loads import loads_inboard
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.stations import cuts_at
 from flexarm.base.errors import FlexarmWarning, SimulationError
 from flexarm.integrate.base import (
     Drive,
@@ -23,22 +25,27 @@ from flexarm.integrate.base import (
     System,
     Tolerance,
 )
-from flexarm.integrate.reactions import reactions_many
-from flexarm.kernels.layout import compile_time_sizes
+from flexarm.integrate.reactions import reactions_many, section_forces_many
+from flexarm.kernels.layout import Stations, compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import constants_with
-from flexarm.simulation.run.changes.schedule import ROUNDING, ArmChanges, ChangedArm, evenly
-from flexarm.simulation.run.contact_setup import contact_frequency, contacts_of_run
+from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
+from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
+from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import DefaultStep, default_step
 from flexarm.simulation.run.event_search import Watch
 from flexarm.simulation.run.events import Found
-from flexarm.simulation.run.failures import failure_of
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.section_forces import cut_systems, fill_sections
-from flexarm.simulation.run.tolerance import for_arm
+from flexarm.simulation.run.tolerance import for_arm, with_relative
 
+#: Channels of the three section forces, in the order of the kernels.
+SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
+#: Hints for failures that neither a smaller step nor other gains avoid.
+_HINTS = {
+    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface.",
+}
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
 #: Compiling for one model size takes about ten seconds and saves a third of each step. It pays off
@@ -56,6 +63,81 @@ _CHUNK = 4096
 
 #: Texts of warnings and their categories.
 Notices = list[tuple[str, type[FlexarmWarning]]]
+
+
+class CutSystem(NamedTuple):
+    """Arm cut at one station of each link, with the loads inboard of these stations."""
+
+    stations: Stations
+    system: System
+
+
+def cut_systems(arm: Arm, system: System, loads: LoadHistory, count: int) -> list[CutSystem]:
+    """Cut the arm of a run at ``count`` stations of each link; return an empty list for 0."""
+    found = []
+    for cut in cuts_at(arm, count) if count else ():
+        kept = loads_inboard(arm, loads.owners, loads.placed, cut.reach)
+        drive = system.drive._replace(loads=kept)
+        part = System(cut.sizes, cut.constants, drive, system.work)
+        found.append(CutSystem(cut.stations, part))
+    return found
+
+
+def fill_sections(
+    cuts: list[CutSystem],
+    times: FloatArray,
+    states: FloatArray,
+    accelerations: FloatArray,
+    root_accelerations: FloatArray,
+    reactions: FloatArray,
+    forces: FloatArray,
+) -> None:
+    """Compute the section forces (stations, samples, links, 3) from results of ``reactions_many``.
+
+    ``accelerations``, ``root_accelerations`` and ``reactions`` are these results; the section
+    forces are written to ``forces``.
+    """
+    for cut, values in zip(cuts, forces, strict=True):
+        section_forces_many(
+            cut.system,
+            cut.stations,
+            times,
+            states,
+            accelerations,
+            root_accelerations,
+            reactions,
+            values,
+        )
+
+
+def section_channels(forces: FloatArray) -> dict[str, FloatArray]:
+    """Return section forces (stations, samples, links, 3) by channel; empty without stations."""
+    if not len(forces):
+        return {}
+    return {
+        name: forces[..., part].transpose(1, 2, 0).copy()
+        for part, name in enumerate(SECTION_CHANNELS)
+    }
+
+
+def failure_of(
+    status: Status,
+    time: float,
+    state: tuple[FloatArray, FloatArray],
+    reason: str = "",
+    hint: str = "",
+) -> SimulationError:
+    """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
+    reason = reason or status.sentence
+    hint = (
+        hint
+        or _HINTS.get(status)
+        or (
+            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
+            "modes=k on the links; check torques, gains and damping signs."
+        )
+    )
+    return SimulationError(time, reason, hint, state)
 
 
 class Span(NamedTuple):
@@ -126,6 +208,7 @@ class Run:
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     default_atol: bool = False  # whether the absolute tolerance is the default one
+    request: float | None = None  # error over the reach; None if tolerances are given
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -134,6 +217,21 @@ class Run:
     def system(self, history: PiecewiseCubic) -> System:
         """Combine the arm, its loads and a torque history into the system to integrate."""
         return system_of(self.arm, self.prescribed, self.loads, history, self.specialized)
+
+    @property
+    def relative_of_functions(self) -> float:
+        """Relative tolerance of functions of time."""
+        return self.tolerance.relative if self.request is None else FUNCTIONS * self.request
+
+    def adopt(self, choice: Choice) -> None:
+        """Use another integrator, with the tolerance by which it reaches the requested error."""
+        if choice.integrator is not self.integrator and self.request is not None:
+            relative = relative_tolerance(choice.integrator, self.arm, self.request)
+            self.tolerance = with_relative(self.tolerance, relative)
+        self.choice, self.integrator = choice, choice.integrator
+        if self.watch is not None:
+            tolerance = self.tolerance
+            self.watch = replace(self.watch, integrator=self.integrator, tolerance=tolerance)
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray

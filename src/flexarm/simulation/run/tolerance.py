@@ -43,7 +43,7 @@ def absolute_tolerance(arm: Arm, atol: float | None, rtol: float) -> tuple[float
 
 
 def tolerance_of(
-    arm: Arm, state: FloatArray, atol: float | None, rtol: float, horizon: float
+    arm: Arm, state: FloatArray, relative: float, absolute: float, scale: float, horizon: float
 ) -> Tolerance:
     """Return the tolerance of a run that starts at ``state`` (2, n, 1 + m).
 
@@ -52,12 +52,16 @@ def tolerance_of(
     frequency, those of joints by the lowest one or, without any, by the duration.
 
     Args:
-        atol: absolute tolerance, m at the tip; None for the default.
+        relative: relative tolerance. absolute: absolute one over ``scale`` (m at the tip).
         horizon: duration of the run (s), or a duration of its order.
     """
-    absolute, scale = absolute_tolerance(arm, atol, rtol)
-    tolerance = Tolerance(absolute, rtol, tip_units(arm), 0.0, scale)
+    tolerance = Tolerance(absolute, relative, tip_units(arm), 0.0, scale)
     return for_arm(tolerance, arm, state, horizon)
+
+
+def with_relative(tolerance: Tolerance, relative: float) -> Tolerance:
+    """Return a default tolerance with another relative one."""
+    return tolerance._replace(relative=relative, absolute=_SHARE * relative)
 
 
 def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -> Tolerance:

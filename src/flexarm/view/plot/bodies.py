@@ -11,7 +11,6 @@ from matplotlib.colors import LinearSegmentedColormap
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
-from flexarm.view.plot.canvas import WIDTH, panels, rows
 from flexarm.view.plot.drawn_arm import (
     STATIONS,
     FloatArray,
@@ -24,7 +23,18 @@ from flexarm.view.plot.drawn_arm import (
     shapes_of,
 )
 from flexarm.view.plot.selection import readable_unit
-from flexarm.view.plot.style import BLUE, GREY, INK, RIGID, SKY, VERMILLION, legend_above
+from flexarm.view.plot.style import (
+    BLUE,
+    GREY,
+    INK,
+    RIGID,
+    SKY,
+    VERMILLION,
+    WIDTH,
+    legend_above,
+    panels,
+    rows,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -209,8 +219,7 @@ def _name_peak(
 def _along(arm: Arm, fraction: FloatArray) -> FloatArray:
     """Return distances from the base along the arm, (links, stations) m."""
     roots = np.cumsum(arm.lengths) - arm.lengths
-    distances: FloatArray = roots[:, None] + arm.lengths[:, None] * fraction
-    return distances
+    return np.asarray(roots[:, None] + arm.lengths[:, None] * fraction)
 
 
 def _finish_along(panel: Axes, arm: Arm, title: str, label: str) -> None:

@@ -26,11 +26,7 @@ _MOST_MAGNIFIED = 1e4
 
 
 def check_drawable(name: str, value: object) -> xr.Dataset:
-    """Validate that the arm of a result can be drawn, and return the result.
-
-    Raises:
-        InputError: if it is not a result of ``simulate`` with the coordinates of its arm.
-    """
+    """Validate that the arm of a result can be drawn, and return the result."""
     result = check_dataset(name, value)
     if not {"q", "joint_angle"} <= set(result.data_vars) or not result["time"].size:
         rule = "be a result of simulate"
@@ -45,20 +41,12 @@ def check_drawable(name: str, value: object) -> xr.Dataset:
 
 
 def check_magnify(value: object) -> float:
-    """Validate and return a factor on the bending of links.
-
-    Raises:
-        InputError: if it is not a number from 0 to 10,000.
-    """
+    """Validate and return a factor on the bending of links."""
     return check_nonnegative("magnify", value, _MOST_MAGNIFIED)
 
 
 def arm_of(name: str, result: xr.Dataset) -> Arm:
-    """Return the arm of a result, from its attribute ``arm``.
-
-    Raises:
-        InputError: if the result has no such attribute, or its text does not describe an arm.
-    """
+    """Return the arm of a result, from its attribute ``arm``."""
     text = result.attrs.get("arm")
     if not isinstance(text, str):
         raise InputError(Problem(name, "has no attribute 'arm' with the text of its arm"))
@@ -86,12 +74,8 @@ def scenario_of(result: xr.Dataset) -> Scenario | None:
 def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | None:
     """Return the motion of the rigid counterpart for a plot, or None.
 
-    Args:
-        rigid: True for the rigid arm at the joint angles of the result; a result of the rigid arm,
-            such as that of ``arm.rigid()`` with the same torques; False for none.
-
-    Raises:
-        InputError: if ``rigid`` is neither a bool nor a result.
+    ``rigid`` is True for the rigid arm at the joint angles of the result, or a result of the rigid
+    arm, such as that of ``arm.rigid()`` with the same torques.
     """
     if isinstance(rigid, bool | np.bool_):
         if not rigid:
@@ -129,10 +113,7 @@ def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatAr
 def shapes_of(
     arm: Arm, q: FloatArray, magnify: float = 1.0, stations: int = STATIONS
 ) -> FloatArray:
-    """Return shapes (k, links, stations, 2) m at coordinates q (k, dof), with magnified bending.
-
-    Magnified bending uses the linear theory, in which a link keeps its length.
-    """
+    """Return shapes (k, links, stations, 2) m; magnified ones keep lengths (linear theory)."""
     if magnify != 1.0:
         linear = Arm(arm.spec.model_copy(update={"theory": "linear"}))
         arm = linear if linear.dof == arm.dof else arm

@@ -41,11 +41,7 @@ class Correlation(NamedTuple):
 
 
 def fit_picture(channels: Sequence[FittedChannel], simulated: str) -> str:
-    """Return channels and their residuals over time as SVG.
-
-    Args:
-        simulated: the word for the simulated values.
-    """
+    """Return channels and their residuals over time as SVG."""
     sheet = Sheet(_WIDTH, _EDGES + _ROW * len(channels))
     with styled("screen"):
         axes = sheet.subplots(len(channels), 2, sharex=True, squeeze=False)

@@ -1,24 +1,40 @@
-"""Plots of channels over time, of channels against their rates, and of several results."""
+"""Plots of channels over time and against their rates, of several results, and on a page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from flexarm.base.arguments import check_choice, check_dataset
+from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.canvas import WIDTH, array_of, panels, rows
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.selection import Signals, named_results, several, signals_of
-from flexarm.view.plot.signals import draw_signals, finish, mark_ends
-from flexarm.view.plot.style import GREY, legend_above
+from flexarm.view.plot.selection import Signals, named_results, readable_unit, several, signals_of
+from flexarm.view.plot.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    RIGID,
+    VERMILLION,
+    WIDTH,
+    Sheet,
+    array_of,
+    legend_above,
+    margins,
+    panels,
+    place_labels,
+    rows,
+    styled,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Plotting libraries.
 BACKENDS = ("matplotlib", "plotly")
@@ -66,9 +82,7 @@ def history(
     result = check_dataset("result", result)
     found = several("channels", channels, result)
     if _plotly_requested(backend, axes):
-        from flexarm.view.plot.interactive import history_page
-
-        return history_page(found)
+        return _history_page(found)
     return _panels(channels, found, axes, draw_signals)
 
 
@@ -143,20 +157,18 @@ def phase_portrait(
     values = signals_of("channel", result, channel)
     rates = signals_of("channel", result, f"{RATES[plain]}{bracket}{part}")
     if _plotly_requested(backend, axes):
-        from flexarm.view.plot.interactive import phase_page
-
-        return phase_page(values, rates)
+        return _phase_page(values, rates)
     with panels(axes, 1, (4.2, 3.6), rows(1)) as (panel,):
         lines = []
         for k, color in enumerate(series_colors(len(values.keys))):
             x, y = values.values[:, k], rates.values[:, k]
             look: dict[str, Any] = {"color": color, "linewidth": 1.0, "label": values.labels[k]}
             lines += panel.plot(x, y, **look)
-            mark_ends(panel, x, y, named=False)
+            _mark_ends(panel, x, y, named=False)
         panel.set(title=values.title, xlabel=values.axis_label, ylabel=rates.axis_label)
         panel.set(xmargin=0.05)
         panel.grid(True, axis="both")
-        finish(panel, values.labels, lines)
+        _finish(panel, values.labels, lines)
         legend = panel.get_legend()
         if len(lines) == 1 and legend is not None:  # the start and end marks need no legend
             legend.remove()
@@ -202,3 +214,157 @@ def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
         handles += [Line2D([], [], color=GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
         handles, labels = handles[: len(labels) + len(parts)], [*labels, *parts]
     legend_above(panel, handles, labels)
+
+
+_PLOTLY_ROW = 230  # pixels
+
+
+def _history_page(found: list[Signals]) -> Any:
+    """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
+    _, subplots = _plotly()
+    titles = [signals.title for signals in found]
+    gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(found)}
+    figure = subplots.make_subplots(len(found), 1, subplot_titles=titles, **gaps)
+    figure.update_annotations(x=0.0, xanchor="left")  # the titles
+    for row, signals in enumerate(found, start=1):
+        for line, label, color in _lines(signals):
+            look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
+            legend = {"legendgroup": str(row), "legendgrouptitle": {"text": signals.title}}
+            figure.add_scatter(x=signals.time, y=line, row=row, col=1, **look, **legend)
+        figure.update_yaxes(title_text=signals.axis_label, row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(found), col=1)
+    figure.update_layout(
+        height=120 + _PLOTLY_ROW * len(found), template="simple_white", font_color=INK
+    )
+    return figure
+
+
+def _phase_page(values: Signals, rates: Signals) -> Any:
+    """Return a Plotly figure of a channel against its rate, with the time in the hover text."""
+    objects, _ = _plotly()
+    figure = objects.Figure()
+    for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):
+        figure.add_scatter(
+            x=x,
+            y=y,
+            name=label,
+            mode="lines",
+            line={"color": color, "width": 1.5},
+            customdata=values.time,
+            hovertemplate="t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}",
+        )
+    ends = {"mode": "markers", "showlegend": False, "hoverinfo": "skip"}
+    for k, fill in ((0, "white"), (-1, INK)):
+        dots = {"color": fill, "size": 8, "line": {"color": INK, "width": 1.5}}
+        figure.add_scatter(x=values.values[k], y=rates.values[k], marker=dots, **ends)
+    figure.update_xaxes(title_text=values.axis_label)
+    figure.update_yaxes(title_text=rates.axis_label)
+    figure.update_layout(title=values.title, template="simple_white", font_color=INK)
+    return figure
+
+
+def _lines(signals: Signals) -> list[tuple[Any, str, str]]:
+    labels = [label or signals.title for label in signals.labels]
+    return list(zip(signals.values.T, labels, series_colors(len(labels)), strict=True))
+
+
+def _plotly() -> tuple[Any, Any]:
+    """Import Plotly."""
+    try:
+        from plotly import graph_objects, subplots
+    except ImportError:
+        raise library_missing("backend 'plotly'", "plots") from None
+    return graph_objects, subplots
+
+
+_ENERGIES = {"kinetic_energy": BLUE, "strain_energy": VERMILLION, "gravity_energy": GREEN}
+_MOST_NAMES = 4  # that fit into a legend above a plot of this width
+_WIDTH, _PAGE_ROW, _PAGE_EDGES = 8.27, 2.5, 0.85  # inches
+
+
+@public_call_as("plot.signals_figure")
+def signals_figure(result: xr.Dataset) -> Sheet:
+    """Draw the main channels of a result of ``simulate`` on one page.
+
+    The page shows tip path, joint angles, tip deflections, joint rates, energies and torques, and
+    the strains if the arm has gauges.
+
+    Raises:
+        InputError: if the result is not one of `simulate`, or lacks one of these channels.
+    """
+    needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
+    check_dataset("result", result, ("time", *needed))
+    rows = 4 if "strain" in result else 3
+    sheet = Sheet(_WIDTH, _PAGE_EDGES + _PAGE_ROW * rows)
+    with styled():
+        grid = sheet.add_gridspec(rows, 2)
+        margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
+        _draw_tip_path(sheet.add_subplot(grid[0, 0]), result)
+        _draw_channel(sheet.add_subplot(grid[0, 1]), result, "joint_angle")
+        _draw_channel(sheet.add_subplot(grid[1, 0]), result, "link_tip_deflection")
+        _draw_channel(sheet.add_subplot(grid[1, 1]), result, "joint_rate")
+        _draw_energies(sheet.add_subplot(grid[2, 0]), result)
+        _draw_channel(sheet.add_subplot(grid[2, 1]), result, "torque")
+        if "strain" in result:
+            _draw_channel(sheet.add_subplot(grid[3, :]), result, "strain")
+        for axes in sheet.axes:
+            place_labels(axes)
+    return sheet
+
+
+def _draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
+    draw_signals(axes, signals_of("result", result, name))
+
+
+def draw_signals(axes: Axes, signals: Signals) -> None:
+    """Draw the lines of a channel over time."""
+    colors = series_colors(len(signals.labels))
+    lines = [
+        axes.plot(signals.time, line, color=color, linewidth=1.0, label=label)[0]
+        for line, label, color in zip(signals.values.T, signals.labels, colors, strict=True)
+    ]
+    axes.set(title=signals.title, xlabel="time [s]", ylabel=signals.axis_label)
+    _finish(axes, signals.labels, lines)
+
+
+def _draw_energies(axes: Axes, result: xr.Dataset) -> None:
+    """Draw the energies over time, and their sum as a dashed line."""
+    time = result["time"].values
+    energies = np.stack([result[name].values for name in _ENERGIES])
+    scale, unit = readable_unit("J", energies)
+    for (name, color), energy in zip(_ENERGIES.items(), energies, strict=True):
+        if np.any(energy):
+            label = name.removesuffix("_energy")
+            axes.plot(time, scale * energy, color=color, linewidth=1.0, label=label)
+    axes.plot(time, scale * energies.sum(axis=0), **{**RIGID, "label": "total"})
+    axes.set(title="Energy", xlabel="time [s]", ylabel=f"energy [{unit}]")
+    _finish(axes, [])
+
+
+def _draw_tip_path(axes: Axes, result: xr.Dataset) -> None:
+    """Draw the path of the tip in the plane, from an open to a filled dot."""
+    x, y = result["tip"].values.T
+    axes.plot(x, y, color=BLUE, linewidth=1.0)
+    _mark_ends(axes, x, y)
+    axes.set(title="Tip", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(True, axis="both")
+    legend_above(axes)
+
+
+def _mark_ends(axes: Axes, x: Any, y: Any, named: bool = True) -> None:
+    """Mark the start of a path by an open dot and its end by a filled one."""
+    look: dict[str, Any] = {"color": INK, "markersize": 4.0, "linestyle": "none", "marker": "o"}
+    start, end = ("start", "end") if named else ("_", "_")
+    axes.plot(x[0], y[0], **look, markerfacecolor="white", label=start)
+    axes.plot(x[-1], y[-1], **look, label=end)
+
+
+def _finish(axes: Axes, names: Sequence[str], lines: Sequence[Line2D] | None = None) -> None:
+    """Limit the ticks and add a legend; of many lines only the first and the last have labels."""
+    axes.locator_params(nbins=6)
+    lines = axes.get_lines() if lines is None else lines
+    for line in lines[1:-1] if len(names) > _MOST_NAMES else []:
+        line.set_label("_")
+    if len(axes.get_lines()) > 1:
+        legend_above(axes)

@@ -24,13 +24,9 @@ _CLEAR = 14.0
 def label_lines(
     axes: Axes, lines: Sequence[Line2D] | None = None, *, size: float = 8.0
 ) -> list[Text]:
-    """Write the label of each line beside it and in its colour, where it covers nothing else.
+    """Write labels of lines, by default all, beside them where they cover nothing else.
 
     Call it last, because the places depend on the limits and the layout.
-
-    Args:
-        lines: with labels; all labelled lines of the axes by default.
-        size: of the letters, points.
     """
     figure = axes.figure
     figure.draw_without_rendering()  # type: ignore[union-attr]  # applies the layout
@@ -95,12 +91,10 @@ def _best_place(
         cost += 10.0 * np.maximum(0.0, 1.0 - away.min(axis=1, initial=np.inf) / (_CLEAR * point))
     # Prefer the end of the line if all else is equal, because readers look there first.
     cost += np.repeat(np.linspace(1.0, 0.0, len(places)), len(_SIDES))
-    best: FloatArray = centers[np.argmin(cost)]
-    return best
+    return np.asarray(centers[np.argmin(cost)])
 
 
 def _distances(low: FloatArray, high: FloatArray, points: FloatArray) -> FloatArray:
     """Return the distances of boxes (k, 2) from points (n, 2): (k, n)."""
     beside = np.maximum(low[:, None] - points, points - high[:, None])
-    found: FloatArray = np.linalg.norm(np.maximum(beside, 0.0), axis=-1)
-    return found
+    return np.asarray(np.linalg.norm(np.maximum(beside, 0.0), axis=-1))

@@ -27,22 +27,14 @@ _MOST_RESULTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Lines of one channel.
+    """Lines of one channel."""
 
-    Attributes:
-        name: of the channel.
-        time: (T,) s.
-        values: (T, k) in ``unit``, the unit of the axis.
-        labels: (k,) of the lines.
-        keys: (k,) selectors of the lines, such as ``y`` in ``tip[y]``.
-    """
-
-    name: str
-    time: FloatArray
-    values: FloatArray
+    name: str  # of the channel
+    time: FloatArray  # (T,) s
+    values: FloatArray  # (T, k) in ``unit``, the unit of the axis
     unit: str
-    labels: tuple[str, ...]
-    keys: tuple[str, ...]
+    labels: tuple[str, ...]  # (k,) of the lines
+    keys: tuple[str, ...]  # (k,) selectors of the lines, such as ``y`` in ``tip[y]``
 
     @property
     def title(self) -> str:
@@ -59,14 +51,8 @@ class Signals:
 def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
     """Return the lines of a channel: all for ``"tip"``, one for ``"tip[y]"``.
 
-    Args:
-        name: name of its argument.
-        result: as returned by ``simulate``; readings of instruments are also channels.
-        channel: name of a channel of the result, with a part in brackets to select one line: the
-            number of a joint, link or contact, the axis, or the name of a coordinate.
-
-    Raises:
-        InputError: if the result has no such channel, or the channel has no such part.
+    In brackets is the number of a joint, link or contact, the axis, or the name of a coordinate.
+    Readings of instruments are also channels. ``name`` is that of the argument.
     """
     if not isinstance(channel, str):
         raise InputError(Problem(name, "be the name of a channel", shown(channel)))
@@ -130,11 +116,7 @@ def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
 
 
 def several(name: str, given: object, result: xr.Dataset) -> list[Signals]:
-    """Return the lines of one channel or of a list of channels.
-
-    Raises:
-        InputError: if ``given`` is neither, is empty, or contains a channel the result lacks.
-    """
+    """Return the lines of one channel or of a list of channels."""
     if given is None:
         given = [usual for usual in USUAL if usual in result and result[usual].size]
     if isinstance(given, str):
@@ -145,11 +127,7 @@ def several(name: str, given: object, result: xr.Dataset) -> list[Signals]:
 
 
 def named_results(results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
-    """Return results by name, from a mapping or a list; the names of a list are 1, 2, ....
-
-    Raises:
-        InputError: if there are none or more than ``most``, or an item is not a result.
-    """
+    """Return results by name, from a mapping or a list; the names of a list are 1, 2, ...."""
     import xarray as xr
 
     # A dataset is also a mapping, of its channels.

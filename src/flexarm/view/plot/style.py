@@ -6,18 +6,20 @@ drawn and saved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from typing import Any
 
+import numpy as np
 from cycler import cycler
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from flexarm.base.arguments import check_choice
-from flexarm.base.errors import public_call_as
+from flexarm.base.errors import InputError, Problem, public_call_as, shown
 from flexarm.view.plot.palette import BLUE as BLUE
 from flexarm.view.plot.palette import GREEN as GREEN
 from flexarm.view.plot.palette import GREY as GREY
@@ -145,14 +147,10 @@ def _styled(medium: str | None) -> Iterator[None]:
 
 
 class Sheet(Figure):
-    """Figure in the style of this package, on screen and in files.
+    """Figure of ``width`` and ``height`` in inches in the style of this package, also in files.
 
     The style is applied several times, because Matplotlib reads some settings when a figure is
     created and others when it is drawn or saved.
-
-    Args:
-        width, height: inches.
-        options: of ``Figure``.
     """
 
     def __init__(self, width: float, height: float, **options: Any) -> None:
@@ -178,14 +176,26 @@ class Sheet(Figure):
             super().savefig(fname, format=format, **{"dpi": DPI, **options})
 
 
+def page(
+    size: tuple[float, float],
+    arrange: _Arrange,
+    draw: Callable[[Sequence[Axes]], None],
+    labels: bool = True,
+) -> Sheet:
+    """Return a sheet with arranged and drawn axes, not registered with pyplot."""
+    sheet = Sheet(*size)
+    with styled():
+        made = arrange(sheet)
+        draw(made)
+        for each in made if labels else ():
+            place_labels(each)
+    return sheet
+
+
 def margins(
     sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
 ) -> None:
-    """Set the margins around all axes, in inches, for a sheet of any size.
-
-    Margins are fixed instead of computed by a layout engine, so that figures of a series are
-    aligned and drawn twice as fast.
-    """
+    """Set the margins around all axes, in inches: a layout engine takes twice as long."""
     width, height = sheet.get_size_inches()
     sheet.subplots_adjust(
         left=left / width,
@@ -210,13 +220,74 @@ def legend_above(
     labels: Sequence[str] | None = None,
     columns: int | None = None,
 ) -> None:
-    """Put the legend above the axes, at the right, where it covers no line.
-
-    Args:
-        handles, labels: of the legend; by default those of all labelled lines.
-        columns: by default as many as entries, in one row.
-    """
+    """Put the legend above the axes, at the right, in one row by default."""
     if handles is None or labels is None:
         handles, labels = axes.get_legend_handles_labels()
     columns = len(handles) if columns is None else columns
     axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
+
+
+#: Array of axes, as returned by ``plt.subplots``.
+AxesArray = NDArray[np.object_]
+_Arrange = Callable[[Sheet], Sequence[Axes]]
+
+#: Width of the text on an A4 page with the usual margins, inches.
+WIDTH = 6.5
+
+
+@contextmanager
+def panels(
+    axes: object, count: int, size: tuple[float, float], arrange: _Arrange
+) -> Iterator[list[Axes]]:
+    """Yield ``count`` axes: the given ones, or those of a new figure of pyplot.
+
+    The figure of ``size`` inches is registered with pyplot, so that notebooks and ``plt.show()``
+    display it. Axes of the caller keep the caller's settings.
+    """
+    if axes is not None:
+        yield _checked_axes(axes, count)
+        return
+    import matplotlib.pyplot as plt
+
+    # Load the backend before the style changes the settings, which it restores at the end: that of
+    # notebooks turns on the interactive mode, and without it they do not show later figures.
+    plt.draw_if_interactive()  # type: ignore[no-untyped-call]
+    with styled():
+        width, height = size
+        sheet = plt.figure(FigureClass=Sheet, width=width, height=height, dpi=SCREEN_DPI)
+        assert isinstance(sheet, Sheet)
+        own = list(arrange(sheet))
+        yield own
+        for each in own:
+            place_labels(each)
+
+
+def _checked_axes(axes: object, count: int) -> list[Axes]:
+    """Return ``count`` Matplotlib axes as a list."""
+    if isinstance(axes, np.ndarray):
+        given = list(axes.ravel())
+    else:
+        given = list(axes) if isinstance(axes, list | tuple) else [axes]
+    if len(given) == count and all(isinstance(each, Axes) for each in given):
+        return given
+    rule = "be Matplotlib axes" if count == 1 else f"be {count} Matplotlib axes, one for each panel"
+    found = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
+    raise InputError(Problem("axes", rule, found))
+
+
+def rows(count: int, **edges: float) -> _Arrange:
+    """Return an arrangement of panels in one column with a common horizontal axis."""
+
+    def arrange(sheet: Sheet) -> list[Axes]:
+        made = sheet.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+        margins(sheet, **{"left": 0.7, "bottom": 0.45, "right": 0.2, "top": 0.4, **edges})
+        return list(made)
+
+    return arrange
+
+
+def array_of(axes: Sequence[Axes], *shape: int) -> AxesArray:
+    """Return axes as an array of the given shape; by default one-dimensional."""
+    found = np.empty(len(axes), dtype=object)
+    found[:] = axes
+    return found.reshape(shape) if shape else found

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.writing.places import AnyPath, check_place, write_text
-from flexarm.identification.result import Identification
-from flexarm.identification.storage import is_identification
+from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
-from flexarm.view.plot.animation.page import fragment
-from flexarm.view.plot.animation.scene import SceneOptions, scene_of, stations_of
-from flexarm.view.plot.animation.surroundings import surroundings
+from flexarm.view.plot.animation.scene import (
+    SceneOptions,
+    fragment,
+    scene_of,
+    stations_of,
+    surroundings,
+)
 from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
-from flexarm.view.reporting.document import render, template_engine
-from flexarm.view.reporting.panels import fitted, panels
-
-if TYPE_CHECKING:
-    import xarray as xr
+from flexarm.view.reporting.document import fitted, panels, render, template_engine
 
 #: Histories beside the arm; the others are below it.
 _BESIDE = 3

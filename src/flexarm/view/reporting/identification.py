@@ -19,7 +19,7 @@ from flexarm.identification.result import (
 from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
-from flexarm.view.plot.animation.page import style
+from flexarm.view.plot.animation.scene import style
 from flexarm.view.plot.fits import (
     Correlation,
     FittedChannel,
@@ -27,8 +27,7 @@ from flexarm.view.plot.fits import (
     fit_picture,
     matrix_picture,
 )
-from flexarm.view.reporting.document import clean, file_item, text_of
-from flexarm.view.reporting.measures import Table, number
+from flexarm.view.reporting.document import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
 _BAND = 2.576
@@ -39,11 +38,7 @@ _MOST_DRAWN = 24
 
 
 def identification_page(engine: Any, found: Identification, title: str, notes: str) -> str:
-    """Return the page of an identification.
-
-    Args:
-        engine: from `template_engine`.
-    """
+    """Return the page of an identification."""
     names = found.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
     matrix = found.parameters["correlation"].values

@@ -1,21 +1,33 @@
-"""The server of the studio: its address, its guard, and one page for each window."""
+"""The server of the studio: its address, its guard, and one window for each page."""
 
 from __future__ import annotations
 
+import asyncio
+import json
+import math
 import secrets
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
 from nicegui import Client, app, ui
+from nicegui.events import GenericEventArguments, UploadEventArguments
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import Response
 
-from flexarm.view.plot.animation.page import player_function, style
-from flexarm.view.studio.compute import Failure, Request, parts_of
+import flexarm
+from flexarm.base.errors import InputError, printable
+from flexarm.model import PlantSpec
+from flexarm.model.checks import Record
+from flexarm.model.wording import Path, path_text
+from flexarm.simulation.calls.result import package_version
+from flexarm.view.plot.animation.scene import player_function, style
+from flexarm.view.studio.compute import Failure, Margins, Part, Picture, Report, Request, parts_of
 from flexarm.view.studio.guard import Guard, is_loopback
-from flexarm.view.studio.page import Window
-from flexarm.view.studio.state import History, Project
+from flexarm.view.studio.panel import Panel
+from flexarm.view.studio.state import History, Project, open_bytes
+from flexarm.view.studio.values.edits import shown_by
 from flexarm.view.studio.worker import Worker
 
 _TAB = "flexarm_history"
@@ -26,19 +38,12 @@ _RECONNECT = 60.0
 
 
 def serve(project: Project, host: str, port: int, token: str, show: bool) -> None:
-    """Serve the studio until it is interrupted.
-
-    Args:
-        project: state of a new window.
-        host, port: where to listen.
-        token: text that a browser must send.
-        show: whether to open a browser.
-    """
+    """Serve the studio until it is interrupted; a browser must send the token."""
     worker = Worker(parts_of, lambda text: Failure((("", text),)))
     # The first answers load or compile their kernels while the browser opens.
     for purpose in ("picture", "margins"):
         worker.submit(purpose, Request(project, purpose), lambda number, part: None)
-    windows: dict[str, Window] = {}
+    windows: dict[str, _Window] = {}
     app.storage.max_tab_storage_age = _KEPT
     first = secrets.token_urlsafe(24) if show else ""
     app.add_middleware(Guard, token=token, first=first, local=is_loopback(host), port=port)
@@ -71,7 +76,7 @@ def serve(project: Project, host: str, port: int, token: str, show: bool) -> Non
         if owner != client.tab_id:
             history = history.copy()
         app.storage.tab[_TAB] = (client.tab_id, history)
-        made = Window(history, worker)
+        made = _Window(history, worker)
         windows[made.key] = made
 
         def leave(_: Any = None) -> None:
@@ -113,3 +118,377 @@ _ICON = (
 @cache
 def _text(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+_LARGEST_FILE = 20_000_000  # bytes
+#: Name of a file that the browser does not send, or could not send, and the reason.
+_REJECTED = "(all) => emit(all[0].file.name, all[0].failedPropValidation)"
+_FAILED = "(info) => emit(info.files[0].name, `status ${info.xhr.status}`)"
+_REASONS = {
+    "accept": "its name does not end in .yaml or .yml.",
+    "max-file-size": f"it is larger than {_LARGEST_FILE / 1e6:g} MB.",
+}
+_MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
+
+
+class _Window:
+    """A browser window.
+
+    Attributes:
+        key: secret part of the address of its picture.
+        latest: number, whether the slider is released, and data (JSON) of the newest picture.
+    """
+
+    def __init__(self, history: History, worker: Worker) -> None:
+        self.history, self._worker = history, worker
+        self.key = secrets.token_urlsafe(16)
+        self.latest: tuple[int, bool, bytes] | None = None
+        self._margins_key = f"{self.key} margins"
+        # Numbers of pictures: the last request, the one shown, the oldest that may be shown.
+        self._newest = self._shown = self._oldest = 0
+        self._requested: Project | None = None
+        self._pictured: Project | None = None
+        self._seconds = 0.0
+        self._loop = asyncio.get_running_loop()
+        self._client = ui.context.client
+        ui.colors(primary="#005A8E")  # dark enough for text on white
+        with ui.element("div").classes("studio"):
+            self._add_bar()
+            with ui.element("main").classes("stage"):
+                self._add_stage()
+            self._panel = Panel(self._preview, self._commit, self._put)
+        self._refresh()
+
+    def close(self) -> None:
+        """Drop what is waiting for this window."""
+        for owner in (self.key, self._margins_key, f"{self.key} report"):
+            self._worker.forget(owner)
+
+    # The bar, and what its buttons do.
+
+    def _add_bar(self) -> None:
+        with ui.element("header").classes("bar"):
+            ui.label("flexarm studio").classes("brand")
+            self._name = ui.label().classes("file")
+            upload = ui.upload(auto_upload=True, max_file_size=_LARGEST_FILE, on_upload=self._open)
+            upload.classes("hidden").props("accept=.yaml,.yml")
+            upload.on("rejected", self._refuse, js_handler=_REJECTED)
+            upload.on("failed", self._refuse, js_handler=_FAILED)
+            self._upload = upload
+            pick = f"() => getElement({upload.id}).$refs.qRef.pickFiles()"
+            _button("Open", "Open an arm, scenario or study file").on("click", js_handler=pick)
+            with _button("Save", "Save a file"), ui.menu():
+                for kind in ("model", "scenario", "study"):
+                    item = ui.menu_item(f"Save the {kind}", lambda kind=kind: self._save(kind))
+                    if kind == "study":
+                        self._save_study = item
+            with _button("Export", "Export a report or a Python script"), ui.menu():
+                ui.menu_item("Report (HTML)", self._report)
+                ui.menu_item("Python script", self._script)
+            self._undo = _button("Undo", "Undo (Ctrl+Z)", self.undo).classes("undo")
+            self._redo = _button("Redo", "Redo (Ctrl+Y)", self.redo).classes("redo")
+            self._status = ui.label().classes("status").props("role=status")
+
+    async def _open(self, event: UploadEventArguments) -> None:
+        self._upload.reset()
+        try:
+            project = open_bytes(await event.file.read(), event.file.name)
+        except InputError as error:
+            self._say(f"The file {printable(event.file.name)} was not opened.\n{error}")
+            return
+        except OSError as error:  # of the temporary file of a large upload
+            self._say(f"The file was not opened: {error.strerror or error}.")
+            return
+        self._say("")
+        self._put(project)
+
+    def _refuse(self, event: GenericEventArguments) -> None:
+        """Report a file that was not sent."""
+        name, cause = map(str, event.args)
+        self._upload.reset()
+        reason = _REASONS.get(cause, f"the browser could not send it ({cause}).")
+        self._say(f"The file {printable(name)} was not opened: {reason}")
+
+    def _save(self, kind: str) -> None:
+        name, text = self.history.now.files()[kind]
+        ui.download.content(text, name, "application/yaml")
+
+    def _script(self) -> None:
+        project = self.history.now
+        ui.download.content(script_of(project), f"{project.name}.py", "text/x-python")
+
+    def _report(self) -> None:
+        self._status.set_text("writing the report …")
+        request = Request(self.history.now, "report")
+        self._worker.submit(f"{self.key} report", request, self._deliver(request))
+
+    def undo(self) -> None:
+        """Return to the state before the last edit."""
+        self.history.undo()
+        self._refresh()
+
+    def redo(self) -> None:
+        """Repeat the edit that was undone last."""
+        self.history.redo()
+        self._refresh()
+
+    # The picture, the numbers and the messages.
+
+    def _add_stage(self) -> None:
+        self._notice = ui.label().classes("notice").props("role=alert")
+        self._failure = ui.label().classes("notice failure").props("role=alert")
+        self._picture = ui.element("div").classes("picture").props(f"data-key={self.key}")
+        self._warnings = ui.label().classes("notice").props("role=alert")
+        with ui.element("div").classes("numbers"):
+            with ui.element("div"):
+                ui.label("Natural frequencies").classes("title")
+                ui.label("joints locked, at the start").classes("quiet")
+                self._frequencies = ui.label("–").classes("frequencies")
+            with ui.element("div"):
+                ui.label("Margins of the loop").classes("title")
+                ui.label("at the start, one joint at a time").classes("quiet")
+                self._margins = ui.element("table")
+                self._note = ui.label().classes("quiet")
+        for label in (self._notice, self._failure, self._warnings):
+            label.set_visibility(False)
+        # What belongs to a run: grey while it is that of another project.
+        self._of_the_run = (self._picture, self._warnings, self._frequencies)
+        self._of_the_loop = (self._margins, self._note)
+
+    def _say(self, text: str) -> None:
+        _fill(self._notice, text)
+
+    # Values and their fields.
+
+    def _preview(self, path: Path, value: Any) -> None:
+        project = self._edited(path, value)
+        if project is not None:
+            self._panel.explain(path, "")
+            self._ask(project)
+
+    def _commit(self, path: Path, value: Any) -> None:
+        project = self._edited(path, value)
+        if project is None:
+            self._settle()  # not the preview of a value that was refused
+        else:
+            self._put(project)
+            name = json.dumps(path_text(shown_by(project.record, project.placed(path), path)))
+            self._client.run_javascript(f"flexarmStudio.focus({name})")
+
+    def _edited(self, path: Path, value: Any) -> Project | None:
+        """Return the edited project, or show beside the field why there is none."""
+        try:
+            return self.history.now.edited(path, value)
+        except InputError as error:
+            self._panel.explain(path, "\n".join(problem.statement for problem in error.problems))
+            return None
+
+    def _put(self, project: Project) -> None:
+        self.history.put(project)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Compute the state, and show it in all fields meanwhile."""
+        project = self.history.now
+        self._settle()
+        self._name.set_text(project.name)
+        self._undo.set_enabled(self.history.can_undo)
+        self._redo.set_enabled(self.history.can_redo)
+        self._save_study.set_visibility(project.choice is not None)
+        self._panel.show(project)
+
+    # Requests and answers.
+
+    def _ask(self, project: Project) -> None:
+        """Compute the picture of a project, unless it is shown or was requested last."""
+        if project == self._requested:
+            return
+        self._requested = project
+        self._worker.forget(self._margins_key)
+        _mark(self._of_the_loop, add="waiting")
+        if project == self._pictured:
+            self._worker.forget(self.key)
+            self._oldest = self._newest + 1  # pictures on their way are of other projects
+            self._be_current()
+            return
+        request = Request(project)
+        self._newest = self._worker.submit(self.key, request, self._deliver(request))
+        _mark(self._of_the_run, add="waiting")
+        self._status.set_text("computing …")
+
+    def _settle(self) -> None:
+        """Compute what belongs to the state: its picture, and after it the margins."""
+        project = self.history.now
+        self._ask(project)
+        if project == self._pictured and self.latest is not None:
+            # The last value of a slider that moved: its picture is shown already.
+            self.latest = (self.latest[0], True, self.latest[2])
+            self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
+        request = Request(project, "margins")
+        self._worker.submit(self._margins_key, request, self._deliver(request), after=self.key)
+
+    def _deliver(self, request: Request) -> Callable[[int, Any], None]:
+        def deliver(number: int, part: Part) -> None:
+            self._loop.call_soon_threadsafe(self._receive, request, number, part)
+
+        return deliver
+
+    def _receive(self, request: Request, number: int, part: Part) -> None:
+        """Show a part of an answer, unless a newer one is shown."""
+        if self._client.is_deleted:
+            return
+        with self._client:
+            if isinstance(part, Report):
+                name = f"{request.project.name}.html"
+                ui.download.content(part.text, name, "text/html")
+                self._status.set_text("report written")
+            elif request.purpose == "report":
+                assert isinstance(part, Failure)
+                self._say("The report was not written.\n" + _text_of(part))
+                self._status.set_text("")
+            elif request.purpose == "margins":
+                assert isinstance(part, Margins | Failure)
+                if request.project == self.history.now:
+                    self._show_margins(self._without(part) if isinstance(part, Failure) else part)
+            elif number < max(self._shown, self._oldest):
+                return  # a newer picture is shown
+            elif isinstance(part, Picture):
+                self._show_picture(request, number, part)
+            elif number == self._newest and isinstance(part, Failure):
+                self._show_failure(part)
+
+    def _show_picture(self, request: Request, number: int, part: Picture) -> None:
+        self._shown, self._pictured = number, request.project
+        self.latest = (number, request.project == self.history.now, part.data)
+        self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
+        _fill(self._warnings, "\n".join(f"Warning: {text}" for text in part.warnings))
+        listed = ", ".join(f"{frequency:.4g}" for frequency in part.frequencies)
+        self._frequencies.set_text(f"{listed} Hz" if listed else "none: all links are rigid")
+        self._seconds = part.seconds
+        if number == self._newest:
+            self._be_current()
+
+    def _be_current(self) -> None:
+        """Show that the picture is that of the newest request."""
+        _fill(self._failure, "")
+        _mark(self._of_the_run, remove="waiting old")
+        self._status.set_text(f"computed in {1e3 * self._seconds:.0f} ms")
+
+    def _without(self, failure: Failure) -> Margins:
+        """Return what is shown in place of margins; the picture may report the same failure."""
+        cause = f": {_text_of(failure)}" if self.history.now == self._pictured else "."
+        return Margins((), f"Margins are not computed{cause}")
+
+    def _show_margins(self, part: Margins) -> None:
+        self._note.set_text(part.note)
+        self._margins.clear()
+        _mark(self._of_the_loop, remove="waiting")
+        if not part.rows:
+            return
+        with self._margins:
+            for k, row in enumerate((_MARGINS, *part.rows)):
+                with ui.element("tr"):
+                    for text in row:
+                        with ui.element("th" if k == 0 else "td"):
+                            ui.label(text)
+
+    def _show_failure(self, part: Failure) -> None:
+        """Show why there is no picture; the last run stays, marked as old."""
+        old = self.latest is not None
+        head = "The picture shows the last run that worked." if old else "There is no picture."
+        _fill(self._failure, f"{_text_of(part)}\n{head}")
+        for name, text in part.problems:
+            if name:
+                self._panel.explain_named(name, text)
+        _mark(self._of_the_run, remove="waiting", add="old")
+        self._status.set_text("not computed")
+
+
+def _button(text: str, help_text: str, call: Callable[[], None] | None = None) -> ui.button:
+    button = ui.button(text, on_click=call).props("flat dense no-caps")
+    return button.tooltip(help_text)
+
+
+def _mark(elements: Sequence[ui.element], add: str = "", remove: str = "") -> None:
+    """Add and remove classes of elements."""
+    for element in elements:
+        element.classes(add=add, remove=remove)
+
+
+def _text_of(failure: Failure) -> str:
+    return "\n".join(text for _, text in failure.problems)
+
+
+def _fill(label: ui.label, text: str) -> None:
+    """Show a text, or hide its label if it is empty."""
+    label.set_text(text)
+    label.set_visibility(bool(text))
+
+
+_WIDTH = 96
+_END = """\
+tip, bent = result["tip"].values, abs(result["link_tip_deflection"]).max("time").values
+print("tip at the end [m]:", *tip[-1])
+print("largest deflection of each link [m]:", *bent)
+# fa.report(result, "report.html")
+# fa.animate(result, "arm.html")
+"""
+
+
+def script_of(project: Project) -> str:
+    """Return the text of a program that simulates what a window shows, in ``result``."""
+    names: dict[str, set[str]] = {}
+    scenario = _code(project.scenario, names, 0, len("scenario = "))
+    plant = project.plant
+    lines = [f"scenario = {scenario}", ""]
+    if plant is None or plant == PlantSpec():
+        lines += ["result = fa.run_scenario(scenario)"]
+    else:
+        names.setdefault("flexarm.model.scenarios.study", set()).add("plant_spec")
+        names.setdefault("flexarm.cases.scenario.scenario", set()).add("prepare")
+        varied = _code(plant, names, 0, len("difference = "))
+        lines += [
+            "# The simulated arm differs from the design model of the controller.",
+            f"difference = {varied}",
+            "plant = fa.Arm(plant_spec(scenario.arm, difference))",
+            "more = {'loads': difference.loads, 'changes': difference.changes}",
+            "result = prepare(scenario).run(plant=plant, **more)",
+        ]
+    imports = ["import flexarm as fa"]
+    for module in sorted(names):
+        imports.append(f"from {module} import {', '.join(sorted(names[module]))}")
+    head = f'"""A simulation, as shown by flexarm studio {package_version()}."""'
+    return "\n".join([head, "", *imports, "", *lines, "", _END])
+
+
+def _code(value: Any, names: dict[str, set[str]], indent: int, used: int) -> str:
+    """Return an expression for a value that begins at ``used``; collect classes by module."""
+    if isinstance(value, Record):
+        given = {name: part for name, part in value if name in value.model_fields_set}
+        given.pop("kind", None)
+        opening, closing = f"{_class_of(value, names)}(", ")"
+        parts = [(f"{name}=", part) for name, part in given.items()]
+    elif isinstance(value, dict):
+        opening, closing = "{", "}"
+        parts = [(f"{name!r}: ", part) for name, part in value.items()]
+    elif isinstance(value, tuple):
+        opening, closing = "[", "]"
+        parts = [("", part) for part in value]
+    else:
+        infinite = isinstance(value, float) and math.isinf(value)
+        return f'float("{value}")' if infinite else repr(value)
+    inner = [name + _code(part, names, indent + 4, indent + 4 + len(name)) for name, part in parts]
+    one_line = f"{opening}{', '.join(inner)}{closing}"
+    if "\n" not in one_line and used + len(one_line) <= _WIDTH:
+        return one_line
+    space = " " * (indent + 4)
+    return "\n".join([opening, *(f"{space}{part}," for part in inner), f"{' ' * indent}{closing}"])
+
+
+def _class_of(record: Record, names: dict[str, set[str]]) -> str:
+    """Return the name of a record's class, of `flexarm` if it is public there."""
+    kind = type(record)
+    if getattr(flexarm, kind.__name__, None) is kind:
+        return f"fa.{kind.__name__}"
+    names.setdefault(kind.__module__, set()).add(kind.__name__)
+    return kind.__name__

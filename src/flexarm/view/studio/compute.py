@@ -7,10 +7,11 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import orjson
+import xarray as xr
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
@@ -21,16 +22,12 @@ from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.arm.plausibility import implausible
 from flexarm.simulation.calls.compare import warnings_of
-from flexarm.view.plot.animation.page import player_data
-from flexarm.view.plot.animation.scene import SceneOptions, scene_of, thin
+from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
 from flexarm.view.plot.drawn_arm import rigid_result
 from flexarm.view.plot.selection import Signals, several
 from flexarm.view.reporting import clock, report
-from flexarm.view.reporting.panels import error_panel, few_lines
+from flexarm.view.reporting.document import error_panel, few_lines
 from flexarm.view.studio.state import Project
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 40_000, 200
@@ -40,12 +37,7 @@ _MOST_FREQUENCIES = 6
 
 @dataclass(frozen=True)
 class Request:
-    """Work for the computing process.
-
-    Attributes:
-        project: what to simulate.
-        purpose: what to compute.
-    """
+    """Work for the computing process: what to simulate, and for what purpose."""
 
     project: Project
     purpose: Literal["picture", "margins", "report"] = "picture"
@@ -53,31 +45,21 @@ class Request:
 
 @dataclass(frozen=True)
 class Picture:
-    """A finished run.
+    """A finished run."""
 
-    Attributes:
-        data: of the player, as JSON. warnings: of the arm and of the result.
-        frequencies: with locked joints at the start, Hz.
-        seconds: computing time.
-    """
-
-    data: bytes
-    warnings: tuple[str, ...]
-    frequencies: tuple[float, ...]
-    seconds: float
+    data: bytes  # of the player, as JSON
+    warnings: tuple[str, ...]  # of the arm and of the result
+    frequencies: tuple[float, ...]  # with locked joints at the start, Hz
+    seconds: float  # computing time
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of the loop at the start of the motion.
+    """Margins of the loop at the start of the motion."""
 
-    Attributes:
-        rows: joint, gain margin, phase margin (degrees) and delay margin (ms), as text.
-        note: why there are none, or a statement about all of them.
-    """
-
+    #: joint, gain margin, phase margin (degrees) and delay margin (ms), as text
     rows: tuple[tuple[str, str, str, str], ...]
-    note: str = ""
+    note: str = ""  # why there are none, or a statement about all of them
 
 
 @dataclass(frozen=True)
@@ -89,13 +71,9 @@ class Report:
 
 @dataclass(frozen=True)
 class Failure:
-    """A run that is not possible, or did not reach its end.
+    """A run that is not possible, or did not reach its end."""
 
-    Attributes:
-        problems: path of a value, or empty, and the statement about it.
-    """
-
-    problems: tuple[tuple[str, str], ...]
+    problems: tuple[tuple[str, str], ...]  # path of a value, or empty, and the statement about it
 
 
 Part = Picture | Margins | Report | Failure
@@ -118,7 +96,8 @@ def _part(request: Request) -> Part:
     prepared, plant = _prepared(project)
     if request.purpose == "margins":
         return _margins(prepared, plant)
-    result = _run(project, prepared, plant)
+    own = project.plant or PlantSpec()
+    result = prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
     if request.purpose == "report":
         return Report(report(result, title=project.name, rigid=True))
     return _picture(prepared, plant, result, began)
@@ -126,18 +105,10 @@ def _part(request: Request) -> Part:
 
 @lru_cache(maxsize=1)
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
-    """Return the scenario, ready to run, and the simulated arm if it differs.
-
-    The last one is kept, because the margins follow the picture.
-    """
+    """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
     prepared = prepare(project.scenario)
     arm = project.simulated_arm
     return prepared, None if arm == project.scenario.arm else Arm(arm)
-
-
-def _run(project: Project, prepared: Prepared, plant: Arm | None) -> xr.Dataset:
-    own = project.plant or PlantSpec()
-    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
 
 
 def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
@@ -170,7 +141,7 @@ def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
-    """Return the margins at the start; controllers without a declared memory have none."""
+    """Return the margins at the start; controllers without poles have none."""
     controller, options = prepared.options.get("controller"), prepared.options
     if controller is None:
         return Margins((), "The drive has no feedback loop.")
@@ -191,12 +162,8 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
         factor * table[f"worst_{name}"].values for name, factor in zip(names, factors, strict=True)
     ]
     rows = tuple(
-        (f"joint {joint}", *(_number(value) for value in row))
+        (f"joint {joint}", *(f"{value:.3g}" if np.isfinite(value) else "∞" for value in row))
         for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
     )
     unstable = float(table["growth"].max()) > 0.0
     return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}" if np.isfinite(value) else "∞"

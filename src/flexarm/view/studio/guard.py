@@ -25,16 +25,11 @@ class Guard:
 
     Other users of the same machine reach a loopback address, too. A page of another site could let
     a browser send requests to a server on the same machine. Such requests have another `Origin`, or
-    another `Host` if the name of that site is directed to this machine.
-
-    Args:
-        app: the application behind it.
-        token: secret that the address contains once, and then a cookie.
-        first: secret that stands for the token in the first request with it. It is that of the
-            browser that the program opens, because other users can read the addresses in the
-            arguments of programs.
-        local: whether the server is reached from this machine only.
-        port: of the server. Cookies are shared by all ports of a machine.
+    another `Host` if the name of that site is directed to this machine. The address contains the
+    token once, and then a cookie does, whose name has the port, because cookies are shared by all
+    ports of a machine. ``first`` stands for the token in the first request with it: it is that of
+    the browser that the program opens, because other users can read the addresses in the arguments
+    of programs. ``local`` states whether the server is reached from this machine only.
     """
 
     def __init__(self, app: ASGIApp, token: str, first: str, local: bool, port: int) -> None:

@@ -13,10 +13,9 @@ from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.places import AnyPath
 from flexarm.model import ArmSpec, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.checks import Record
-from flexarm.model.file_format.changes import Change, changed
 from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.files import load_any, record_of_bytes
-from flexarm.model.file_format.yaml_text import parse
+from flexarm.model.file_format.yaml_text import Change, changed, parse
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
 from flexarm.view.studio.values.edits import WORDS, explicit, plain_edit
@@ -41,17 +40,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class Project:
-    """A scenario or a study, and what of it is simulated; edits return another project.
+    """A scenario or a study, and what of it is simulated; edits return another project."""
 
-    Attributes:
-        record: the scenario or the study.
-        name: name for its files, without suffix.
-        choice: None for a scenario.
-    """
-
-    record: Scenario | StudySpec
-    name: str
-    choice: Choice | None = None
+    record: Scenario | StudySpec  # the scenario or the study
+    name: str  # name for its files, without suffix
+    choice: Choice | None = None  # None for a scenario
 
     @property
     def scenario(self) -> Scenario:
@@ -88,9 +81,6 @@ class Project:
 
         This is the override of ``flexarm run --set``, with its messages. Paths that end with a word
         of `flexarm.view.studio.values.edits` are other edits, such as a new entry of a list.
-
-        Raises:
-            InputError: if the value is not valid there.
         """
         place = self.placed(path)
         values: Sequence[Any] = (value,)
@@ -124,11 +114,7 @@ class Project:
         return self._with_entries(one, {**entries, name: entries[old]}, name)
 
     def renamed(self, one: str, name: str) -> Project:
-        """Return a project in which the chosen drive, motion or plant has another name.
-
-        Raises:
-            InputError: if it is the name of another one, or is not a name.
-        """
+        """Return a project in which the chosen drive, motion or plant has another name."""
         old, entries = getattr(self.choice, one), self._entries(one)
         if name != old and name in entries:
             raise InputError(Problem(one, f"repeats {name!r}, the name of another one"))
@@ -136,11 +122,7 @@ class Project:
         return self._with_entries(one, renamed, name)
 
     def removed(self, one: str) -> Project:
-        """Return a project without the chosen drive, motion or plant.
-
-        Raises:
-            InputError: if it is the only one.
-        """
+        """Return a project without the chosen drive, motion or plant, unless it is the only one."""
         entries = self._entries(one)
         del entries[getattr(self.choice, one)]
         return self._with_entries(one, entries, next(iter(entries), ""))
@@ -188,20 +170,12 @@ def project_of(record: ArmSpec | Scenario | StudySpec, name: str) -> Project:
 
 
 def open_file(path: AnyPath) -> Project:
-    """Open an arm, scenario or study file.
-
-    Raises:
-        ModelError: if the file cannot be read or is invalid; lists all problems with lines.
-    """
+    """Open an arm, scenario or study file; ModelError lists all problems with lines."""
     return project_of(load_any(path), _stem(str(path)))
 
 
 def open_bytes(content: bytes, file: str) -> Project:
-    """Open the content of a file that a browser sent; it must not name another file.
-
-    Raises:
-        ModelError: if it is invalid; lists all problems with lines.
-    """
+    """Open the content of a file that a browser sent; it must not name another file."""
     return project_of(record_of_bytes(content, file), _stem(file))
 
 

@@ -39,11 +39,8 @@ class Worker:
 
     A new request replaces the waiting one of the same owner. Answers come in the order of their
     numbers, also those of requests that have been superseded: the owner drops them by number.
-
-    Args:
-        job: function of a request that yields the parts of its answer; both are pickled.
-        failure: function of a sentence that returns the part for a request without an answer.
-        patience, longest: times (s) after which a superseded run and any run are stopped.
+    ``failure`` returns the part of an answer to a request without one. A superseded run and any run
+    are stopped after the times ``patience`` and ``longest``, s.
     """
 
     def __init__(
@@ -69,9 +66,7 @@ class Worker:
     ) -> int:
         """Compute a request in place of the waiting one of its owner; return its number.
 
-        Args:
-            after: another owner, whose requests are more important: they stop this one as later
-                requests of the same owner do.
+        Requests of ``after``, another owner, stop this one as later requests of the same owner do.
         """
         with self._change:
             ticket = _Ticket(next(self._numbers), request, deliver, frozenset((owner, after)))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference
 from flexarm.control.design.surface_plan import SurfaceMotion, SurfacePlan
-from flexarm.control.design.task_plan import TaskReference
+from flexarm.control.design.task_plan import NUMBERS, TaskPlan, TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.hybrid_force import HybridForce
 from flexarm.control.laws.force.task_controller import felt_force
@@ -44,26 +44,12 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     """
 
     references: ClassVar[str] = "RoyWhitcomb2002"
-    memory = (  # type: ignore[assignment]
-        *HybridForce.memory,
-        "_estimate",
-        "_friction",
-        "_friction_rate",
-        "_unfelt",
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._surface = SurfacePlan(self.arm, self.sample_time)
+        self._rougher = TaskPlan(self.arm, self.sample_time)
+        self._surface = SurfacePlan(self.sample_time)
         self._gains = np.full(self._terms, self.adaptation)
-        self._clear()
-
-    def _clear(self) -> None:
-        self._estimate = np.zeros(self._terms)
-        self._friction: float | None = None
-        self._friction_rate = 0.0
-        self._now = _AT_REST
-        self._unfelt = self._released  # time since a force was measured, s
 
     @property
     def _terms(self) -> int:
@@ -75,10 +61,9 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         """Time without a force (s) from which on a longer one makes no difference."""
         return self.release_time + self.sample_time
 
-    @property
-    def _slides(self) -> bool:
-        """Whether the tip certainly slides; below this speed, static friction may hold it."""
-        return abs(self._now.speed) >= _SLIDING * self.nominal_speed
+    def _slides(self, inputs: Arrays) -> bool:
+        """Return whether the tip certainly slides; below this speed, static friction may hold."""
+        return abs(surface_of(inputs).speed) >= _SLIDING * self.nominal_speed
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -86,72 +71,125 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
 
         The first two are the pushes at ``nominal_force`` per second and ``nominal_speed``.
         """
-        stiffness, slope = self._estimate[:2].tolist()
-        friction = 0.0 if self._friction is None else self._friction
+        stiffness, slope = self.memory.get("estimate", np.zeros(2))[:2].tolist()
+        friction = float(self.memory.get("friction", 0.0))
         return {"stiffness_push": stiffness, "slope_push": slope, "friction": friction}
 
     def reset(self) -> None:
-        """Clear the estimates, the integrals of both errors, and the reference."""
+        """Clear the memory and the reference."""
         super().reset()
+        self._rougher.reset()
         self._surface.reset()
-        self._clear()
 
-    def _request(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
-        if self._friction is None:
-            self._friction = getattr(reference, "friction", 0.0)
-        if reference is not None and hasattr(reference, "contact_force"):
-            self._now = self._surface.along(t, reference)
-        return self._surface.at(t, angle, reference, self._friction, self._friction_rate)
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the requests of the reference and of its ``rougher`` counterpart, if any."""
+        inputs = dict(super().planned(t, reference))
+        pressing: Any = reference
+        inputs["reference_friction"] = getattr(pressing, "friction", 0.0)
+        if hasattr(pressing, "contact_force"):
+            inputs["surface"] = self._surface.along(t, pressing)
+        rougher = getattr(pressing, "rougher", None)
+        if rougher is not None:
+            inputs["rougher_request"] = self._rougher.row(t, rougher)
+            inputs["rougher_friction"] = rougher.friction
+        return inputs
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``; ``unfelt`` is the time since a force was felt, s."""
+        return {
+            **super().initial_memory(readings, inputs),
+            "estimate": np.zeros(self._terms),
+            "friction": inputs["reference_friction"],
+            "friction_rate": 0.0,
+            "unfelt": self._released,
+        }
+
+    def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
+        """Return the request for the estimated friction, between those of both references."""
+        row = inputs["request"]
+        if "rougher_request" in inputs:
+            given = inputs["reference_friction"]
+            slope = (inputs["rougher_request"] - row) / (inputs["rougher_friction"] - given)
+            row = row + (memory["friction"] - given) * slope
+            rates = NUMBERS + self._task.joints
+            row[2:4] += memory["friction_rate"] * slope[0:2]
+            row[rates : rates + self._task.joints] += memory["friction_rate"] * slope[NUMBERS:rates]
+        return self._plan.request(row)
 
     def _law(
-        self, request: TaskReference, state: TaskState, measurement: Measurement
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        state: TaskState,
+        readings: Measurement,
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         if request.force <= 0.0:
-            self._unfelt, self._friction_rate = self._released, 0.0
-        return super()._law(request, state, measurement)
+            memory["unfelt"], memory["friction_rate"] = self._released, 0.0
+        return super()._law(memory, inputs, request, state, readings)
 
-    def _touching(self, felt: float) -> bool:
+    def _touching(self, memory: dict[str, Any], felt: float) -> bool:
         """Return whether the tip is in contact: until ``release_time`` without a force."""
-        unfelt = min(self._unfelt + self.sample_time, self._released)
-        self._unfelt = 0.0 if felt >= self.touch_force else unfelt
-        return self._unfelt <= self.release_time
+        unfelt = min(memory["unfelt"] + self.sample_time, self._released)
+        memory["unfelt"] = 0.0 if felt >= self.touch_force else unfelt
+        return bool(memory["unfelt"] <= self.release_time)
 
-    def _push(self, request: TaskReference, measurement: Measurement, slip: float) -> float:
+    def _push(
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        readings: Measurement,
+        slip: float,
+    ) -> float:
         """Return the force (N) to add to the reference's: (F.13)."""
-        push = super()._push(request, measurement, slip)
-        self._friction_rate = 0.0
-        if self._unfelt > self.release_time:
+        push = super()._push(memory, inputs, request, readings, slip)
+        memory["friction_rate"] = 0.0
+        if memory["unfelt"] > self.release_time:
             return push
-        signals = self._signals()
-        learned: float = self._estimate.dot(signals)
+        signals = self._signals(inputs)
+        learned: float = memory["estimate"].dot(signals)
         push += learned
-        if self._unfelt > 0.0:
+        if memory["unfelt"] > 0.0:
             return push
-        felt = felt_force(request, measurement)
-        self._adapt(signals, request.force - felt)
-        self._rub(request, measurement, felt)
+        felt = felt_force(request, readings)
+        self._adapt(memory, inputs, signals, request.force - felt)
+        if self._slides(inputs):
+            self._rub(memory, inputs, request, readings, felt)
         return push
 
-    def _signals(self) -> FloatArray:
+    def _signals(self, inputs: Arrays) -> FloatArray:
         """Return the signals that the estimates multiply, relative to nominal values: (F.13)."""
-        now = self._now
+        now = surface_of(inputs)
         signals = (now.force_rate / self.nominal_force, now.speed / self.nominal_speed)
         return np.array([min(max(one, -_MOST_SIGNAL), _MOST_SIGNAL) for one in signals])
 
-    def _adapt(self, signals: FloatArray, error: float) -> None:
+    def _adapt(
+        self, memory: dict[str, Any], inputs: Arrays, signals: FloatArray, error: float
+    ) -> None:
         """Update the estimates with the force error (N): (F.14)."""
-        added = self._estimate + self.sample_time * error * self._gains * signals
-        self._estimate = np.clip(added, -self.nominal_force, self.nominal_force)
+        added = memory["estimate"] + self.sample_time * error * self._gains * signals
+        memory["estimate"] = np.clip(added, -self.nominal_force, self.nominal_force)
 
-    def _rub(self, request: TaskReference, measurement: Measurement, felt: float) -> None:
-        """Update the coefficient of friction while the tip slides: (F.17)."""
-        if not self._slides or self._friction is None:
-            return
-        x, y = measurement.contact_force[0].tolist()
+    def _rub(
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        readings: Measurement,
+        felt: float,
+    ) -> None:
+        """Update the coefficient of friction of a tip that slides: (F.17)."""
+        x, y = readings.contact_force[0].tolist()
         along = request.normal_x * y - request.normal_y * x
         relative = felt / self.nominal_force
-        against = (-along if self._now.speed > 0.0 else along) / self.nominal_force
-        rate = self.friction_adaptation * relative * (against - self._friction * relative)
-        before = self._friction
-        self._friction = min(max(before + self.sample_time * rate, 0.0), _MOST_FRICTION)
-        self._friction_rate = (self._friction - before) / self.sample_time
+        against = (-along if surface_of(inputs).speed > 0.0 else along) / self.nominal_force
+        before = memory["friction"]
+        rate = self.friction_adaptation * relative * (against - before * relative)
+        memory["friction"] = min(max(before + self.sample_time * rate, 0.0), _MOST_FRICTION)
+        memory["friction_rate"] = (memory["friction"] - before) / self.sample_time
+
+
+def surface_of(inputs: Arrays) -> SurfaceMotion:
+    """Return the requested motion along the surface, at rest without a surface."""
+    return cast("SurfaceMotion", inputs.get("surface", _AT_REST))

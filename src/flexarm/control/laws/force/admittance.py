@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexarm.control.contract.base import Measurement
+from typing import Any
+
+from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
@@ -26,29 +28,31 @@ class Admittance(AdmittanceParameters, TaskController):
             are not positive.
     """
 
-    memory = ("_away",)
-
     def __post_init__(self) -> None:
         super().__post_init__()
         self._posture_frequency = self.frequency
-        self._away = 0.0  # y, m
 
-    def reset(self) -> None:
-        """Clear the displacement of the reference, and the reference."""
-        super().reset()
-        self._away = 0.0
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """Return the displacement of the reference y, m."""
+        return {"away": 0.0}
 
     def _law(
-        self, request: TaskReference, state: TaskState, measurement: Measurement
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        state: TaskState,
+        readings: Measurement,
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
-        force = felt_force(request, measurement) - request.force - self.stiffness * self._away
+        away = memory["away"]
+        force = felt_force(request, readings) - request.force - self.stiffness * away
         speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
-        across = spring * self._away + damper * speed
-        self._away += speed * self.sample_time
+        across = spring * away + damper * speed
+        memory["away"] = away + speed * self.sample_time
         x_pull = spring * (request.x - x) + damper * (request.x_rate - x_rate)
         y_pull = spring * (request.y - y) + damper * (request.y_rate - y_rate)
         acceleration = (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexarm.control.contract.base import Measurement
+from typing import Any
+
+from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
@@ -34,22 +36,21 @@ class HybridForce(HybridForceParameters, TaskController):
             positive.
     """
 
-    memory = ("_sum", "_touched", "_x_sum", "_y_sum")
-
     def __post_init__(self) -> None:
         super().__post_init__()
         self._posture_frequency = self.frequency
-        self._sum, self._touched = 0.0, False
-        self._x_sum, self._y_sum = 0.0, 0.0
 
-    def reset(self) -> None:
-        """Clear the integrals of both errors, and the reference."""
-        super().reset()
-        self._sum, self._touched = 0.0, False
-        self._x_sum, self._y_sum = 0.0, 0.0
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """Return the integrals of both errors, and whether the tip has touched the surface."""
+        return {"integral": 0.0, "touched": False, "x_integral": 0.0, "y_integral": 0.0}
 
     def _law(
-        self, request: TaskReference, state: TaskState, measurement: Measurement
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        state: TaskState,
+        readings: Measurement,
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
@@ -58,42 +59,49 @@ class HybridForce(HybridForceParameters, TaskController):
         x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
         x_off, y_off = request.x - x, request.y - y
         if request.force <= 0.0:
-            self._sum, self._touched = 0.0, False
-            x_pull = spring * (x_off + self._x_sum) + damper * x_slip
-            y_pull = spring * (y_off + self._y_sum) + damper * y_slip
+            memory["integral"], memory["touched"] = 0.0, False
+            x_pull = spring * (x_off + memory["x_integral"]) + damper * x_slip
+            y_pull = spring * (y_off + memory["y_integral"]) + damper * y_slip
             free = (request.x_acceleration + x_pull, request.y_acceleration + y_pull)
             return free, (0.0, 0.0)
         # Remove the normal component of the position error, which the force control replaces.
         across = nx * x_off + ny * y_off
         x_off, y_off = x_off - across * nx, y_off - across * ny
-        x_pull = spring * (x_off + self._x_sum) + damper * x_slip
-        y_pull = spring * (y_off + self._y_sum) + damper * y_slip
+        x_pull = spring * (x_off + memory["x_integral"]) + damper * x_slip
+        y_pull = spring * (y_off + memory["y_integral"]) + damper * y_slip
         across = nx * x_pull + ny * y_pull
         gain = self.path_integral * self.sample_time
-        self._x_sum += gain * x_off
-        self._y_sum += gain * y_off
-        push = self._push(request, measurement, nx * x_slip + ny * y_slip)
+        memory["x_integral"] += gain * x_off
+        memory["y_integral"] += gain * y_off
+        push = self._push(memory, inputs, request, readings, nx * x_slip + ny * y_slip)
         acceleration = (
             request.x_acceleration + x_pull - across * nx,
             request.y_acceleration + y_pull - across * ny,
         )
         return acceleration, (-push * nx, -push * ny)
 
-    def _push(self, request: TaskReference, measurement: Measurement, slip: float) -> float:
+    def _push(
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        readings: Measurement,
+        slip: float,
+    ) -> float:
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
-        felt, against = felt_force(request, measurement), -self.normal_damping * slip
+        felt, against = felt_force(request, readings), -self.normal_damping * slip
         error, limit = request.force - felt, _MOST_CORRECTION * request.force
-        touching = self._touching(felt)
-        self._touched = self._touched or touching
-        push = self.force_proportional * error + self._sum + against
-        if self._touched:
+        touching = self._touching(memory, felt)
+        memory["touched"] = memory["touched"] or touching
+        push: float = self.force_proportional * error + memory["integral"] + against
+        if memory["touched"]:
             # Integrate without contact as well, so that a bouncing tip has the correct mean force.
-            added = self._sum + self.force_integral * self.sample_time * error
-            self._sum = min(max(added, -limit), limit)
+            added = memory["integral"] + self.force_integral * self.sample_time * error
+            memory["integral"] = min(max(added, -limit), limit)
         if touching:
             return push
         return against + min(0.0, self.normal_damping * self.approach_speed - request.force)
 
-    def _touching(self, felt: float) -> bool:
+    def _touching(self, memory: dict[str, Any], felt: float) -> bool:
         """Return whether a measured force (N) is a contact."""
         return felt >= self.touch_force

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from flexarm.control.contract.base import Measurement
+from typing import Any
+
+from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
@@ -28,21 +30,22 @@ class Impedance(ImpedanceParameters, TaskController):
         InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
-    memory = ("_sum",)
-
     def __post_init__(self) -> None:
         super().__post_init__()
         self._posture_frequency = self.posture_frequency
         self._reads_force = self.force_proportional > 0.0 or self.force_integral > 0.0
-        self._sum = 0.0
 
-    def reset(self) -> None:
-        """Clear the integral of the force error, and the reference."""
-        super().reset()
-        self._sum = 0.0
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"integral": 0.0}
 
     def _law(
-        self, request: TaskReference, state: TaskState, measurement: Measurement
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        state: TaskState,
+        readings: Measurement,
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = state.motion.tolist()
@@ -57,8 +60,8 @@ class Impedance(ImpedanceParameters, TaskController):
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)
         if self._reads_force:
-            error = request.force - felt_force(request, measurement)
-            across -= self.force_proportional * error + self._sum
-            self._sum += self.force_integral * self.sample_time * error
+            error = request.force - felt_force(request, readings)
+            across -= self.force_proportional * error + memory["integral"]
+            memory["integral"] += self.force_integral * self.sample_time * error
         force = (k * x + d * x_rate + across * nx, k * y + d * y_rate + across * ny)
         return (request.x_acceleration, request.y_acceleration), force

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from flexarm.control.contract.base import FloatArray
-from flexarm.control.laws.force.adaptive_force import AdaptiveForce
+from flexarm.control.contract.base import Arrays, FloatArray
+from flexarm.control.laws.force.adaptive_force import AdaptiveForce, surface_of
 from flexarm.model.drives.force import NeuralForceParameters
 
 
@@ -36,18 +36,22 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
     def _terms(self) -> int:
         return 2 + 2 * self.features
 
-    def _signals(self) -> FloatArray:
-        known, now = super()._signals(), self._now
+    def _signals(self, inputs: Arrays) -> FloatArray:
+        known, now = super()._signals(inputs), surface_of(inputs)
         place = self._waves[:, 0] * now.x + self._waves[:, 1] * now.y + self._phases
         network = np.sqrt(2.0 / self.features) * np.cos(place)
         moving = np.tanh(now.speed / self.nominal_speed)
         return np.concatenate([known, network, moving * network])
 
-    def _adapt(self, signals: FloatArray, error: float) -> None:
+    def _adapt(
+        self, memory: dict[str, Any], inputs: Arrays, signals: FloatArray, error: float
+    ) -> None:
         """Update the estimates; those of the network only while the tip slides."""
-        if self._slides:
-            forgotten = self.leakage + self.e_modification * abs(error)
-            self._estimate[2:] *= max(0.0, 1.0 - self.sample_time * forgotten)
+        estimate = memory["estimate"]
+        if self._slides(inputs):
+            decay = self.sample_time * (self.leakage + self.e_modification * abs(error))
+            network = estimate[2:] * max(0.0, 1.0 - decay)
+            memory["estimate"] = np.concatenate([estimate[:2], network])
         else:
-            signals[2:] = 0.0
-        super()._adapt(signals, error)
+            signals = np.concatenate([signals[:2], 0.0 * signals[2:]])
+        super()._adapt(memory, inputs, signals, error)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Any
 
 from flexarm.arm.arm import Arm
-from flexarm.control.contract.base import Controller, ControllerRequirements, Reference
+from flexarm.control.contract.base import Arrays, Controller, ControllerRequirements, Reference
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.task_plan import TaskPlan, TaskReference
@@ -23,7 +24,8 @@ class TaskController(OfArm, Controller):
         self._plan = TaskPlan(self.arm, self.sample_time)
 
     def reset(self) -> None:
-        """Clear the reference, and the angles that are kept without one."""
+        """Clear the memory and the reference."""
+        super().reset()
         self._plan.reset()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
@@ -33,28 +35,40 @@ class TaskController(OfArm, Controller):
             self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS
         )
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = measurement.joint_angle, measurement.joint_rate
-        request = self._request(t, angle, reference)
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the requested motion and force at t (s), in the order of `TaskReference`."""
+        return {"request": self._plan.row(t, reference)}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after = dict(memory)
+        angle, rate = readings.joint_angle, readings.joint_rate
+        request = self._request(after, inputs)
         state = self._task.at(angle, rate)
         if not (request.normal_x or request.normal_y):
-            return self._joints_follow(request, state, angle, rate)
-        acceleration, force = self._law(request, state, measurement)
+            return after, self._joints_follow(request, state, angle, rate)
+        acceleration, force = self._law(after, inputs, request, state, readings)
         posture = self._posture(request, angle, rate)
-        return self._task.torque(state, acceleration, force, posture, request.pressing)
+        return after, self._task.torque(state, acceleration, force, posture, request.pressing)
 
-    def _request(self, t: float, angle: FloatArray, reference: Reference | None) -> TaskReference:
-        """Return the requested motion and force at t (s)."""
-        return self._plan.at(t, angle, reference)
+    def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
+        """Return the requested motion and force of a sample."""
+        return self._plan.request(inputs["request"])
 
     @abstractmethod
     def _law(
-        self, request: TaskReference, state: TaskState, measurement: Measurement
+        self,
+        memory: dict[str, Any],
+        inputs: Arrays,
+        request: TaskReference,
+        state: TaskState,
+        readings: Measurement,
     ) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the acceleration (m/s^2) of the tip of the rigid model, and the force (N) on it.
 
-        The reference presses on a surface.
+        The reference presses on a surface. The memory, a copy, is advanced.
         """
 
     def _joints_follow(
@@ -78,8 +92,8 @@ class TaskController(OfArm, Controller):
         return request.acceleration + back
 
 
-def felt_force(request: TaskReference, measurement: Measurement) -> float:
+def felt_force(request: TaskReference, readings: Measurement) -> float:
     """Return the measured force (N) of the first contact along the normal."""
-    x, y = measurement.contact_force[0].tolist()
+    x, y = readings.contact_force[0].tolist()
     force: float = request.normal_x * x + request.normal_y * y
     return force

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.rigid_model import RigidModel
@@ -29,7 +29,6 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
             negative or not finite, or the length of a list differs from the number of joints.
     """
 
-    memory = ()
     vectorized = True
 
     _: KW_ONLY
@@ -47,14 +46,23 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        now, speed = measurement.joint_angle, measurement.joint_rate
-        angle, rate = self._desired(t, measurement, reference)
-        desired: FloatArray = self._proportional * (angle - now) + self._derivative * (rate - speed)
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """See ``Controller.planned``."""
+        more = (
+            {} if self.feedforward else {"reference_acceleration": reference.joint_acceleration(t)}
+        )
+        return {**super().planned(t, reference), **more}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        now, speed = readings.joint_angle, readings.joint_rate
+        desired: FloatArray = self._proportional * (inputs["reference_angle"] - now)
+        desired = desired + self._derivative * (inputs["reference_rate"] - speed)
         if self.feedforward is not None:
-            return self._fed_forward(t) + applied(self._model.mass_matrix(now), desired)
-        if reference is not None:
-            desired = desired + reference.joint_acceleration(t)
+            errors = applied(self._model.mass_matrix(now), desired)
+            return memory, inputs["feedforward"] + errors
+        desired = desired + inputs["reference_acceleration"]
         # Return a copy, because the next call of the model overwrites the array.
-        return self._model.torque(now, speed, desired).copy()
+        return memory, self._model.torque(now, speed, desired).copy()

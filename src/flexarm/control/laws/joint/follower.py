@@ -11,10 +11,10 @@ from pydantic import Field
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
-    Measurement,
     Reference,
 )
 from flexarm.control.contract.feedforward import SampledFeedforward
@@ -24,8 +24,6 @@ from flexarm.control.contract.requirements import JOINTS, joints_of
 
 class JointFollower(Parametrised, Controller):
     """Base of joint controllers that follow a reference, or keep the first angles without one."""
-
-    start_memory = ("_held",)
 
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
@@ -39,12 +37,11 @@ class JointFollower(Parametrised, Controller):
         if self.feedforward is not None and not callable(self.feedforward):
             rule = "be a function of time that returns torques, or None"
             raise InputError(Problem("feedforward", rule, shown(self.feedforward)))
-        self._held: FloatArray | None = None
         self._ahead: SampledFeedforward | None = None
 
     def reset(self) -> None:
-        """Clear the stored angles and feedforward torques."""
-        self._held = None
+        """Clear the memory and the feedforward torques computed in advance."""
+        super().reset()
         self._ahead = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
@@ -55,24 +52,17 @@ class JointFollower(Parametrised, Controller):
         """Return the number of joints of all parameters with a value for each, and of ``more``."""
         return joints_of(arm.joints, *self._per_joint(), *more)
 
-    def _desired(
-        self, t: float, measurement: Measurement, reference: Reference | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the reference angles (rad) and rates (rad/s)."""
-        if reference is not None:
-            return reference.joint_angle(t), reference.joint_rate(t)
-        if self._held is None:
-            self._held = measurement.joint_angle.copy()
-        return self._held, 0.0 * self._held
-
-    def _fed_forward(self, t: float) -> FloatArray:
-        """Return the torque of ``feedforward`` for the sample that starts at t, N m.
-
-        The function is evaluated in the middle of the sample, because a zero-order hold delays its
-        input by half a sample. With a good model that delay would be the largest disturbance.
-        """
-        assert self.feedforward is not None
-        if self._ahead is None:
-            later = 0.5 * self.sample_time
-            self._ahead = SampledFeedforward(self.feedforward, self.sample_time, later)
-        return self._ahead(t)
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the reference angles and rates, and the feedforward torque."""
+        inputs = {
+            "reference_angle": reference.joint_angle(t),
+            "reference_rate": reference.joint_rate(t),
+        }
+        if self.feedforward is not None:
+            if self._ahead is None:
+                # In the middle of the sample, because a zero-order hold delays its input by half a
+                # sample. With a good model that delay would be the largest disturbance.
+                later = 0.5 * self.sample_time
+                self._ahead = SampledFeedforward(self.feedforward, self.sample_time, later)
+            inputs["feedforward"] = self._ahead(t)
+        return inputs

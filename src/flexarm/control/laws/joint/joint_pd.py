@@ -7,7 +7,7 @@ from collections.abc import Callable
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.joint import JointPDParameters
 
@@ -21,16 +21,16 @@ class JointPD(JointFollower, JointPDParameters):
         InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
-    memory = ()
-    vectorized = True
+    vectorized = analytic = True
 
     feedforward: Callable[[float], ArrayLike] | None = Field(default=None)  # also by position
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
-        torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
-        torque = torque + self.derivative * (rate - measurement.joint_rate)
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        torque: FloatArray = self.proportional * (inputs["reference_angle"] - readings.joint_angle)
+        torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
         if self.feedforward is not None:
-            torque = torque + self._fed_forward(t)
-        return torque
+            torque = torque + inputs["feedforward"]
+        return memory, torque

@@ -12,7 +12,13 @@ from pydantic import Field
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_flag, check_limits
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.base import (
+    Arrays,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
 from flexarm.control.contract.gains import joint_problems
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.gravity_compensation import SaggingArm
@@ -32,8 +38,6 @@ class JointPID(JointFollower, JointPIDParameters):
             ``sag`` is given without ``arm``, or the length of a list differs from the number of
             joints of ``arm``.
     """
-
-    memory = ("_sum",)
 
     _: KW_ONLY
     arm: Arm | None = Field(
@@ -66,38 +70,47 @@ class JointPID(JointFollower, JointPIDParameters):
             self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
         elif self.sag:
             raise InputError(Problem("arm", "is required with sag"))
-        self._sum: FloatArray | float = 0.0
 
     @property
     def vectorized(self) -> bool:  # type: ignore[override]
-        """Whether ``update`` accepts the readings of many runs; the sag of the links is of one."""
+        """Whether ``step`` accepts the readings of many runs; the sag of the links is of one."""
         return not self.sag
 
-    def reset(self) -> None:
-        """Clear the stored angles and the integral."""
-        super().reset()
-        self._sum = 0.0
-        if isinstance(self._weight, SaggingArm):
-            self._weight.reset()
+    @property
+    def analytic(self) -> bool:  # type: ignore[override]
+        """Whether ``step`` accepts complex numbers; the model of the gravity does not."""
+        return self.arm is None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
         return ControllerRequirements(self._joints_for(arm, self.torque_limit), JOINTS)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
-        error: FloatArray = angle - measurement.joint_angle
-        torque: FloatArray = self.proportional * error + self._sum
-        torque = torque + self.derivative * (rate - measurement.joint_rate)
-        if self._weight is not None:
-            torque = torque + self._weight.gravity_torque(measurement.joint_angle)
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        start = {"integral": 0.0 * readings.joint_angle}
+        if isinstance(self._weight, SaggingArm):
+            start["_sag"] = self._weight.first_sag(readings.joint_angle)
+        return start
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after = dict(memory)
+        error: FloatArray = inputs["reference_angle"] - readings.joint_angle
+        torque: FloatArray = self.proportional * error + memory["integral"]
+        torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
+        if isinstance(self._weight, SaggingArm):
+            pull, after["_sag"] = self._weight.gravity_torque(readings.joint_angle, memory["_sag"])
+            torque = torque + pull
+        elif self._weight is not None:
+            torque = torque + self._weight.gravity_torque(readings.joint_angle)
         if self.feedforward is not None:
-            torque = torque + self._fed_forward(t)
-        if not self._limited:
-            self._sum = self._sum + self.integral * (self.sample_time * error)
-            return torque
-        given: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
-        taken = (torque == given) | (error * torque < 0.0)
-        self._sum = self._sum + taken * self.integral * (self.sample_time * error)
-        return given
+            torque = torque + inputs["feedforward"]
+        rise = self.integral * (self.sample_time * error)
+        if self._limited:
+            wanted, limit = torque, self.torque_limit
+            torque = np.minimum(np.maximum(wanted, -limit), limit)
+            rise = ((wanted == torque) | (error * wanted < 0.0)) * rise
+        after["integral"] = memory["integral"] + rise
+        return after, torque

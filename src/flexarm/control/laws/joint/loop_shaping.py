@@ -14,7 +14,14 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import UnstableLoopWarning, few, public_call, warn_caller
-from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.base import (
+    Arrays,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
+from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
@@ -48,7 +55,11 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
             ``rigidity_uncertainty``, is unstable.
     """
 
-    memory = ("_state",)
+    @property
+    def analytic(self) -> bool:  # type: ignore[override]
+        """Whether ``step`` accepts complex numbers, over which gains are not interpolated."""
+        return self.schedule is None
+
     references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
 
     _: KW_ONLY
@@ -96,7 +107,7 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
             warn_caller(text, UnstableLoopWarning)
         nodes = [[np.block([[one.A, one.B], [one.C, one.D]])] for one in self.designs]
         self._arrays = Interpolated(self._grid, nodes)
-        self._state = np.zeros(len(self.designs[0].A))
+        self._states = len(self.designs[0].A)
         self.reset()
 
     @property
@@ -109,23 +120,23 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
         """
         return min(one.margin for one in self.designs)
 
-    def reset(self) -> None:
-        """Clear the state, the stored angles and feedforward torques."""
-        super().reset()
-        self._state = np.zeros_like(self._state)
-
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
         return ControllerRequirements(self.arm.joints, JOINTS)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
-        self._arrays.move(angle)
-        errors = measurement.joint_angle - angle, measurement.joint_rate - rate
-        known = np.concatenate([self._state, *errors])
-        found: FloatArray = self._arrays.arrays[0].dot(known)
-        states = self._state.size
-        self._state = found[:states]
-        torque = found[states:]
-        return torque if self.feedforward is None else torque + self._fed_forward(t)
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"state": np.zeros((*readings.joint_angle.shape[:-1], self._states))}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        angle = inputs["reference_angle"]
+        errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
+        known = np.concatenate([memory["state"], *errors], axis=-1)
+        result = applied(self._arrays.at(angle)[0], known)
+        state, torque = result[..., : self._states], result[..., self._states :]
+        if self.feedforward is not None:
+            torque = torque + inputs["feedforward"]
+        return {"state": state}, torque

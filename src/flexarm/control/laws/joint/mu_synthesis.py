@@ -23,7 +23,14 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.analysis.dk_iteration import dk_iteration
-from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.base import (
+    Arrays,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
+from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
@@ -75,7 +82,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             no payload or no flexible link.
     """
 
-    memory = ("_state",)
+    analytic = True
     references: ClassVar[str] = "SkogestadPostlethwaite2005 CollinsKingBernstein1992"
 
     _: KW_ONLY
@@ -194,19 +201,22 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         )
         return np.unique(np.concatenate(parts))
 
-    def reset(self) -> None:
-        """Clear the state, the stored angles and feedforward torques."""
-        super().reset()
-        self._state = np.zeros(len(self.A))
-
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
         return ControllerRequirements(self.arm.joints, JOINTS)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
-        error = np.concatenate([measurement.joint_angle - angle, measurement.joint_rate - rate])
-        torque: FloatArray = self.C @ self._state + self.D @ error
-        self._state = self.A @ self._state + self.B @ error
-        return torque if self.feedforward is None else torque + self._fed_forward(t)
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"state": np.zeros((*readings.joint_angle.shape[:-1], len(self.A)))}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        state, angle = memory["state"], inputs["reference_angle"]
+        errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
+        error = np.concatenate(errors, axis=-1)
+        torque = applied(self.C, state) + applied(self.D, error)
+        if self.feedforward is not None:
+            torque = torque + inputs["feedforward"]
+        return {"state": applied(self.A, state) + applied(self.B, error)}, torque

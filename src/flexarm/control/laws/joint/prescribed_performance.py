@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import InputError, Problem, public_call, shown
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.uncertain import PrescribedPerformanceParameters
 
@@ -28,15 +28,13 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
 
     Without a reference the controller keeps the angles of its first measurement.
 
-    Attributes:
-        outside: number of samples of the last run with a measured angle error outside its bound;
-            the attribute ``bound_exceeded`` of results. ``simulate`` warns if there are any.
+    The attribute ``bound_exceeded`` of results is the number of samples ``outside``; ``simulate``
+    warns if there are any.
 
     Raises:
         InputError: if a number is out of range, or ``start_bound`` is less than ``bound``.
     """
 
-    memory = ("_fading",)
     vectorized = True
     references: ClassVar[str] = "BechlioulisRovithakis2008 BechlioulisRovithakis2014"
 
@@ -54,14 +52,11 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
             raise InputError(Problem("start_bound", "be at least bound", shown(self.start_bound)))
         self._angle_end = math.sqrt(1.0 - 1.0 / self.gain_limit)
         self._rate_end = brentq(lambda x: _torque_slope(x) - self.gain_limit, 0.0, self._angle_end)
-        self.reset()
 
-    def reset(self) -> None:
-        """Return to the bounds of the start."""
-        super().reset()
-        self._fading = 1.0
-        self.outside = 0
-        self._first: float | None = None
+    @property
+    def outside(self) -> int:
+        """Number of samples of the last run with a measured angle error outside its bound."""
+        return int(self.memory.get("outside", 0))
 
     @public_call
     def angle_bound(self, t: ArrayLike) -> FloatArray:
@@ -76,35 +71,44 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         found: FloatArray = self.bound + (self.start_bound - self.bound) * fading
         return found
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        error = inputs["reference_angle"] - readings.joint_angle
+        start = np.ones((*error.shape[:-1], 1))
+        bound = self.bound + start * (self.start_bound - self.bound)
+        return {"fading": start, "outside": 0, "_first": _largest(error / bound)}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
         # Not the excess itself, because an analysis of the loop varies its memory below zero, too.
-        bound = self.bound + self._fading * (self.start_bound - self.bound)
-        self._fading = np.exp(-self.decay * self.sample_time) * self._fading
-        ratio = (angle - measurement.joint_angle) / bound
-        self._count(ratio)
+        bound = self.bound + memory["fading"] * (self.start_bound - self.bound)
+        after = dict(memory, fading=np.exp(-self.decay * self.sample_time) * memory["fading"])
+        ratio = (inputs["reference_angle"] - readings.joint_angle) / bound
+        after["outside"] = memory["outside"] + (_largest(ratio) > 1.0)
         near, beyond = _split(ratio, self._angle_end)
         grown = np.arctanh(near) + self.gain_limit * beyond
-        requested = rate + self.bandwidth * bound * grown
-        ratio = (requested - measurement.joint_rate) / self.rate_bound
+        requested = inputs["reference_rate"] + self.bandwidth * bound * grown
+        ratio = (requested - readings.joint_rate) / self.rate_bound
         near, beyond = _split(ratio, self._rate_end)
         grown = np.arctanh(near) / (1.0 - near * near) + self.gain_limit * beyond
         torque: FloatArray = self.damping * self.rate_bound * grown
         if self.feedforward is not None:
-            torque = torque + self._fed_forward(t)
-        return torque
+            torque = torque + inputs["feedforward"]
+        return after, torque
 
     def report(self) -> dict[str, float]:
         """Return the number of samples outside the bound, and the first error over its bound."""
-        return {"bound_exceeded": self.outside, "bound_first_ratio": self._first or 0.0}
+        return {
+            "bound_exceeded": self.outside,
+            "bound_first_ratio": float(self.memory.get("_first", 0.0)),
+        }
 
-    def _count(self, ratio: FloatArray) -> None:
-        """Count a sample of one run with an angle error outside its bound."""
-        if ratio.dtype.kind == "f" and ratio.ndim == 1:  # neither symbols nor many runs
-            largest = float(np.abs(ratio).max())
-            self.outside += largest > 1.0
-            self._first = largest if self._first is None else self._first
+
+def _largest(ratio: FloatArray) -> Any:
+    """Return the largest ratio of each run; 0 for symbols, which are not counted."""
+    return np.abs(ratio).max(axis=-1) if ratio.dtype.kind == "f" else 0.0
 
 
 def _split(ratio: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,13 @@ from pydantic import Field
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, check_array
-from flexarm.control.contract.base import ControllerRequirements, FloatArray, Measurement, Reference
+from flexarm.control.contract.base import (
+    Arrays,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+)
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.hardware.instruments import filter_of
@@ -44,8 +50,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         S. S. Ge, T. H. Lee and G. Zhu, IEEE Trans. Robotics and Automation 14 (1998) 179-185.
     """
 
-    memory = ("_last", "_rate")
-    vectorized = True
+    vectorized = analytic = True
 
     strain: Any = Field(
         description="Gains (N m): one number or one per joint, where gauge k acts on joint k; or a "
@@ -58,13 +63,6 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         super().__post_init__()
         self.strain = _of_gauges("strain", self.strain)
         self.strain_rate = _of_gauges("strain_rate", self.strain_rate)
-        self._last: FloatArray | None = None
-        self._rate = np.zeros(0)
-
-    def reset(self) -> None:
-        """Clear the stored angles and strains."""
-        super().reset()
-        self._last = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
@@ -75,30 +73,29 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         gauges = next((count for count in counts if count != there), there)
         return ControllerRequirements(joints, (*JOINTS, "strain"), gauges)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        angle, rate = self._desired(t, measurement, reference)
-        torque: FloatArray = self.proportional * (angle - measurement.joint_angle)
-        torque = torque + self.derivative * (rate - measurement.joint_rate)
-        strain = measurement.strain
-        torque = torque - _at_joints(self.strain, "strain", strain, torque.shape[-1])
-        if np.any(self.strain_rate):
-            slope = self._strain_rate(strain)
-            torque = torque - _at_joints(self.strain_rate, "strain_rate", slope, torque.shape[-1])
-        if self.feedforward is not None:
-            torque = torque + self._fed_forward(t)
-        return torque
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """Return the strains and their filtered rates, zero; nothing without rate gains."""
+        strain = readings.strain
+        return {"strain": strain, "rate": 0.0 * strain} if np.any(self.strain_rate) else {}
 
-    def _strain_rate(self, strain: FloatArray) -> FloatArray:
-        """Return the filtered rates: Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest."""
-        if self._last is None:
-            self._rate = np.zeros_like(strain)
-        else:
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        torque: FloatArray = self.proportional * (inputs["reference_angle"] - readings.joint_angle)
+        torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
+        strain = readings.strain
+        torque = torque - _at_joints(self.strain, "strain", strain, torque.shape[-1])
+        if memory:
+            # Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest.
             cutoff = self.rate_cutoff or _CUTOFF / self.sample_time
-            kept, per_change = filter_of(cutoff, self.sample_time)
-            self._rate = kept * self._rate + per_change * (strain - self._last)
-        self._last = strain.copy()
-        return self._rate
+            decay, per_change = filter_of(cutoff, self.sample_time)
+            rate = decay * memory["rate"] + per_change * (strain - memory["strain"])
+            memory = {"strain": strain.copy(), "rate": rate}
+            torque = torque - _at_joints(self.strain_rate, "strain_rate", rate, torque.shape[-1])
+        if self.feedforward is not None:
+            torque = torque + inputs["feedforward"]
+        return memory, torque
 
 
 def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int) -> FloatArray:

@@ -18,11 +18,13 @@ from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.control.analysis.margin_design import for_margin
 from flexarm.control.analysis.margins import loop_at
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    Rest,
 )
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
@@ -57,8 +59,7 @@ class LQG(LQGParameters, OfArm, Controller):
         EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
-    memory = ("_known", "_whole")
-    vectorized = True  # along a reference
+    vectorized = analytic = True  # along a reference
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
     _: KW_ONLY
@@ -134,25 +135,9 @@ class LQG(LQGParameters, OfArm, Controller):
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
-        self._link()
         self._motion = self._nominal_motion()
-        self._joints = m = self.arm.joints
-        still = np.zeros((1, self.arm.dof))
-        self._places, start = [], self._states
-        parts = self._shown_parts(still[:, :m], still, still)
-        for name, part in zip(self.design_requirements.measured, parts, strict=True):
-            self._places.append((name, slice(start, start + part.shape[1])))
-            start += part.shape[1]
-        self._begin(())
+        self._joints = self.arm.joints
         self.reset()
-
-    def _link(self) -> None:
-        """Set attributes for the arrays that depend on posture."""
-        self._correct, self._gain, self._predict, self._ahead = self._arrays.arrays[:4]
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._link()  # the interpolated arrays of a copy are new objects
 
     def _node(self, item: Design) -> list[FloatArray]:
         """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
@@ -178,20 +163,8 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def reset(self) -> None:
         """Clear the estimate, the integrals and the nominal motion."""
-        if self._known.ndim > 1:
-            self._begin(())
-        self._known[:] = 0.0
-        self._whole[:] = 0.0
+        super().reset()
         self._motion.reset()
-
-    def _begin(self, runs: tuple[int, ...]) -> None:
-        """Set the memory to zero, that of one run for ``()``, or of several for ``(runs,)``."""
-        n = self._states
-        # The parts are the prediction and the measurement, the estimate and the integrals.
-        self._known = np.zeros((*runs, n + self._outputs))
-        self._whole = np.zeros((*runs, n + self._integrals))
-        # The parts are the estimate, the torque and the elastic forces.
-        self._pushed = np.zeros((*runs, n + self._joints + self._model.elastic.size))
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
@@ -208,40 +181,62 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def estimate(self) -> FloatArray:
         """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,)."""
-        return self._whole[..., : self._states].copy()
+        return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        n, m = self._states, self._joints
-        found = np.asarray(measurement.joint_angle if self.nominal is None else self.posture)
-        runs = np.shape(measurement[self._places[0][0]])[:-1]
-        if runs and self._known.ndim == 1:
-            self._begin_together(runs, reference)
-        nominal = self._motion.at(t, found, reference)
-        self._arrays.move(nominal.angle)
-        for name, places in self._places:
-            self._known[..., places] = measurement[name]
-        self._known[..., n:] -= nominal.shown
-        self._whole[..., :n] = self._pushed[..., :n] = applied(self._correct, self._known)
-        desired = nominal.torque + self._feedback()
-        torque = self._within_limits(desired)
-        self._pushed[..., n : n + m] = torque - nominal.torque
-        self._pushed[..., n + m :] = nominal.missing
-        self._known[..., :n] = applied(self._predict, self._pushed)
-        if self._integrals:
-            self._integrate(measurement, nominal, desired - torque)
-        return torque
-
-    def _begin_together(self, runs: tuple[int, ...], reference: Reference | None) -> None:
-        """Begin several runs, which have one nominal motion.
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the nominal motion, and its elastic forces at the nodes of the preview.
 
         Raises:
-            InputError: without a reference, when each run rests at its own angles.
+            InputError: for several runs without a reference: each rests at its own angles.
         """
-        if reference is None and self.nominal is None:
+        if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))
-        self._begin(runs)
+        nominal = self._motion.at(t, reference)
+        inputs = {
+            "nominal_angle": nominal.angle,
+            "nominal_torque": nominal.torque,
+            "nominal_reading": nominal.shown,
+            "nominal_force": self._motion.missing[: self._previewed + 1 : self._stride],
+        }
+        if "tip" in self.design_requirements.integrated:
+            inputs["nominal_tip"] = self._desired_tip(nominal)
+        return inputs
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        first = readings[next(iter(self.design_requirements.measured))]
+        start = np.zeros((*first.shape[:-1], self._states + self._integrals))
+        state, integral = start[..., : self._states], start[..., self._states :]
+        return {"prediction": state, "estimate": state, "integral": integral}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        arrays = self._arrays.at(inputs["nominal_angle"])
+        correct, gain, predict = arrays[:3]
+        shown = [readings[name] for name in self.design_requirements.measured]
+        missed = np.concatenate(shown, axis=-1) - inputs["nominal_reading"]
+        estimate = applied(correct, np.concatenate([memory["prediction"], missed], axis=-1))
+        state = np.concatenate([estimate, memory["integral"]], axis=-1)
+        nominal, forces = inputs["nominal_torque"], inputs["nominal_force"]
+        feedback, more = self._feedback(memory, state, arrays, inputs)
+        desired = nominal + feedback
+        torque = self._within_limits(desired, memory)
+        force = forces[0]
+        if estimate.ndim > 1:  # of many runs, which have one nominal motion
+            force = np.broadcast_to(force, (*estimate.shape[:-1], force.size))
+        pushed = np.concatenate([estimate, torque - nominal, force], axis=-1)
+        integral = memory["integral"]
+        if self._integrals:
+            rise = self._rise(readings, inputs)
+            request = -applied(gain[:, self._states :], rise)
+            # Do not advance if that would increase a torque at its limit. Without a branch, so
+            # that the law is also evaluated over symbols.
+            integral = integral + (_dots(request, desired - torque) <= 0.0) * rise
+        after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
+        return {**after, **more}, torque
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
@@ -262,27 +257,26 @@ class LQG(LQGParameters, OfArm, Controller):
                 parts.append(np.array(tips))
         return parts
 
-    def _feedback(self) -> FloatArray:
-        """Return the torque (joints,) N m added to the nominal one; (C.24), (C.27)."""
-        known = self._motion.missing[:: self._stride].ravel()
-        fed: FloatArray = -applied(self._gain, self._whole) - self._ahead.dot(known)
-        return fed
+    def _feedback(
+        self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
+    ) -> tuple[FloatArray, Arrays]:
+        """Return the torque (joints,) N m added to the nominal one, (C.24), (C.27); more memory."""
+        _, gain, _, ahead = arrays[:4]
+        return -applied(gain, state) - ahead.dot(inputs["nominal_force"].ravel()), {}
 
-    def _within_limits(self, torque: FloatArray) -> FloatArray:
+    def _within_limits(self, torque: FloatArray, memory: Arrays) -> FloatArray:
         if self.torque_limit is None:
             return torque
         # ``minimum`` and ``maximum`` take half the time of ``clip``.
         cut: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
         return cut
 
-    def _integrate(self, measurement: Measurement, nominal: Nominal, excess: FloatArray) -> None:
-        """Advance the integrals, unless that would increase a torque at its limit."""
+    def _rise(self, readings: Measurement, inputs: Arrays) -> FloatArray:
+        """Return the change of the integrals in a sample without limits."""
         (name,) = self.design_requirements.integrated
-        desired = nominal.angle if name == "joint_angle" else self._desired_tip(nominal)
-        step = self.sample_time * (getattr(measurement, name) - desired)
-        request = -applied(self._gain[:, self._states :], step)
-        # Without a branch, so that the law is also evaluated over symbols.
-        self._whole[..., self._states :] += (_dots(request, excess) <= 0.0) * step
+        desired = inputs["nominal_angle" if name == "joint_angle" else "nominal_tip"]
+        rise: FloatArray = self.sample_time * (readings[name] - desired)
+        return rise
 
     def _desired_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""

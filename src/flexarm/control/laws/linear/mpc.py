@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import Any
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference
 from flexarm.control.design.linear_design import Design
 from flexarm.control.laws.linear.lqg import LQG
 from flexarm.model.drives.linear import MPCParameters
@@ -24,13 +28,6 @@ class MPC(MPCParameters, LQG):
     the limits, and applies the first. The cost beyond the horizon is that of the regulator, so the
     torques are exactly those of `LQG` if no limit is active.
 
-    Attributes:
-        limited: number of samples of the last run at which a limit was active over the horizon.
-        inaccurate: number of those whose plan exceeded a limit by 1e-6 to 1e-2 of it; the applied
-            torque is clipped.
-        fallback: number of those without a usable plan; the plan of the previous sample was used,
-            shifted by one sample.
-
     Raises:
         InputError: as for `LQG`.
 
@@ -39,7 +36,7 @@ class MPC(MPCParameters, LQG):
     three counts are attributes of results: ``mpc_limited``, ``mpc_inaccurate``, ``mpc_fallback``.
     """
 
-    memory = LQG.memory
+    vectorized = analytic = False
     references = "LawsonHanson1974"
 
     def _prepare(self) -> None:
@@ -49,9 +46,20 @@ class MPC(MPCParameters, LQG):
         super()._prepare()
         self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
 
-    def _link(self) -> None:
-        super()._link()
-        self._free, self._by_torque, self._by_force, self._price = self._arrays.arrays[4:]
+    @property
+    def limited(self) -> int:
+        """Number of samples of the last run at which a limit was active over the horizon."""
+        return int(self.memory.get("limited", 0))
+
+    @property
+    def inaccurate(self) -> int:
+        """Number of those with a plan that exceeded a limit by 1e-6 to 1e-2 of it, and was cut."""
+        return int(self.memory.get("inaccurate", 0))
+
+    @property
+    def fallback(self) -> int:
+        """Number of those without a usable plan, where the last plan, shifted, was used."""
+        return int(self.memory.get("fallback", 0))
 
     @property
     def _steps(self) -> int:
@@ -73,73 +81,91 @@ class MPC(MPCParameters, LQG):
         price = item.torque_weight + push.T @ item.cost @ push
         return [*super()._node(item), np.vstack(free), by_torque, by_force, price]
 
-    def reset(self) -> None:
-        """Clear the estimate, the integrals, the nominal motion and the last plan."""
-        super().reset()
-        self._applied: FloatArray | None = None
-        self._plan: FloatArray | None = None
-        self.limited, self.inaccurate, self.fallback = 0, 0, 0
-
-    def _ignore_rate_limit(self) -> None:
-        """Ignore ``torque_rate``, for `linear_controller`: a linear loop has no limits.
+    def at_rest(self) -> LQG:
+        """Return a copy without ``nominal`` and ``torque_rate``: a linear loop has no limits.
 
         Otherwise the small changes of readings between its updates would activate this limit.
         """
-        self._rate_step = None
+        mine = deepcopy(self)
+        mine.nominal = mine._rate_step = None
+        mine._motion = mine._nominal_motion()
+        return mine
 
     def report(self) -> dict[str, float]:
         """See ``Controller.report``."""
         names = "limited", "inaccurate", "fallback"
         return super().report() | {f"mpc_{name}": getattr(self, name) for name in names}
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        self._applied = super().update(t, measurement, reference)
-        return self._applied
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the inputs of `LQG`, and elastic forces and nominal torques over the horizon."""
+        inputs = super().planned(t, reference)
+        forces, torques = self._motion.missing, self._motion.torques(self.horizon)
+        return {**inputs, "forces_ahead": forces, "torques_ahead": torques}
 
-    def _within_limits(self, torque: FloatArray) -> FloatArray:
-        if self._rate_step is not None and self._applied is not None:
-            last, step = self._applied, self._rate_step
-            torque = np.clip(torque, last - step, last + step)
-        return super()._within_limits(torque)
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {**super().initial_memory(readings, inputs), **self._first_plan()}
 
-    def _feedback(self) -> FloatArray:
+    def _first_plan(self) -> dict[str, Any]:
+        """Return the memory of plans before the first one, which is not a number."""
+        m = self.arm.joints
+        plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
+        return {**plans, "limited": 0, "inaccurate": 0, "fallback": 0}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after, torque = super().step(memory, readings, inputs)
+        return {**after, "applied": torque}, torque
+
+    def _within_limits(self, torque: FloatArray, memory: Arrays) -> FloatArray:
+        last = memory["applied"]
+        if self._rate_step is not None and not np.isnan(last[0]):
+            torque = np.clip(torque, last - self._rate_step, last + self._rate_step)
+        return super()._within_limits(torque, memory)
+
+    def _feedback(
+        self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
+    ) -> tuple[FloatArray, Arrays]:
         N, m = self.horizon, self.arm.joints
-        missing = self._motion.missing
-        window = sliding_window_view(missing, self._previewed + 1, axis=0)[:N, :, :: self._stride]
-        fed = -(np.swapaxes(window, 1, 2).reshape(N, -1) @ self._ahead.T).ravel()
-        free = self._free @ self._whole + self._by_torque @ fed
-        free += self._by_force @ missing[:N].ravel()
-        nominal = self._motion.torques(N).ravel()
-        self._plan = self._limited(nominal + free)
-        found: FloatArray = self._plan[:m] - nominal[:m]
-        return found
+        ahead, free_by, by_torque, by_force = arrays[3:7]
+        forces, nominal = inputs["forces_ahead"], inputs["torques_ahead"].ravel()
+        window = sliding_window_view(forces, self._previewed + 1, axis=0)[:N, :, :: self._stride]
+        fed = -(np.swapaxes(window, 1, 2).reshape(N, -1) @ ahead.T).ravel()
+        free = free_by @ state + by_torque @ fed
+        free += by_force @ forces[:N].ravel()
+        more = {name: memory[name] for name in self._first_plan()}
+        more["plan"] = self._limited(nominal + free, more)
+        return more["plan"][:m] - nominal[:m], more
 
-    def _limited(self, free: FloatArray) -> FloatArray:
+    def _limited(self, free: FloatArray, plans: dict[str, Any]) -> FloatArray:
         """Return optimal torques (horizon joints,) within the limits, or the last plan.
 
-        ``free`` (horizon joints,) are those without limits, which are optimal if they are within.
+        Args:
+            free: (horizon joints,) those without limits, which are optimal if they are within.
+            plans: memory of the last plan, in which samples are counted.
         """
-        low, high = self._bounds(free)
+        low, high = self._bounds(free, plans["applied"])
         if np.all(low <= 0.0) and np.all(high >= 0.0):
             return free
-        self.limited += 1
+        plans["limited"] += 1
         change, excess = self._change(low, high)
         if excess > _TOLERANCE:
-            self.inaccurate += excess <= _ACCEPTED
+            plans["inaccurate"] += int(excess <= _ACCEPTED)
         if excess <= _ACCEPTED:
             return free + change
-        return self._shifted(free)
+        return self._shifted(free, plans)
 
-    def _shifted(self, first: FloatArray) -> FloatArray:
+    def _shifted(self, first: FloatArray, plans: dict[str, Any]) -> FloatArray:
         """Return the last plan, shifted by one sample; at the first sample ``first``."""
-        self.fallback += 1
-        if self._plan is None:
+        plans["fallback"] += 1
+        plan, m = plans["plan"], self.arm.joints
+        if np.isnan(plan[0]):
             return first  # the caller clips the torque
-        m = self.arm.joints
-        return np.append(self._plan[m:], self._plan[-m:])
+        return np.append(plan[m:], plan[-m:])
 
-    def _bounds(self, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _bounds(self, torque: FloatArray, applied: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the distances of torques over the horizon from the limits."""
         most = np.tile(self._most, self.horizon)
         low, high = -most - torque, most - torque
@@ -147,10 +173,10 @@ class MPC(MPCParameters, LQG):
             change = self._difference @ torque
             step = np.tile(self._rate_step, self.horizon)
             m = self.arm.joints
-            if self._applied is None:
+            if np.isnan(applied[0]):
                 step[:m] = np.inf  # the first torque is arbitrary
             else:
-                change[:m] -= self._applied
+                change[:m] -= applied
             low, high = np.append(low, -step - change), np.append(high, step - change)
         return low, high
 
@@ -179,8 +205,9 @@ class MPC(MPCParameters, LQG):
     def _torque_by_unknown(self) -> FloatArray:
         """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
         N, m = self.horizon, self.arm.joints
-        root = np.linalg.inv(np.linalg.cholesky(self._price)).T
-        by: FloatArray = (self._by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
+        by_torque, _, price = self._arrays.arrays[5:8]
+        root = np.linalg.inv(np.linalg.cholesky(price)).T
+        by: FloatArray = (by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
         return by
 
 

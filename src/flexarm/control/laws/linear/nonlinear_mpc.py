@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from inspect import signature
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.gains import applied
 from flexarm.control.design.linear_design import Design, preview_cost
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.linear.lqg import LQG
 from flexarm.control.laws.linear.mpc import MPC
-from flexarm.linear.step_derivatives.sampled_steps import SampledSteps, Steps
+from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
 from flexarm.model import Link, ModalDamping
 from flexarm.model.drives.linear import NonlinearMPCParameters
 
@@ -54,9 +55,6 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     eliminated: all of them are those of a simulation under the torques of the last sample.
     """
 
-    # It keeps the last plan and the derivatives about it, too many numbers to declare.
-    memory = None  # type: ignore[assignment]
-    vectorized = False
     references = "DiehlBockSchloeder2005 LawsonHanson1974"
 
     def __post_init__(self) -> None:
@@ -81,15 +79,12 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         own = [item.weight, item.cost, item.torque_weight, item.integrated]
         return [*LQG._node(self, item), *own, beyond.reshape(len(beyond), -1)]
 
-    def _link(self) -> None:
-        LQG._link(self)
-        self._weight, self._cost, self._torque_weight, self._to_integrals, self._beyond = (
-            self._arrays.arrays[4:]
-        )
-
     def reset(self) -> None:
         """Clear the estimate, the integrals, the nominal motion and the last plan."""
         super().reset()
+        self._plans = self._first_plan()
+        self._known = np.zeros(self._states + self._outputs)
+        self._whole = np.zeros(self._states + self._integrals)
         self._ready: _Prepared | None = None
         self._now: tuple[FloatArray, FloatArray] | None = None
 
@@ -110,24 +105,27 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         if self._now is not None:
             self.prepare()
         m, N = self._joints, self.horizon
-        found = np.asarray(measurement.joint_angle if self.nominal is None else self.posture)
-        nominal = self._motion.at(t, found, reference)
-        self._arrays.move(nominal.angle)
+        nominal = self._motion.at(t, self._reference_or_rest(measurement, reference))
+        self._arrays.at(nominal.angle)
         wanted = self._motion.states(N + 1)
         x = self._estimated(nominal, wanted[0], measurement)
-        ready = self._ready
-        if self._plan is None:
+        ready, plans = self._ready, self._plans
+        if np.isnan(plans["plan"][0]):
             ready = self._linearised(x, self._motion.torques(N))
         for _ in range(self.iterations - 1):
-            counts = self.limited, self.inaccurate, self.fallback
-            plan = self._planned(ready, x, wanted)
+            plan = self._next_plan(ready, x, wanted, dict(plans))
             ready = self._linearised(x, plan.reshape(N, m))
-            self.limited, self.inaccurate, self.fallback = counts
-        self._plan = self._planned(ready, x, wanted)
-        torque = self._within_limits(self._plan[:m])
+        plan = plans["plan"] = self._next_plan(ready, x, wanted, plans)
+        torque = self._within_limits(plan[:m], plans)
         if self._integrals:
-            self._integrate(measurement, nominal, self._plan[:m] - torque)
-        self._applied, self._now = torque, (x, torque)
+            inputs = {"nominal_angle": nominal.angle}
+            if "tip" in self.design_requirements.integrated:
+                inputs["nominal_tip"] = self._desired_tip(nominal)
+            rise, gain = self._rise(measurement, inputs), self._arrays.arrays[1]
+            request = -applied(gain[:, self._states :], rise)
+            self._whole[self._states :] += (request @ (plan[:m] - torque) <= 0.0) * rise
+        plans["applied"], self._now = torque, (x, torque)
+        self._keep({**plans, "estimate": self._whole[: self._states].copy()})
         return torque.copy()
 
     def prepare(self) -> None:
@@ -136,8 +134,8 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
             return
         (x, torque), self._now = self._now, None
         m = self._joints
-        assert self._plan is not None
-        plan = np.vstack([torque, self._plan[m:].reshape(-1, m), self._plan[-m:]])
+        last = self._plans["plan"]
+        plan = np.vstack([torque, last[m:].reshape(-1, m), last[-m:]])
         steps = self._model_steps.take(x, plan)
         self._known[: self._states] = steps.after[0]
         rest = Steps(*(array[1:] for array in steps))
@@ -154,10 +152,9 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
             if "joint_angle" in self.design_requirements.measured:
                 self._known[self.arm.joint_index] = measurement.joint_angle
         self._known[:n] -= wanted
-        for name, places in self._places:
-            self._known[places] = measurement[name]
-        self._known[n:] -= nominal.shown
-        self._whole[:n] = self._correct @ self._known
+        shown = [measurement[name] for name in self.design_requirements.measured]
+        self._known[n:] = np.concatenate(shown) - nominal.shown
+        self._whole[:n] = self._arrays.arrays[0] @ self._known
         x: FloatArray = wanted + self._whole[:n]
         return x
 
@@ -176,6 +173,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
             return None
         N, n, m = self.horizon, self._states, self._joints
         s = n + self._integrals
+        weight, cost, torque_weight, to_integrals = self._arrays.arrays[4:8]
         by = np.zeros((N, s, s + N * m))
         last = np.eye(s, s + N * m)
         for k in range(N):
@@ -183,16 +181,16 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
             by[k, :n, :end] = steps.state[k] @ last[:n, :end]
             by[k, :n, end : end + m] = steps.torque[k]
             if s > n:
-                by[k, n:, :end] = last[n:, :end] + self._to_integrals @ last[:n, :end]
+                by[k, n:, :end] = last[n:, :end] + to_integrals @ last[:n, :end]
             last = by[k]
         weighted = np.empty_like(by)
-        np.matmul(self._weight, by[:-1], out=weighted[:-1])
-        np.matmul(self._cost, by[-1], out=weighted[-1])
+        np.matmul(weight, by[:-1], out=weighted[:-1])
+        np.matmul(cost, by[-1], out=weighted[-1])
         flat = weighted.reshape(N * s, -1)
         both = by[:, :, s:].reshape(N * s, -1).T @ flat
         hessian = both[:, s:]
         blocks = np.einsum("kikj->kij", hessian.reshape(N, m, N, m))  # a view of the diagonal
-        blocks += self._torque_weight
+        blocks += torque_weight
         # LAPACK directly, because it takes a quarter of the time of an inverse by NumPy.
         factor, failed = lapack.dpotrf(hessian, lower=1)
         if failed:
@@ -201,21 +199,23 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         states = np.vstack([x, steps.after])
         return _Prepared(states, torques.ravel(), flat, last[:, s:], both[:, :s], root)
 
-    def _planned(self, ready: _Prepared | None, x: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return the torques (N joints,) of the programme, or of the last plan without one."""
-        if ready is None:
-            return self._shifted(self._motion.torques(self.horizon).ravel())
-        return self._optimal(ready, x, wanted)
+    def _next_plan(
+        self, ready: _Prepared | None, x: FloatArray, wanted: FloatArray, plans: dict[str, Any]
+    ) -> FloatArray:
+        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start.
 
-    def _optimal(self, ready: _Prepared, x: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start."""
+        Without a programme they are those of the last plan.
+        """
+        if ready is None:
+            return self._shifted(self._motion.torques(self.horizon).ravel(), plans)
+        _, _, torque_weight, to_integrals, previewed = self._arrays.arrays[4:]
         N, n, m = self.horizon, self._states, self._joints
         s = n + self._integrals
         errors = np.zeros((N + 1, s))
         errors[:, :n] = ready.states - wanted
         if s > n:
             errors[:, n:] = self._whole[n:]
-            errors[1:, n:] += np.cumsum(errors[:-1, :n] @ self._to_integrals.T, axis=0)
+            errors[1:, n:] += np.cumsum(errors[:-1, :n] @ to_integrals.T, axis=0)
         start = np.zeros(s)
         start[:n] = x - ready.states[0]
         beyond = self._motion.missing[N : N + self._previewed + 1 : self._stride]
@@ -223,11 +223,11 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         gradient = (
             errors[1:].ravel() @ ready.weighted[:, s:]
             + ready.coupling @ start
-            + (push @ self._torque_weight).ravel()
-            + (self._beyond @ beyond.ravel()) @ ready.terminal
+            + (push @ torque_weight).ravel()
+            + (previewed @ beyond.ravel()) @ ready.terminal
         )
         self._root = ready.root
-        return self._limited(ready.torques - ready.root @ (ready.root.T @ gradient))
+        return self._limited(ready.torques - ready.root @ (ready.root.T @ gradient), plans)
 
     def _torque_by_unknown(self) -> FloatArray:
         return self._root

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters, parameter_names
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import adaptive_torque
@@ -30,7 +30,6 @@ class Adaptive(AdaptiveParameters, SlidingController):
             exceeds the upper one.
     """
 
-    memory = ("_estimate", "_sliding._slow", "_sliding._fast")
     _law = staticmethod(adaptive_torque)
 
     def __post_init__(self) -> None:
@@ -49,8 +48,6 @@ class Adaptive(AdaptiveParameters, SlidingController):
         limits = np.array([bounds.get(name, (0.0, np.inf)) for name in self.parameters])
         self._lower, self._upper = limits.T.copy()
         self._start = np.clip(start, self._lower, self._upper)
-        self._estimate = self._start.copy()
-        self._torque = np.zeros(self.arm.joints)
 
     def _check_names(self, **given: Mapping[str, Any]) -> None:
         rule = f"be names from {', '.join(self.parameters)}"
@@ -66,17 +63,19 @@ class Adaptive(AdaptiveParameters, SlidingController):
     @property
     def estimate(self) -> dict[str, float]:
         """Current estimate of each parameter."""
-        return dict(zip(self.parameters, self._estimate.tolist(), strict=True))
+        now = self.memory.get("estimate", self._start)
+        return dict(zip(self.parameters, now.tolist(), strict=True))
 
-    def reset(self) -> None:
-        """Reset the estimates to their initial values."""
-        self._estimate[:] = self._start
-        super().reset()
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"estimate": self._start, **super().initial_memory(readings, inputs)}
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        now = self._sliding
-        now.take(t, measurement, reference)
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after, now = self._sliding.at(memory, readings, inputs)
+        estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
         columns = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
@@ -92,10 +91,10 @@ class Adaptive(AdaptiveParameters, SlidingController):
             self._lower,
             self._upper,
             self.sample_time,
-            self._estimate,
-            self._torque,
+            estimate,
+            torque,
         )
-        return self._torque.copy()
+        return {"estimate": estimate, **after}, torque
 
 
 def _listed(arm: Arm, parameters: str | Sequence[str]) -> tuple[str, ...]:

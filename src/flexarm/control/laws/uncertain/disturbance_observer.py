@@ -7,18 +7,16 @@ import math
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.control.analysis.linear_controller import memory_of
+from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
-    report_of,
-    requirements_of,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.default_requirements import lowest_frequency
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.model.drives.around import DisturbanceObserverParameters
@@ -27,7 +25,7 @@ from flexarm.model.drives.around import DisturbanceObserverParameters
 _MOST = 0.005
 
 
-class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
+class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     """Generalised-momentum observer that compensates disturbance torques at the joints.
 
     De Luca and Mattone, Actuator failure detection and isolation using generalized momenta, ICRA
@@ -49,37 +47,15 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
             hertz = min(lowest_frequency(self.arm) / (4.0 * math.pi), _MOST / self.sample_time)
             self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
-        self._estimate = np.zeros(self.arm.joints)
-        self._last: FloatArray | None = None
-        self._commanded = np.zeros(self.arm.joints)
-
-    @property
-    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
-        """Attributes kept between samples; None if ``inner`` does not declare its own."""
-        inside = memory_of(self.inner)
-        if inside is None:
-            return None
-        return ("_estimate", "_last", "_commanded", *(f"inner.{name}" for name in inside))
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the inner controller, s."""
-        return self.inner.sample_time
-
-    @sample_time.setter
-    def sample_time(self, value: float) -> None:
-        self.inner.sample_time = value
 
     @property
     def estimate(self) -> FloatArray:
         """Estimated disturbance torque at the joints, (joints,) N m."""
-        return self._estimate.copy()
+        return np.array(self.memory.get("estimate", np.zeros(self.arm.joints)))
 
     def reset(self) -> None:
         """Clear the state of the previous run, including the inner controller."""
-        self.inner.reset()
-        self._estimate[:] = 0.0
-        self._last = None
+        super().reset()
         self._taken = np.array(
             [
                 1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time)
@@ -89,28 +65,29 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Controller):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
-        inner = requirements_of(self.inner, arm, reference)
-        joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
-        return ControllerRequirements(
-            joints, tuple(dict.fromkeys([*JOINTS, *inner.measured])), inner.gauges
-        )
+        return self._required(arm, reference, self.arm.joints)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        now = self._model.momentum(measurement.joint_angle, measurement.joint_rate).copy()
-        if self._last is not None:
-            # The trapezoidal rule is accurate, because the torque is constant over the sample and
-            # the other terms are nearly linear.
-            pushed = (now[0] - self._last[0]) / self.sample_time
-            pushed -= measurement.get("torque", self._commanded)
-            pushed -= 0.5 * (now[1] + self._last[1])
-            pushed -= self._estimate
-            self._estimate += self._taken * pushed
-        self._last = now
-        torque = np.asarray(self.inner.update(t, measurement, reference))
-        self._commanded = torque - self.compensation * self._estimate
-        return self._commanded.copy()
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
+        nothing = 0.0 * now[0]
+        # The first sample has no interval before it that the estimate could follow.
+        own = {"momentum": now, "commanded": nothing, "estimate": nothing, "intervals": np.zeros(1)}
+        return {**own, **super().initial_memory(readings, inputs)}
 
-    def report(self) -> dict[str, float]:
-        """Return the report of the inner controller."""
-        return report_of(self.inner)
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
+        # The trapezoidal rule is accurate, because the torque is constant over the sample and
+        # the other terms are nearly linear.
+        pushed = (now[0] - memory["momentum"][0]) / self.sample_time
+        pushed -= readings.get("torque", memory["commanded"])
+        pushed -= 0.5 * (now[1] + memory["momentum"][1])
+        pushed -= memory["estimate"]
+        estimate = memory["estimate"] + memory["intervals"] * (self._taken * pushed)
+        inside, torque = self._inner_step(memory, readings, inputs)
+        torque = torque - self.compensation * estimate
+        own = {"momentum": now, "commanded": torque, "estimate": estimate, "intervals": np.ones(1)}
+        return {**own, **inside}, torque

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
@@ -30,6 +30,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             there are too many Gaussians.
     """
 
+    linearizable = False
     _law = staticmethod(network_torque)
 
     def __post_init__(self) -> None:
@@ -45,30 +46,33 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         self._model = RigidParameters(self.arm) if self.prior else None
         self._centres, self._sharpness = _grid(self.lower, self.upper, self.centres)
         self._pairs = np.triu_indices(joints)
-        self._signals = np.ones(1 + 3 * joints + len(self._pairs[0]))
-        self._weights = np.zeros((joints, len(self._centres), self._signals.size))
-        self._torque = np.zeros(joints)
+        self._start = np.zeros((joints, len(self._centres), 1 + 3 * joints + len(self._pairs[0])))
 
     @property
     def weights(self) -> FloatArray:
         """Current weights (joints, Gaussians, signals)."""
-        return self._weights.copy()
+        return np.array(self.memory.get("weights", self._start))
 
-    def reset(self) -> None:
-        """Reset the weights to zero."""
-        self._weights[:] = 0.0
-        super().reset()
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"weights": self._start, **super().initial_memory(readings, inputs)}
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        now, n = self._sliding, self.arm.joints
-        now.take(t, measurement, reference)
-        signals = self._signals
-        signals[1 : 1 + n] = now.reference_acceleration
-        signals[1 + n : 1 + 2 * n] = now.reference_rate
-        signals[1 + 2 * n : 1 + 3 * n] = np.tanh(now.reference_rate / (_SIGN * now.bandwidth))
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after, now = self._sliding.at(memory, readings, inputs)
+        weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs
-        signals[1 + 3 * n :] = now.rate[first] * now.reference_rate[second]
+        signals = np.concatenate(
+            [
+                np.ones(1),
+                now.reference_acceleration,
+                now.reference_rate,
+                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
+                now.rate[first] * now.reference_rate[second],
+            ]
+        )
         self._law(
             now.angle,
             signals,
@@ -80,16 +84,16 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             self.leakage,
             self.e_modification,
             self.sample_time,
-            self._weights,
-            self._torque,
+            weights,
+            torque,
         )
+        after = {"weights": weights, **after}
         if self._model is None:
-            return self._torque.copy()
+            return after, torque
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
-        torque: FloatArray = self._torque + rows[0] + rows[1]
-        return torque
+        return after, torque + rows[0] + rows[1]
 
 
 #: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).

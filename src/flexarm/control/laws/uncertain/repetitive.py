@@ -13,17 +13,17 @@ from flexarm.base.arguments import check_kind, check_posture
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.control.analysis.margins import check_single_rate, loop_at, plants_of
 from flexarm.control.analysis.sampled_loop import ComplexArray
+from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
-    report_of,
-    requirements_of,
 )
 from flexarm.control.contract.parametrised import Parametrised
-from flexarm.control.contract.requirements import JOINTS, joints_of
+from flexarm.control.contract.requirements import joints_of
 from flexarm.model import Hardware
 from flexarm.model.drives.around import RepetitiveParameters
 
@@ -37,7 +37,7 @@ _ROUNDING = 1e-6
 _ITERATIONS, _NONE, _STOPPED = 20, 1e-12, 0.05
 
 
-class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
+class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
     """Learns, in every period, the torque that removes the periodic errors of the joints.
 
     The torque of the period before, corrected by its errors and filtered without phase shift, is
@@ -67,16 +67,6 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
             raise InputError(Problem("cutoff", rule, shown(self.cutoff)))
         self._samples()
         self._history: PeriodHistory | None = None
-        self._held: FloatArray | None = None
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the inner controller, s."""
-        return self.inner.sample_time
-
-    @sample_time.setter
-    def sample_time(self, value: float) -> None:
-        self.inner.sample_time = value
 
     @public_call
     def reset(self) -> None:
@@ -86,33 +76,21 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
             InputError: if the period is not a multiple of the sample time, or too short for the
                 lead and the filter.
         """
-        self.inner.reset()
+        super().reset()
         self._samples()
-        self._history = self._held = None
+        self._history = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
-        inner = requirements_of(self.inner, arm, reference)
-        joints = joints_of(arm.joints, *self._per_joint())
-        return ControllerRequirements(
-            joints if joints != arm.joints else inner.joints,
-            tuple(dict.fromkeys([*JOINTS, *inner.measured])),
-            inner.gauges,
-        )
+        return self._required(arm, reference, joints_of(arm.joints, *self._per_joint()))
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         """See ``Controller.update``."""
-        now = measurement.joint_angle
+        now, followed = measurement.joint_angle, self._reference_or_rest(measurement, reference)
         if self._history is None:
-            self._held = now.copy()
             self._history = PeriodHistory(now.size, *self._samples(), self._filter())
-        assert self._held is not None
-        if reference is None:
-            angle, rate = self._held, 0.0 * self._held
-        else:
-            angle, rate = reference.joint_angle(t), reference.joint_rate(t)
-        error = self.proportional * (angle - now)
-        error = error + self.derivative * (rate - measurement.joint_rate)
+        error = self.proportional * (followed.joint_angle(t) - now)
+        error = error + self.derivative * (followed.joint_rate(t) - measurement.joint_rate)
         learned = self._history.advance(error)
         return np.asarray(self.inner.update(t, measurement, reference)) + learned
 
@@ -123,7 +101,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
         period before; NaN before the end of the third.
         """
         rate = np.nan if self._history is None else self._history.rate
-        return {"repetitive_rate": rate} | report_of(self.inner)
+        return {"repetitive_rate": rate} | super().report()
 
     @public_call
     def harmonic_rates(
@@ -144,7 +122,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Controller):
             frequency j / period.
 
         Raises:
-            InputError: if the inner controller does not declare its memory, an instrument has its
+            InputError: if the inner controller has no ``step``, an instrument has its
                 own ``sample_time``, or an argument has the wrong type or number of joints.
         """
         check_kind("plant", plant, Arm)
@@ -247,18 +225,9 @@ class PeriodHistory:
 
     def advance(self, error: FloatArray) -> FloatArray:
         """Add the error (joints,) of a sample, in N m, and return the learned torque."""
-        learned: FloatArray = self._weights @ self._window()
-        self._store(learned, error)
-        return learned
-
-    def _window(self) -> FloatArray:
-        """Return the sums of learned torque and error about the sample a period before."""
-        first = (self._k - self._count - self._half) % self._length
-        return self._sums[first : first + 2 * self._half + 1]
-
-    def _store(self, learned: FloatArray, error: FloatArray) -> None:
-        """Store the learned torque of a sample, and add its error to the one ``lead`` before."""
         k, count, length = self._k, self._count, self._length
+        first = (k - count - self._half) % length  # of the window about the sample a period before
+        learned: FloatArray = self._weights @ self._sums[first : first + 2 * self._half + 1]
         place = k % length
         self._sums[place] = self._sums[place + length] = learned
         earlier = (k - self._lead) % length
@@ -274,12 +243,11 @@ class PeriodHistory:
             if self._k >= 3 * count and self._last > 0.0:
                 self.rate = math.sqrt(self._change / self._last)
             self._last, self._change = self._change, 0.0
+        return learned
 
 
 class _LearningSignal(Controller):
     """Controller whose torque is the error in N m that a repetitive control learns from."""
-
-    memory = ()
 
     def __init__(self, repetitive: RepetitiveControl) -> None:
         self._repetitive = repetitive
@@ -289,8 +257,9 @@ class _LearningSignal(Controller):
         """See ``Controller.requirements``."""
         return self._repetitive.requirements(arm, reference)
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        found: FloatArray = self._repetitive.proportional * measurement.joint_angle
-        found = -found - self._repetitive.derivative * measurement.joint_rate
-        return found
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        torque: FloatArray = self._repetitive.proportional * readings.joint_angle
+        return memory, -torque - self._repetitive.derivative * readings.joint_rate

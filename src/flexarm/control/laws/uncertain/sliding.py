@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
@@ -24,14 +25,21 @@ from flexarm.control.contract.requirements import JOINTS
 _NOISE_CUTOFF = 0.1
 
 
+class Sliding(NamedTuple):
+    """Sliding variable of a sample and the motion that it belongs to, (joints,) each."""
+
+    angle: FloatArray
+    rate: FloatArray
+    reference_rate: FloatArray
+    reference_acceleration: FloatArray
+    s: FloatArray
+
+
 class SlidingVariable:
     """Reference rates and s = qd - qd_r, theory page "control under uncertainty", (C.40).
 
     The reference rate is the rate of the motion, plus ``bandwidth`` times the angle error, plus
-    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link. Without
-    a reference, the angles of the first measurement are the reference.
-
-    Attributes, after ``take``: angle, rate, reference_rate, reference_acceleration, s, (joints,).
+    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link.
     """
 
     def __init__(
@@ -62,41 +70,34 @@ class SlidingVariable:
         return ControllerRequirements(arm.joints, JOINTS)
 
     def reset(self, sample_time: float) -> None:
-        """Clear the state of the previous run; ``sample_time`` in s."""
-        self._held: FloatArray | None = None
-        self._slow: FloatArray | None = None
-        self._fast = np.zeros_like(self.bandwidth)
+        """Set the sample time (s)."""
         self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self.washout * sample_time)
         self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF)
         self._sample_time = sample_time
 
-    def take(self, t: float, measurement: Measurement, reference: Reference | None) -> None:
-        """Compute all attributes at sample time t (s)."""
-        self.angle, self.rate = measurement.joint_angle, measurement.joint_rate
-        if reference is None:
-            if self._held is None:
-                self._held = self.angle.copy()
-            pull = self.bandwidth * (self._held - self.angle)
-            self.reference_rate = pull
-            self.reference_acceleration = -self.bandwidth * self.rate
-        else:
-            desired = reference.joint_rate(t)
-            self.reference_rate = desired + self.bandwidth * (reference.joint_angle(t) - self.angle)
-            change = self.bandwidth * (desired - self.rate)
-            self.reference_acceleration = reference.joint_acceleration(t) + change
-        if self._fed:
-            self._feed(measurement.strain[self._gauge])
-        self.s = self.rate - self.reference_rate
+    def initial_memory(self, readings: Measurement) -> Arrays:
+        """Return the low-pass and the high-pass filtered curvature at the first sample."""
+        if not self._fed:
+            return {}
+        bent = self._per_strain * readings.strain[self._gauge]
+        return {"slow": bent, "fast": 0.0 * bent}
 
-    def _feed(self, strain: FloatArray) -> None:
-        bent = self._per_strain * strain
-        if self._slow is None:
-            self._slow = bent.copy()
-        step = self._rise_fast * (bent - self._slow - self._fast)
-        self._fast += step
-        self._slow += self._forget_slow * (bent - self._slow)
-        self.reference_rate = self.reference_rate + self._fast
-        self.reference_acceleration = self.reference_acceleration + step / self._sample_time
+    def at(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Sliding]:
+        """Return the next memory, and the sliding variable of a sample."""
+        angle, rate = readings.joint_angle, readings.joint_rate
+        desired = inputs["reference_rate"]
+        reference_rate = desired + self.bandwidth * (inputs["reference_angle"] - angle)
+        change = self.bandwidth * (desired - rate)
+        acceleration = inputs["reference_acceleration"] + change
+        after = {}
+        if self._fed:
+            bent = self._per_strain * readings.strain[self._gauge]
+            step = self._rise_fast * (bent - memory["slow"] - memory["fast"])
+            after["slow"] = memory["slow"] + self._forget_slow * (bent - memory["slow"])
+            after["fast"] = memory["fast"] + step
+            reference_rate = reference_rate + after["fast"]
+            acceleration = acceleration + step / self._sample_time
+        return after, Sliding(angle, rate, reference_rate, acceleration, rate - reference_rate)
 
 
 class SlidingController(OfArm, Controller):
@@ -111,7 +112,12 @@ class SlidingController(OfArm, Controller):
 
     def reset(self) -> None:
         """Clear the state of the previous run."""
+        super().reset()
         self._sliding.reset(self.sample_time)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return self._sliding.initial_memory(readings)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""

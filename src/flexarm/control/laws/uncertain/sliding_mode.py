@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.model.drives.uncertain import SlidingModeParameters
@@ -21,8 +21,6 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         InputError: if a name is unknown, or a number is negative or not finite.
     """
 
-    memory = ("_sliding._slow", "_sliding._fast")
-
     def __post_init__(self) -> None:
         super().__post_init__()
         named = self.uncertainty or {}
@@ -34,10 +32,11 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         self._errors = self._model.placed(np.concatenate([np.zeros(known), errors]))
         self._floor = self.disturbance + self.reaching
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        now = self._sliding
-        now.take(t, measurement, reference)
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        after, now = self._sliding.at(memory, readings, inputs)
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False
         )
@@ -48,4 +47,4 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         torque: FloatArray = self._believed.dot(rows)
         torque -= self.damping * now.s
         torque -= switching
-        return torque
+        return after, torque

@@ -19,20 +19,20 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.control.analysis.linear_controller import FrozenReference, memory_of
+from flexarm.control.analysis.linear_controller import FrozenReference
+from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
     check_reference,
-    report_of,
-    requirements_of,
+    is_law,
 )
 from flexarm.control.contract.feedforward import SampledFeedforward
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.flexible_model import FlexibleModel
 from flexarm.control.design.nominal import PreviewedReference, strain_matrix
 from flexarm.control.design.posture_grid import Interpolated, PostureGrid
@@ -65,28 +65,6 @@ class ModalLaw(NamedTuple):
     D: FloatArray
 
 
-class ShiftedReference:
-    """Reference of the inner controller at one sample time: given angles and rates.
-
-    Everything else is that of the outer reference.
-    """
-
-    def __init__(self, angle: FloatArray, rate: FloatArray, outer: Reference | None) -> None:
-        self._angle, self._rate, self._outer = angle, rate, outer
-
-    def joint_angle(self, t: float) -> FloatArray:
-        """Return the joint angles (joints,), rad."""
-        return self._angle
-
-    def joint_rate(self, t: float) -> FloatArray:
-        """Return the joint rates (joints,), rad/s."""
-        return self._rate
-
-    def joint_acceleration(self, t: float) -> FloatArray:
-        """Return the joint accelerations (joints,) of the outer reference, rad/s^2."""
-        return 0.0 * self._angle if self._outer is None else self._outer.joint_acceleration(t)
-
-
 class StrainsAlong:
     """Strains (gauges,) of the bent arm along a reference that computes its bending."""
 
@@ -101,7 +79,7 @@ class StrainsAlong:
         return found.reshape(*times.shape, -1)
 
 
-class StrainDamping(StrainDampingParameters, OfArm, Controller):
+class StrainDamping(StrainDampingParameters, OfArm, Around):
     """Base of controllers that damp the lowest modes by strain feedback around a joint loop.
 
     Strains that differ from those along the reference give the modal signals, (C.17). A subclass
@@ -161,32 +139,21 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         """Return the law for modes with angular frequencies omega (k,), rad/s."""
 
     @property
-    def memory(self) -> tuple[str, ...] | None:  # type: ignore[override]
-        """Attributes kept between samples; None if ``inner`` does not declare its own."""
-        inside = memory_of(self.inner)
-        return None if inside is None else ("_state", *(f"inner.{name}" for name in inside))
-
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the inner controller, s."""
-        return self.inner.sample_time
-
-    @sample_time.setter
-    def sample_time(self, value: float) -> None:
-        self.inner.sample_time = value
+    def analytic(self) -> bool:  # type: ignore[override]
+        """Whether ``step`` accepts complex numbers, as that of the inner controller."""
+        return is_law(self.inner) and self.inner.analytic
 
     def reset(self) -> None:
         """Clear the state of the previous run, including the inner controller."""
         from scipy.signal import cont2discrete
 
-        self.inner.reset()
+        super().reset()
         law = self._law(2.0 * np.pi * self.frequency_hz)
         joints = np.kron(np.eye(2), self._driven)
         B, D = -law.B @ self._observed, -law.D @ self._observed
         whole = law.A, B, joints @ law.C, joints @ D
         # Tustin's rule, because a zero-order hold of the strain would delay the feedback.
         self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
-        self._state = np.zeros(len(law.A))
         self._followed: Reference | None = None
         self._along: SampledFeedforward | None = None
         self._nominal = PreviewedReference(
@@ -195,26 +162,44 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
-        inner = requirements_of(self.inner, arm, reference)
-        joints = self.arm.joints if self.arm.joints != arm.joints else inner.joints
-        read = tuple(dict.fromkeys([*JOINTS, *inner.measured, "strain"]))
-        return ControllerRequirements(joints, read, len(self.arm.gauges))
+        required = self._required(arm, reference, self.arm.joints)
+        read = tuple(dict.fromkeys([*required.measured, "strain"]))
+        return ControllerRequirements(required.joints, read, len(self.arm.gauges))
 
-    def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
-        nominal = self._nominal.at(t, measurement.joint_angle, reference)
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the inputs of the inner controller, and the nominal motion with its strains."""
+        nominal = self._nominal.at(t, reference)
         if reference is not self._followed:
             self._followed, self._along = reference, self._strains_along(reference)
         if self._along is None:
-            strain = measurement.strain - nominal.shown - self._bend.dot(nominal.missing)
+            strain = nominal.shown + self._bend.dot(nominal.missing)
         else:
-            strain = measurement.strain - self._along(t)
-        motion = self._C.dot(self._state) + self._D.dot(strain)
-        self._state = self._A.dot(self._state) + self._B.dot(strain)
+            strain = self._along(t)
+        return {
+            **super().planned(t, reference),
+            "nominal_strain": strain,
+            "outer_angle": nominal.angle,
+            "outer_rate": nominal.qd[self.arm.joint_index],
+        }
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """See ``Controller.initial_memory``."""
+        return {"state": np.zeros(len(self._A)), **super().initial_memory(readings, inputs)}
+
+    def step(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, FloatArray]:
+        """See ``Controller.step``."""
+        state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
+        motion = self._C.dot(state) + self._D.dot(strain)
         m = self.arm.joints
-        rate = nominal.qd[self.arm.joint_index] + motion[m:]
-        shifted = ShiftedReference(nominal.angle + motion[:m], rate, reference)
-        return np.asarray(self.inner.update(t, measurement, shifted))
+        shifted = {
+            **inputs,
+            "reference_angle": inputs["outer_angle"] + motion[:m],
+            "reference_rate": inputs["outer_rate"] + motion[m:],
+        }
+        inside, torque = self._inner_step(memory, readings, shifted)
+        return {"state": self._A.dot(state) + self._B.dot(strain), **inside}, torque
 
     def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
         """Return the strains of a reference that computes them, as a function of time."""
@@ -293,10 +278,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Controller):
         """Return the strains (T, gauges) at q (T, dof)."""
         shown: FloatArray = q @ self._strains.T
         return shown
-
-    def report(self) -> dict[str, float]:
-        """Return the report of the inner controller."""
-        return report_of(self.inner)
 
 
 def _bends(reference: Reference | None) -> bool:

@@ -17,9 +17,15 @@ from flexarm.base.arguments import (
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text, write_whole
 from flexarm.model import Contact
-from flexarm.view.plot.animation.page import inline, page
-from flexarm.view.plot.animation.scene import Scene, SceneOptions, scene_of, thin
-from flexarm.view.plot.animation.surroundings import surroundings
+from flexarm.view.plot.animation.scene import (
+    Scene,
+    SceneOptions,
+    inline,
+    page,
+    scene_of,
+    surroundings,
+    thin,
+)
 from flexarm.view.plot.animation.video import (
     check_animation_place,
     find_ffmpeg,
@@ -156,7 +162,8 @@ def animate(
     scenes = []
     for name, result in named.items():
         arm = arm_of("results", result)
-        histories = [] if _empty(channels) else several("channels", channels, result)
+        none = isinstance(channels, list | tuple) and not channels
+        histories = [] if none else several("channels", channels, result)
         if len(histories) > _MOST_HISTORIES:
             rule = f"be at most {_MOST_HISTORIES} channels"
             raise InputError(Problem("channels", rule, shown(len(histories))))
@@ -203,7 +210,3 @@ def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndar
     # The last frame is always the end of the run.
     times = np.arange(int(frames * (1.0 + 1e-12)) + 1) * (speed / fps)
     return times if times[-1] > max(spans) - 1e-9 * speed / fps else np.append(times, max(spans))
-
-
-def _empty(channels: object) -> bool:
-    return isinstance(channels, list | tuple) and not channels

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.view.plot.animation.scene import Scene
-from flexarm.view.plot.signals import draw_signals
+from flexarm.view.plot.histories import draw_signals
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,
@@ -39,12 +39,7 @@ _GAP, _LEAST = 0.85, 0.5
 
 
 class Stage:
-    """Picture with a static background and artists that change with the frame.
-
-    Args:
-        scenes: side by side, with equal numbers of frames and of histories.
-        width: of the picture, pixels.
-    """
+    """Picture of scenes side by side: a static background, and artists that change."""
 
     def __init__(self, scenes: Sequence[Scene], width: int) -> None:
         with styled("screen"):

@@ -1,22 +1,33 @@
-"""Data of an animation of one result, frame by frame, as plain arrays; without Matplotlib."""
+"""Data of an animation as plain arrays, and the page that plays them; without Matplotlib."""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from html import escape
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm.arm.actions.contacts import arc_of, pieces_of
 from flexarm.arm.arm import Arm
-from flexarm.model import Contact
+from flexarm.base.arguments import check_list_of
+from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.cases.scenario.motions import motion_of
+from flexarm.control.contract.base import check_reference
+from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference
-from flexarm.view.plot.animation.solid import Solid, solid_of
-from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, shapes_of
+from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, scenario_of, shapes_of
+from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.selection import Signals
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Points along a link, enough for a smooth curve on a screen.
 STATIONS = 17
@@ -32,40 +43,26 @@ _NO_ARROW = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Motion of one arm in F frames; lengths in m, world axes.
+    """Motion of one arm in F frames; lengths in m, world axes."""
 
-    Attributes:
-        title: above the arm, or empty.
-        times: (F,) of the run, s.
-        links: (F, links, stations, 2) as drawn, with magnified bending.
-        depths: (links,) depths of the links in the plane, zero if the model has none.
-        bends: (links,) whether a link is flexible.
-        joints: (F, movable joints, 2).
-        payload: whether the arm carries one.
-        arrows: (F, movable joints, points, 2) of torques, NaN without an arrow; or None.
-        ghost: (F, links, stations, 2) of the rigid counterpart, or None.
-        path: (P, 2) of the drawn tip, at times (P,) ``path_times``; or None.
-        reference: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None.
-        solids: surfaces of the contacts.
-        histories: beside the arm.
-        view: (4,) smallest and largest x, smallest and largest y of everything that moves.
-    """
-
-    title: str
-    times: FloatArray
-    links: FloatArray
+    title: str  # above the arm, or empty
+    times: FloatArray  # (F,) of the run, s
+    links: FloatArray  # (F, links, stations, 2) as drawn, with magnified bending
+    #: (links,) depths of the links in the plane, zero if the model has none
     depths: tuple[float, ...]
-    bends: tuple[bool, ...]
-    joints: FloatArray
-    payload: bool
+    bends: tuple[bool, ...]  # (links,) whether a link is flexible
+    joints: FloatArray  # (F, movable joints, 2)
+    payload: bool  # whether the arm carries one
+    #: (F, movable joints, points, 2) of torques, NaN without an arrow; or None
     arrows: FloatArray | None
-    ghost: FloatArray | None
-    path: FloatArray | None
+    ghost: FloatArray | None  # (F, links, stations, 2) of the rigid counterpart, or None
+    path: FloatArray | None  # (P, 2) of the drawn tip, at times (P,) ``path_times``; or None
     path_times: FloatArray
+    #: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None
     reference: tuple[FloatArray, FloatArray] | None
-    solids: tuple[Solid, ...]
-    histories: tuple[Signals, ...]
-    view: FloatArray
+    solids: tuple[_Solid, ...]  # surfaces of the contacts
+    histories: tuple[Signals, ...]  # beside the arm
+    view: FloatArray  # (4,) smallest and largest x, smallest and largest y of everything that moves
 
 
 @dataclass(frozen=True)
@@ -136,7 +133,7 @@ def scene_of(
         path=path if options.trace else None,
         path_times=path_times,
         reference=desired,
-        solids=tuple(solid_of(contact.surface, view) for contact in contacts),
+        solids=tuple(_solid_of(contact.surface, view) for contact in contacts),
         histories=tuple(histories),
         view=view,
     )
@@ -157,13 +154,7 @@ def _view(points: FloatArray) -> FloatArray:
 
 
 def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: float) -> FloatArray:
-    """Return arcs with a head, (F, joints, points, 2): counter-clockwise for positive torques.
-
-    Args:
-        centers: (F, joints, 2).
-        start: (F, joints) rad.
-        part: (F, joints) torques as fractions of the largest one.
-    """
+    """Return arcs (F, joints, points, 2) of torques, fractions ``part`` of the largest."""
     sweep = _SWEEP * part
     fraction = np.linspace(0.0, 1.0, 25)
     angle = start[..., None] + sweep[..., None] * fraction
@@ -174,8 +165,7 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
     def barb(side: float) -> FloatArray:
         back = end - sign * head
         reach = 1.0 + 0.56 * side * head
-        place: FloatArray = reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1)
-        return place
+        return np.asarray(reach[..., None] * np.stack([np.cos(back), np.sin(back)], axis=-1))
 
     tip = arc[..., -1, :]
     points = [arc, barb(1.0)[..., None, :], tip[..., None, :], barb(-1.0)[..., None, :]]
@@ -185,10 +175,7 @@ def _arrows(centers: FloatArray, start: FloatArray, part: FloatArray, radius: fl
 
 
 def thin(signals: Signals, intervals: int) -> Signals:
-    """Return a history with few enough points for a picture, including all peaks.
-
-    For each interval the first sample and the extreme values of every line are kept.
-    """
+    """Return a history with few points, and of each interval the extreme values of lines."""
     count, lines = signals.values.shape
     if count <= intervals * (1 + 2 * lines):
         return signals
@@ -198,3 +185,222 @@ def thin(signals: Signals, intervals: int) -> Signals:
         keep |= {int(chunk[0]), *chunk[values.argmin(axis=0)], *chunk[values.argmax(axis=0)]}
     chosen = np.array(sorted(keep))
     return replace(signals, time=signals.time[chosen], values=signals.values[chosen])
+
+
+#: Thickness of the band, as a fraction of the width of the view.
+_BAND = 0.03
+_POINTS = 181
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """Surface: its outline (k, 2) m, and the far side (k, 2) of a band of the solid behind it."""
+
+    course: FloatArray
+    behind: FloatArray
+
+
+def _solid_of(surface: Surface, view: FloatArray) -> _Solid:
+    """Return the outline and band of a surface in a view: left, right, bottom, top, m."""
+    width = float(view[1] - view[0])
+    middle = np.array([view[0] + view[1], view[2] + view[3]]) / 2.0
+    if isinstance(surface, SurfaceTable):
+        course = _course(surface, width)
+        along = np.gradient(course, axis=0)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        inward = np.stack([along[:, 1], -along[:, 0]], axis=1)  # solid lies to the right
+    elif isinstance(surface, RoundWall):
+        angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
+        outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        course = np.asarray(surface.center, dtype=np.float64) + surface.radius * outward
+        inward = outward if surface.inside else -outward
+    else:
+        course, inward = _line(surface, middle, width)
+    return _Solid(course, course + _BAND * width * inward)
+
+
+def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+    _, point, normal = arc_of(surface)
+    along = np.array([normal[1], -normal[0]])
+    nearest = point + along * float(along @ (middle - point))
+    course = nearest + np.outer([-2.0 * width, 2.0 * width], along)
+    return course, np.array([-normal, -normal])
+
+
+def _course(surface: SurfaceTable, width: float) -> FloatArray:
+    """Return points (k, 2) of a tabulated curve; an open one continues straight beyond its ends."""
+    table = pieces_of(surface)
+    beyond = 0.0 if surface.closed else 2.0 * width
+    first, last = table[1, 0], table[-1, 0]
+    s = np.linspace(first, last, _POINTS)
+    if beyond:
+        s = np.concatenate([[first - beyond], s, [last + beyond]])
+    piece = table[np.searchsorted(table[1:, 0], s, side="right")]
+    d = s - piece[:, 0]
+    powers = np.stack([np.ones_like(d), d, d**2, d**3], axis=1)
+    return np.stack(
+        [np.sum(piece[:, 1:5] * powers, axis=1), np.sum(piece[:, 5:9] * powers, axis=1)], axis=1
+    )
+
+
+def surroundings(
+    arm: Arm, result: xr.Dataset, reference: Any, contacts: Sequence[Contact] | None
+) -> tuple[Any, Sequence[Contact]]:
+    """Return the reference, or None, and the contacts to draw, by default the scenario's."""
+    if contacts is not None:
+        contacts = check_list_of("contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(reference)
+        _check_joints(reference, arm)
+    moved, touched = _of_scenario(arm, result)
+    return (
+        moved if reference is None else reference,
+        touched if contacts is None else contacts,
+    )
+
+
+def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
+    """Return motion and contacts of a result's scenario, if it has one."""
+    scenario = scenario_of(result)
+    if scenario is None or len(scenario.arm.links) != arm.links:
+        return None, []
+    try:
+        return motion_of(arm, scenario), scenario.contacts
+    except FlexarmError:  # the plant differs from the arm of the scenario
+        return None, scenario.contacts
+
+
+def _check_joints(reference: Any, arm: Arm) -> None:
+    """Raise if a reference has neither the arm's number of joints nor its own tip path."""
+    if getattr(reference, "tip", None) is None:
+        angles = np.asarray(reference.joint_angle(0.0))
+        if angles.shape != (arm.joints,):
+            rule = f"move the {arm.joints} joints of the arm"
+            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
+
+
+#: Parts of the player's script, in their order.
+_SCRIPTS = ("canvas.js", "arm.js", "histories.js", "player.js")
+#: Resolution of lengths: 1e-4 of the width of the view, a tenth of a pixel.
+_PARTS = 1e4
+
+
+def page(scenes: Sequence[Scene], fps: float, speed: float, title: str) -> str:
+    """Return the text of an HTML page that plays scenes side by side; ``speed`` is run s per s."""
+    head = f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
+    head += '</title><meta name="viewport" content="width=device-width, initial-scale=1">'
+    head += f"<style>{style()}</style></head>\n<body>"
+    return f"{head}{fragment(scenes, fps, speed)}</body></html>\n"
+
+
+def style() -> str:
+    """Return the style sheet of the player."""
+    return _text("player.css")
+
+
+def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None) -> str:
+    """Return the player, with ``beside`` histories beside the arm, for pages with `style`."""
+    # A title may contain "</script>", so write "<" as an escape sequence.
+    text = _as_json(player_data(scenes, fps, speed, beside)).replace("<", "\\u003c")
+    place = "document.currentScript.previousElementSibling"
+    data = f"JSON.parse({place}.textContent)"
+    return (
+        '<div class="flexarm-player"></div>'
+        f'<script type="application/json" class="flexarm-data">{text}</script>'
+        f"<script>({player_function()})({place}.previousElementSibling, {data});</script>"
+    )
+
+
+def player_function() -> str:
+    """Return a JavaScript function of an element and the data of a player, which it creates there.
+
+    It returns a function ``load(data, previous)`` that shows other data at the time that is shown,
+    with the arm and the histories of ``previous`` data, or null, as a ghost.
+    """
+    script = "".join(_text(name) for name in _SCRIPTS)
+    return f'function (root, data) {{\n"use strict";\n{script}return load;\n}}'
+
+
+def player_data(
+    scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None
+) -> dict[str, Any]:
+    """Return the data of the player, plain values and arrays; arguments as in `fragment`."""
+    most = max(len(scene.histories) for scene in scenes)
+    shown = [_data(scene) for scene in scenes]
+    return {
+        "fps": fps,
+        "speed": speed,
+        "scenes": shown,
+        "beside": most if beside is None else beside,
+    }
+
+
+def _as_json(data: Any) -> str:
+    """Return data as JSON in its shortest form, with null for numbers that are not finite."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False, default=_listed)
+
+
+def _listed(values: FloatArray) -> Any:
+    if np.isfinite(values).all():
+        return values.tolist()
+    found = values.astype(object)
+    found[~np.isfinite(values)] = None
+    return found.tolist()
+
+
+def inline(text: str, height: int) -> str:
+    """Return a page in an iframe, which isolates its styles and script from a notebook."""
+    look = f"width:100%;height:{height}px;border:0"
+    return f'<iframe srcdoc="{escape(text, quote=True)}" style="{look}"></iframe>'
+
+
+@cache
+def _text(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _data(scene: Scene) -> dict[str, Any]:
+    digits = max(0, 4 - math.floor(math.log10(float(scene.view[1] - scene.view[0]))))
+    reference = scene.reference
+    return {
+        "title": scene.title,
+        "times": _rounded(scene.times, 6),
+        "view": _rounded(scene.view, digits),
+        "links": _rounded(scene.links, digits),
+        "depths": list(scene.depths),
+        "bends": [bool(bends) for bends in scene.bends],
+        "joints": _rounded(scene.joints, digits),
+        "payload": scene.payload,
+        "arrows": _rounded(scene.arrows, digits),
+        "ghost": _rounded(scene.ghost, digits),
+        "path": _rounded(scene.path, digits),
+        "pathTimes": _rounded(scene.path_times, 6),
+        "reference": None if reference is None else _rounded(reference[0], digits),
+        "goal": None if reference is None else _rounded(reference[1], digits),
+        "solids": [[_rounded(s.course, digits), _rounded(s.behind, digits)] for s in scene.solids],
+        "histories": [
+            {
+                "title": signals.title,
+                "label": signals.axis_label,
+                "time": _rounded(signals.time, 6),
+                "lines": [_significant(line) for line in signals.values.T],
+                "labels": list(signals.labels),
+                "colors": list(series_colors(len(signals.labels))),
+            }
+            for signals in scene.histories
+        ],
+    }
+
+
+def _rounded(values: FloatArray | None, digits: int) -> FloatArray | None:
+    """Return rounded numbers."""
+    if values is None:
+        return None
+    return np.ascontiguousarray(np.round(values, digits) + 0.0)  # the sum converts -0.0 to 0.0
+
+
+def _significant(values: FloatArray) -> FloatArray | None:
+    """Return numbers rounded to 1e-5 of the largest."""
+    largest = float(np.nanmax(np.abs(values[np.isfinite(values)]), initial=0.0))
+    digits = 5 - math.floor(math.log10(largest)) if largest > 0.0 else 0
+    return _rounded(values, min(max(digits, -300), 300))

@@ -31,11 +31,7 @@ _HOUSE = [int(color[k : k + 2], 16) for color in (*SERIES, INK, GREY) for k in (
 
 
 def find_ffmpeg(name: str = "path") -> str:
-    """Return the path of ffmpeg, from the package ``imageio-ffmpeg`` or from the system.
-
-    Raises:
-        InputError: if ffmpeg is not installed.
-    """
+    """Return the path of ffmpeg, from ``imageio-ffmpeg`` or from the system, or raise."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -48,11 +44,7 @@ def find_ffmpeg(name: str = "path") -> str:
 
 
 def check_animation_place(name: str, path: AnyPath) -> Path:
-    """Return the path of an animation's file after checking that it can be written.
-
-    Raises:
-        InputError: under the conditions of `check_place`, or for an .mp4 without ffmpeg.
-    """
+    """Return the path of an animation's file after checking that it can be written."""
     place = check_place(name, path, SUFFIXES)
     if place.suffix.lower() == ".mp4":
         find_ffmpeg(name)
@@ -62,16 +54,7 @@ def check_animation_place(name: str, path: AnyPath) -> Path:
 def mp4(
     pictures: Iterable[Picture], size: tuple[int, int], fps: float, ffmpeg: str
 ) -> Iterator[bytes]:
-    """Yield the parts of an MP4 file (H.264, which all browsers and players support).
-
-    Args:
-        pictures: frames (height, width, 4) RGBA.
-        size: width and height, both even.
-        ffmpeg: path of the program, from `find_ffmpeg`.
-
-    Raises:
-        InputError: if ffmpeg fails.
-    """
+    """Yield the parts of an MP4 file (H.264) of frames (height, width, 4) RGBA, both even."""
     width, height = size
     with tempfile.TemporaryDirectory(prefix="flexarm-") as folder:
         video = Path(folder) / "video.mp4"  # a file, because its index has to move to the front
@@ -86,11 +69,7 @@ def mp4(
 
 
 def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
-    """Feed frames to ffmpeg.
-
-    Raises:
-        InputError: if ffmpeg does not start, or reports an error.
-    """
+    """Feed frames to ffmpeg."""
     try:
         with tempfile.TemporaryFile() as words:
             program = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=words)

@@ -96,19 +96,15 @@ class Histories:
     """Data of one case of the paper.
 
     The data are plain arrays, so that they can be sent to another process at low cost.
-
-    Attributes:
-        duration: of the motion, s.
-        time: (T,) s.
-        runs: model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of
-            the case: "flexible", "rigid", "second_order".
-        postures: model to (postures, links, stations, 2) m, at evenly spaced times of the motion;
-            "flexible" and "rigid".
     """
 
-    duration: float
-    time: FloatArray
+    duration: float  # of the motion, s
+    time: FloatArray  # (T,) s
+    #: Model to channel to (T, links), (T, joints) or (T, 2). The models are attributes of the case:
+    #: "flexible", "rigid", "second_order".
     runs: dict[str, dict[str, FloatArray]]
+    #: Model to (postures, links, stations, 2) m, at evenly spaced times of the motion; "flexible"
+    #: and "rigid"
     postures: dict[str, FloatArray]
 
 
@@ -117,16 +113,15 @@ def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Hist
     return Histories(
         duration=case.duration,
         time=case.flexible["time"].values,
-        runs={model: _taken(getattr(case, model)) for model in models},
+        runs={
+            model: {name: getattr(case, model)[name].values for name in _CHANNELS}
+            for model in models
+        },
         postures={
             "flexible": _postures(case.arm, case.flexible, case.duration),
             "rigid": _postures(case.rigid_counterpart, case.rigid, case.duration),
         },
     )
-
-
-def _taken(result: xr.Dataset) -> dict[str, FloatArray]:
-    return {name: result[name].values for name in _CHANNELS}
 
 
 def _postures(arm: Arm, result: xr.Dataset, duration: float) -> FloatArray:

@@ -4,20 +4,121 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MultipleLocator
 
-from flexarm.view.plot.paper.paper_data import HISTORY_NAMES, PANELS, TIP_FRAME, Histories, Panel
-from flexarm.view.plot.paper.paper_panels import (
-    draw_difference,
-    draw_from_rigid,
-    draw_history,
-    draw_path,
-    draw_theories,
-    draw_tip_distance,
-    draw_torques,
+from flexarm.view.plot.paper.paper_data import (
+    HISTORY_NAMES,
+    PANELS,
+    TIP_FRAME,
+    FloatArray,
+    Histories,
+    Panel,
 )
-from flexarm.view.plot.style import Sheet, legend_above, margins, place_labels, styled
+from flexarm.view.plot.style import (
+    BLUE,
+    FLEXIBLE,
+    GREY,
+    INK,
+    RIGID,
+    SECOND_ORDER,
+    VERMILLION,
+    Sheet,
+    legend_above,
+    margins,
+    place_labels,
+    styled,
+)
+
+_TIME = "time [s]"
+_END_OF_TORQUES: dict[str, Any] = {
+    "color": GREY,
+    "linewidth": 0.6,
+    "linestyle": ":",
+    "zorder": 0.5,
+}
+#: Colours by time: early postures light, late ones dark.
+_AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
+
+
+def _draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False) -> None:
+    """Draw a history of the flexible arm, and of the rigid arm as a dashed line."""
+    for model, look in (("flexible", FLEXIBLE), ("rigid", RIGID)):
+        axes.plot(case.time, _values(panel, case, model), **look)
+    of_tip = panel.channel.startswith("link_tip")
+    title = f"{panel.title} {TIP_FRAME}" if frame and of_tip else panel.title
+    _label_history(axes, title, panel.label, case)
+
+
+def _values(panel: Panel, case: Histories, model: str) -> FloatArray:
+    return panel.scale * case.runs[model][panel.channel][:, panel.link]
+
+
+def _draw_torques(axes: Axes, case: Histories) -> None:
+    """Draw figure 4: the torques of both joints, which are the same in all models."""
+    torque = case.runs["flexible"]["torque"]
+    axes.plot(case.time, torque[:, 0], color=BLUE, linewidth=1.0, label="joint 1")
+    axes.plot(
+        case.time, torque[:, 1], color=VERMILLION, linewidth=1.0, linestyle="-.", label="joint 2"
+    )
+    _label_history(axes, "Joint torques", "torque [N m]", case)
+
+
+def _draw_path(axes: Axes, case: Histories) -> None:
+    """Draw figure 3: the arm in ten postures, and the path of its tip."""
+    bent, straight = case.postures["flexible"], case.postures["rigid"]
+    ages = np.linspace(0.0, 1.0, len(bent))
+    rigid_look = {**RIGID, "linewidth": 0.5, "label": "_"}
+    for links, rigid_links, age in zip(bent, straight, ages, strict=True):
+        color = _AGES(age)
+        axes.plot(*links.reshape(-1, 2).T, color=color, linewidth=1.4)
+        axes.plot(*links[1:, 0].T, "o", color=color, markersize=3.2, markeredgewidth=0.0)
+        axes.plot(*rigid_links.reshape(-1, 2).T, **rigid_look)
+    moving = case.time <= case.duration
+    tips = {model: run["tip"][moving] for model, run in case.runs.items()}
+    links_of_last, dashes_of_last = axes.get_lines()[-3], axes.get_lines()[-1]
+    links_of_last.set_label("flexible")
+    dashes_of_last.set_label("rigid")
+    axes.plot(*tips["flexible"].T, color=VERMILLION, linewidth=1.2, label="path")
+    axes.plot(*tips["rigid"].T, **rigid_look)
+    axes.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
+    near: dict[str, Any] = {"textcoords": "offset points", "ha": "left"}
+    axes.annotate("start", tips["rigid"][0], xytext=(4, 2), **near)
+    axes.annotate("end", tips["rigid"][-1], xytext=(3, 3), **near)
+    axes.set_aspect("equal")
+    axes.grid(True, axis="both")
+    axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    axes.set(xlabel="x [m]", ylabel="y [m]", title="Ten postures")
+    axes.set(xlim=(-0.1, 2.25), ylim=(-0.1, 2.15))
+
+
+def _draw_theories(axes: Axes, case: Histories) -> None:
+    """Draw the tip deflection of link 1 in the paper's theory and in the second-order theory."""
+    looks = {
+        "flexible": {**FLEXIBLE, "label": "linear, as the paper"},
+        "second_order": {**SECOND_ORDER, "linestyle": "-."},
+        "rigid": RIGID,
+    }
+    for model, look in looks.items():
+        axes.plot(case.time, _first_deflection(case, model), **look)
+    _label_history(axes, "Tip deflection of link 1", "deflection [mm]", case)
+
+
+def _first_deflection(case: Histories, model: str) -> FloatArray:
+    """Return the tip deflection of link 1, (T,) mm."""
+    return 1e3 * case.runs[model]["link_tip_deflection"][:, 0]
+
+
+def _label_history(axes: Axes, title: str, label: str, case: Histories) -> None:
+    axes.axvline(case.duration, label="end of torques", **_END_OF_TORQUES)
+    axes.set(xlabel=_TIME, ylabel=label, title=title, xlim=(0.0, case.time[-1]))
+    axes.locator_params(axis="x", nbins=4)
+    axes.locator_params(axis="y", nbins=5)
+
 
 Draw = Callable[..., None]
 
@@ -44,26 +145,27 @@ def _finish(sheet: Sheet, axes: Axes, figure: int) -> None:
 
 def _path(case: Histories) -> Sheet:
     """Draw figure 3, with an inset for the distance between the tips, which is too small in it."""
-    sheet = _single(draw_path, case, figure=3, height=4.15)
+    sheet = _single(_draw_path, case, figure=3, height=4.15)
     with styled():
         inset = sheet.axes[0].inset_axes((0.56, 0.16, 0.4, 0.22))
-        draw_tip_distance(inset, case)
+        away = case.runs["flexible"]["tip"] - case.runs["rigid"]["tip"]
+        inset.plot(case.time, 1e3 * np.linalg.norm(away, axis=1), color=INK, linewidth=1.0)
+        _label_history(inset, "Between the tips [mm]", "", case)
     return sheet
 
 
 def _history(panel: Panel, case: Histories) -> Sheet:
-    """Draw one history; below an angle also its difference from the rigid arm.
-
-    The difference has its own axes, because it is a thousandth of the angle.
-    """
+    """Draw one history; below an angle also its difference from the rigid arm, a thousandth."""
     if panel.channel != "link_angle":
-        draw = partial(draw_history, panel=panel, frame=True)
+        draw = partial(_draw_history, panel=panel, frame=True)
         return _single(draw, case, figure=panel.figure)
     sheet = Sheet(_COLUMN, 3.5)
     with styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
-        draw_history(above, panel, case)
-        draw_from_rigid(below, panel, case)
+        _draw_history(above, panel, case)
+        difference = _values(panel, case, "flexible") - _values(panel, case, "rigid")
+        below.plot(case.time, 1e3 * difference, color=INK, linewidth=1.0)
+        _label_history(below, "", "difference [mrad]", case)
         above.set(xlabel="")
         _finish(sheet, above, panel.figure)
         place_labels(above)
@@ -72,10 +174,7 @@ def _history(panel: Panel, case: Histories) -> Sheet:
 
 
 def overview(case: Histories) -> Sheet:
-    """Draw all figures of the paper on one page, A4 landscape.
-
-    The rows are angles, deflections and slopes; in each, link 1 and its rate, link 2 and its rate.
-    """
+    """Draw all figures of the paper on one page, A4 landscape, one row for each quantity."""
     sheet = Sheet(11.69, 8.27)
     with styled():
         margins(sheet, left=0.65, bottom=0.45, right=0.3, top=1.0)
@@ -84,11 +183,11 @@ def overview(case: Histories) -> Sheet:
         path, torques = sheet.add_subplot(top[0]), sheet.add_subplot(top[1])
         cells = rows[1].subgridspec(3, 4, wspace=0.34, hspace=0.42)
         histories = [sheet.add_subplot(cells[k]) for k in range(12)]
-        draw_path(path, case)
+        _draw_path(path, case)
         path.set_anchor("W")
-        draw_torques(torques, case)
+        _draw_torques(torques, case)
         for axes, panel in zip(histories, PANELS, strict=True):
-            draw_history(axes, panel, case)
+            _draw_history(axes, panel, case)
         for axes in histories[:-4]:  # all rows have the same time axis
             axes.set_xlabel("")
         numbers = (3, 4, *(panel.figure for panel in PANELS))
@@ -119,8 +218,10 @@ def theories(case: Histories) -> Sheet:
     with styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
         margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28, hspace=0.14)
-        draw_theories(above, case)
-        draw_difference(below, case)
+        _draw_theories(above, case)
+        theories = [_first_deflection(case, name) for name in ("flexible", "second_order")]
+        below.plot(case.time, theories[0] - theories[1], color=INK, linewidth=1.0)
+        _label_history(below, "", "difference [mm]", case)
         above.set(xlabel="", xlim=(0.0, 2.0 * case.duration))
         above.legend(loc="lower right", borderaxespad=1.0)
         place_labels(above)
@@ -131,7 +232,7 @@ def theories(case: Histories) -> Sheet:
 #: All figures by file name; "theories" also needs the second-order run.
 FIGURES: dict[str, Callable[[Histories], Sheet]] = {
     "fig03_path": _path,
-    "fig04_torques": partial(_single, draw_torques, figure=4),
+    "fig04_torques": partial(_single, _draw_torques, figure=4),
     **{name: partial(_history, panel) for name, panel in HISTORY_NAMES.items()},
     "overview": overview,
     "theories": theories,

@@ -7,19 +7,20 @@ of another one, so that all edits are checked in the same way.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any
 
 from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem
 from flexarm.model import Link, Scenario, StudySpec
 from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.file_format.content import content_of
 from flexarm.model.wording import Path, look
 from flexarm.view.studio.values.forms import Forms, forms_at
-from flexarm.view.studio.values.new_values import first_entries, new_record, new_value
-from flexarm.view.studio.values.starts import short
-from flexarm.view.studio.values.table_text import table_content
+from flexarm.view.studio.values.starts import first_entries, new_record, new_value, short
 
 #: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
 #: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
@@ -52,16 +53,7 @@ def way_of(link: Link) -> str:
 def plain_edit(
     record: Scenario | StudySpec, scenario: Scenario, place: Path, path: Path, value: Any
 ) -> tuple[Path, Sequence[Any]]:
-    """Return an edit as a path of the record and values for it; the first valid one counts.
-
-    Args:
-        record: what is edited. place: path in it.
-        scenario: the simulated one. path: the same path in it.
-
-    Raises:
-        InputError: if the text of a table is not a table.
-        LookupError: if there is no such path.
-    """
+    """Return an edit of a scenario's path as a place in the record and the values to try there."""
     word, place, path = place[-1], place[:-1], path[:-1]
     old = _at(record, place)
     if word == TABLE:
@@ -94,11 +86,7 @@ def plain_edit(
 
 
 def shown_by(record: Scenario | StudySpec, place: Path, path: Path) -> Path:
-    """Return the path, or its beginning, of the field to continue with after an edit.
-
-    Args:
-        record: the edited one. place: path of the edit in it. path: in the simulated scenario.
-    """
+    """Return the path, or its beginning, of the field to continue with after an edit."""
     if path[-1] == REMOVE:
         return (*path[: -2 if isinstance(path[-2], int) else -1], NEW)
     if path[-1] == NEW:
@@ -174,3 +162,52 @@ def _described(link: Link, way: str) -> dict[str, Any]:
     diameter = short((moment * 64.0 / (math.pi * (1.0 - 0.8**4))) ** 0.25)
     tube = {"kind": "tube", "outer_diameter": diameter, "thickness": short(0.1 * diameter)}
     return {**kept, "material": material, "section": tube}
+
+
+_SPACES = re.compile(r"\s*[,;\t]\s*|\s+")
+_NAME = re.compile(r"(\w+)(?:\[(\d{1,3})\])?$")
+
+
+def table_text(record: Record) -> str:
+    """Return the table of a record; the numbers of a list in a column have columns of their own."""
+    columns = {name: getattr(record, name) for name in record._columns}
+    head: list[str] = []
+    cells: list[list[str]] = []
+    for name, values in columns.items():
+        if values is None:
+            continue
+        width = max((len(each) for each in values if isinstance(each, tuple)), default=0)
+        head += [f"{name}[{k}]" for k in range(width)] or [name]
+        rows = [each if isinstance(each, tuple) else (each,) for each in values]
+        cells += [[repr(row[k]).removesuffix(".0") for row in rows] for k in range(max(width, 1))]
+    rows_text = [", ".join(row) for row in zip_longest(*cells, fillvalue="")]
+    return "\n".join([", ".join(head), *rows_text])
+
+
+def table_content(text: str, record: Record) -> dict[str, Any]:
+    """Return the columns of a table in text; names may be missing, other cells remain text."""
+    rows = [_SPACES.split(line.strip()) for line in text.splitlines() if line.strip()]
+    head = _SPACES.split(table_text(record).splitlines()[0])
+    if rows and any(isinstance(_value(cell), str) for cell in rows[0]):
+        head = rows.pop(0)
+    found: dict[str, Any] = dict.fromkeys(record._columns)
+    for k, row in enumerate(rows):
+        if len(row) != len(head):
+            rule = f"have {len(head)} values, one for each name"
+            raise InputError(Problem(f"row {k + 1} of the table", rule, str(len(row))))
+    for k, name in enumerate(head):
+        match = _NAME.match(name)
+        values = [_value(row[k]) for row in rows]
+        if match is None or match[2] is None:
+            found[name] = values
+        else:
+            entries = found.get(match[1]) or [[] for _ in rows]
+            found[match[1]] = [[*old, value] for old, value in zip(entries, values, strict=True)]
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _value(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell

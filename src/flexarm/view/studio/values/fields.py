@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, Literal
 
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import Link, StudySpec
@@ -20,9 +20,10 @@ from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware
-from flexarm.model.scenarios.scenario import RunSettings
+from flexarm.model.help_text import descriptions_of
+from flexarm.model.scenarios.scenario import RunSpec
 from flexarm.model.units import unit_of
-from flexarm.model.wording import Path
+from flexarm.model.wording import Path, path_text
 from flexarm.view.studio.state import STUDIED, Project
 from flexarm.view.studio.values.edits import (
     FORM,
@@ -34,12 +35,10 @@ from flexarm.view.studio.values.edits import (
     TABLE,
     WAY,
     WAYS,
+    table_text,
     way_of,
 )
-from flexarm.view.studio.values.field import Choices, Entry, Field, Group, Part
 from flexarm.view.studio.values.forms import Form, Forms, field_forms, kind_of
-from flexarm.view.studio.values.ranges import Sizes, range_of
-from flexarm.view.studio.values.table_text import table_text
 
 #: Keys outside "More values"; of other records those that have a default.
 _USUAL: dict[type[Record], tuple[str, ...]] = {
@@ -54,7 +53,7 @@ _USUAL: dict[type[Record], tuple[str, ...]] = {
         "damping",
     ),
     Joint: ("damping", "stiffness", "hub_inertia", "mass", "friction"),
-    RunSettings: ("duration", "rate", "integrator"),
+    RunSpec: ("duration", "rate", "integrator"),
     Hardware: ("instruments", "motors"),
 }
 #: Longer lists are edited as text.
@@ -149,7 +148,7 @@ class _Value:
 
 
 def _value_of(record: Record, name: str, path: Path) -> _Value:
-    description = type(record).model_fields[name].description or ""
+    description = descriptions_of(type(record)).get(name, "")
     return _Value(
         getattr(record, name), field_forms(record, name), (*path, name), name, description
     )
@@ -161,18 +160,18 @@ class FieldMaker:
     def __init__(self, sizes: Sizes) -> None:
         self._sizes = sizes
 
-    def groups(self, values: Sequence[_Value]) -> Iterator[Entry]:
+    def groups(self, values: Sequence[_Value]) -> Iterator[_Entry]:
         """Yield the fields of values that share a group."""
         for of in values:
             yield from self.group(of)
 
-    def group(self, of: _Value) -> Iterator[Entry]:
+    def group(self, of: _Value) -> Iterator[_Entry]:
         """Yield the fields of a value whose title is that of a group."""
         for entry in self._value(of):
             same = isinstance(entry, Part) and entry.path == of.path
             yield from entry.entries if same else (entry,)  # type: ignore[union-attr]
 
-    def record(self, record: Record, path: Path) -> Iterator[Entry]:
+    def record(self, record: Record, path: Path) -> Iterator[_Entry]:
         """Yield the fields of a record: first those that files usually have."""
         usual, more = _USUAL.get(type(record)), []
         fields = type(record).model_fields
@@ -201,7 +200,7 @@ class FieldMaker:
             folded = all(omitted for omitted, _ in more)
             yield Part(_MORE, (*path, _MORE), every, folded=folded)
 
-    def _value(self, of: _Value) -> Iterator[Entry]:
+    def _value(self, of: _Value) -> Iterator[_Entry]:
         """Yield the fields of a value of any form."""
         entries = of.forms.named("list")
         if entries is not None and entries.items().records:
@@ -218,7 +217,7 @@ class FieldMaker:
     def _list(self, of: _Value, forms: Forms) -> Part:
         """Return the entries of a list of records, and a button that adds one."""
         one = of.label.removesuffix("s")
-        parts: list[Entry] = []
+        parts: list[_Entry] = []
         for k, entry in enumerate(of.value or ()):
             inside = _Value(entry, forms, of.at(k), "kind", of.description)
             fields = self._kinds(inside) if forms.kinds else self.record(entry, of.at(k))
@@ -228,7 +227,7 @@ class FieldMaker:
         button = Field(of.at(NEW), f"Add {one}", None, "button", "", of.description)
         return Part(of.label.capitalize(), of.path, (*parts, button))
 
-    def _kinds(self, of: _Value) -> Iterator[Entry]:
+    def _kinds(self, of: _Value) -> Iterator[_Entry]:
         """Yield the kind of a record and the fields of this kind."""
         now = "none" if of.value is None else of.value.kind
         choices = _grouped(of.forms.kinds, of.forms.optional)
@@ -252,7 +251,7 @@ class FieldMaker:
             fields[0] = replace(fields[0], other=of.other)
         return _part(of, fields)
 
-    def _plain(self, of: _Value) -> Iterator[Entry]:
+    def _plain(self, of: _Value) -> Iterator[_Entry]:
         """Yield the fields of a value that is not a record."""
         value, form, words = of.value, of.forms.of(of.value), _words(of)
         if words and (form is None or form.name in ("choice", "word", "flag")):
@@ -284,11 +283,11 @@ class FieldMaker:
 
     def _slider(self, of: _Value, form: Form, path: Path, label: str, value: float) -> Field:
         about = of.description
-        limits = range_of(of.name, value, about, form, self._sizes)
+        limits = _range_of(of.name, value, about, form, self._sizes)
         return Field(path, label, value, "slider", unit_of(about), about, limits)
 
 
-def _part(of: _Value, fields: Sequence[Entry]) -> Part:
+def _part(of: _Value, fields: Sequence[_Entry]) -> Part:
     """Return the fields of a value under its name, with a button that removes it if it may be."""
     end = (_remove(of.path, of.label),) if of.forms.optional else ()
     return Part(of.label.capitalize(), of.path, (*fields, *end))
@@ -301,13 +300,13 @@ def _remove(path: Path, label: str) -> Field:
 def _table(record: Record, path: Path) -> Field:
     """Return the table of a record."""
     names = [name for name in record._columns if getattr(record, name) is not None]
-    fields = type(record).model_fields
-    about = " ".join(f"{name}: {fields[name].description}" for name in record._columns)
+    texts = descriptions_of(type(record))
+    about = " ".join(f"{name}: {texts[name]}" for name in record._columns)
     label = ", ".join(names).replace("_", " ")
     return Field((*path, TABLE), label, table_text(record), "table", "", about)
 
 
-def _choices(entries: Sequence[tuple[Any, str]]) -> Choices:
+def _choices(entries: Sequence[tuple[Any, str]]) -> _Choices:
     return (("", tuple(entries)),)
 
 
@@ -317,7 +316,7 @@ def _in_words(word: str) -> str:
     return _WRITTEN.get(plain) or " ".join(_WRITTEN.get(part, part) for part in plain.split())
 
 
-def _grouped(kinds: Sequence[Form], optional: bool) -> Choices:
+def _grouped(kinds: Sequence[Form], optional: bool) -> _Choices:
     """Return the entries of a list of kinds; those of drives under the titles of their groups."""
     words = {form.type: (form.kind, _in_words(str(form.kind))) for form in kinds}
     drives = tuple(
@@ -359,3 +358,158 @@ def _has_points(record: Record) -> bool:
     if others or form is None or form.items().named("pair") is None:
         return False
     return _few_numbers(value, form)
+
+
+#: Entries of a list, as value and word, under titles; an empty title is not shown.
+_Choices = tuple[tuple[str, tuple[tuple[Any, str], ...]], ...]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One value with its control, or a button."""
+
+    path: Path  # in the simulated scenario, or of an edit; see `flexarm.view.studio.values.edits`.
+    label: str  # name in words
+    value: Any  # current one; of a table its text
+    #: Slider (a number), list (one of ``choices``), switch (true or false), text (YAML), table
+    #: (rows of numbers), or button (an edit without a value)
+    control: Literal["slider", "list", "switch", "text", "table", "button"]
+    unit: str = ""  # of the record's field
+    description: str = ""  # of the record's field
+    range: _Range | None = None  # of the slider; text may give other values
+    choices: _Choices = ()
+    #: Edit that gives the value its other form, as a path and the name of the form
+    other: tuple[Path, str] | None = None
+
+    @property
+    def name(self) -> str:
+        """The path as text, as in ``--set``."""
+        return path_text(self.path)
+
+    @property
+    def word(self) -> str:
+        """The entry of the list for the value."""
+        entries = [entry for _, group in self.choices for entry in group]
+        return next(
+            (word for value, word in entries if value is self.value or value == self.value), ""
+        )
+
+    def looks_like(self, other: Field) -> bool:
+        """Whether the control of another field can show this one."""
+        shape = (self.path, self.control, self.label, self.choices, self.other)
+        return shape == (other.path, other.control, other.label, other.choices, other.other)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Fields under one title."""
+
+    title: str
+    path: Path  # of the value that they describe
+    entries: tuple[_Entry, ...]
+    folded: bool = False  # whether it starts closed
+
+    def looks_like(self, other: Part) -> bool:
+        """Whether the controls of another part can show this one."""
+        same = (self.title, self.path) == (other.title, other.path)
+        return same and alike(self.entries, other.entries)
+
+
+_Entry = Field | Part
+
+
+def alike(some: tuple[_Entry, ...], others: tuple[_Entry, ...]) -> bool:
+    """Whether the controls of some entries can show others."""
+    return len(some) == len(others) and all(
+        type(one) is type(other) and one.looks_like(other)  # type: ignore[arg-type]
+        for one, other in zip(some, others, strict=True)
+    )
+
+
+def fields_in(entries: Iterable[_Entry]) -> Iterator[Field]:
+    """Yield the fields among entries, those of parts included."""
+    for entry in entries:
+        if isinstance(entry, Part):
+            yield from fields_in(entry.entries)
+        else:
+            yield entry
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Part of the panel with a title, whose fields are made when they are shown."""
+
+    title: str
+    make: Callable[[], Iterator[_Entry]]
+
+    @cached_property
+    def entries(self) -> tuple[_Entry, ...]:
+        """The fields and their parts."""
+        return tuple(self.make())
+
+    @property
+    def fields(self) -> list[Field]:
+        """All fields, those of parts included."""
+        return list(fields_in(self.entries))
+
+
+#: Nonnegative numbers that are zero in special cases only.
+_POSITIVE = ("mass_per_length",)
+#: Largest slider value for a number that is zero, by unit; 1 for others.
+_USUAL_MOST = {
+    "rad": math.pi,
+    "m/s^2": 10.0,
+    "kg": 2.0,
+    "kg m^2": 0.1,
+    "N m/rad": 100.0,
+    "Hz": 10.0,
+    "N": 10.0,
+}
+_ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+
+
+@dataclass(frozen=True)
+class _Range:
+    """Range and step of a slider."""
+
+    low: float
+    high: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of an arm that limit sliders."""
+
+    links: int  # number of links
+    reach: float  # m
+    longest: float  # length of the longest link (m)
+
+
+def _range_of(name: str, value: float, description: str, form: Form, sizes: Sizes) -> _Range:
+    """Return the range of the slider of a number."""
+    bounds = list(form.bounds())
+    lowest = max((bound for bound, below, _ in bounds if below), default=-math.inf)
+    highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)
+    if form.type is int:
+        most = {"link": sizes.links, "joint": sizes.links}.get(name, max(8.0, 2.0 * value))
+        least = -most if lowest < 0.0 else lowest
+        return _Range(least, max(min(most, highest), least + 1.0, value), 1.0)
+    if "world frame (m)" in description:
+        return _Range(-sizes.reach, sizes.reach, _nice(sizes.reach / 300.0))
+    scale = abs(value) or _USUAL_MOST.get(unit_of(description), 1.0) / 2.0
+    high = sizes.longest if name == "station" else _nice(2.0 * scale)
+    step = _nice(high / 300.0)
+    low = 0.0 if lowest >= 0.0 else -high
+    open_below = any(below and strict for _, below, strict in bounds)
+    open_above = any(not below and strict for _, below, strict in bounds)
+    if open_below or name in _POSITIVE:
+        lowest = max(lowest, 0.0) + step if lowest >= 0.0 or name in _POSITIVE else lowest + step
+    return _Range(max(low, lowest), min(high, highest - step if open_above else highest), step)
+
+
+def _nice(value: float) -> float:
+    """Return a round number that is not smaller."""
+    power = 10.0 ** math.floor(math.log10(value))
+    factor = next(k for k in _ROUND if k * power >= value * (1.0 - 1e-9))
+    return float(f"{factor * power:.6g}")

@@ -25,15 +25,11 @@ _SWITCHED = ("number", "pair", "list", "record")
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """One of the forms of a value.
+    """One of the forms of a value."""
 
-    Attributes:
-        name: what it is. type: its type without annotations. marks: bounds and other annotations.
-    """
-
-    name: FormName
-    type: Any
-    marks: tuple[Any, ...]
+    name: FormName  # what it is
+    type: Any  # its type without annotations
+    marks: tuple[Any, ...]  # bounds and other annotations
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -67,14 +63,10 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Forms:
-    """All forms of a value.
+    """All forms of a value."""
 
-    Attributes:
-        optional: whether the value may be omitted, that is None, or infinity for a limit.
-        given: its forms as a value; those that only Python programs can give are left out.
-    """
-
-    optional: bool
+    optional: bool  # whether the value may be omitted, that is None, or infinity for a limit
+    #: Its forms as a value; those that only Python programs can give are left out
     given: tuple[Form, ...]
 
     @property
@@ -178,11 +170,7 @@ def _form_name(annotation: Any, origin: Any, parts: tuple[Any, ...]) -> FormName
 
 
 def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
-    """Return the forms of the value at a path of a scenario or study, which may be omitted.
-
-    Raises:
-        LookupError: if there is no such path.
-    """
+    """Return the forms of the value at a path, which may be omitted; LookupError without one."""
     value: Any = record
     found: Forms | None = None
     for part in path:

@@ -1,1 +1,0 @@
-"""Laws of controllers as functions of symbols."""

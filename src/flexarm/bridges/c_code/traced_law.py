@@ -1,0 +1,337 @@
+"""Laws as functions of symbols: the source of ``step``, evaluated over CasADi scalars.
+
+There is no second law. The exported function has the numbers of the controller object, and calls
+the kernels of its rigid model over symbols.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.base.errors import InputError, Problem
+from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.c_code.traced_plans import (
+    FRICTION,
+    PressedInputs,
+    around,
+    plan_over_symbols,
+)
+from flexarm.bridges.symbolic.branches import branched
+from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
+from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
+from flexarm.control.design.posture_grid import Interpolated
+from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.laws import (
+    LQG,
+    MPC,
+    Controller,
+    EstimatorController,
+    RepetitiveControl,
+)
+from flexarm.control.laws.force.task_controller import TaskController
+
+#: Packages whose objects belong to a controller.
+_PACKAGES = ("flexarm.control.laws", "flexarm.control.design")
+#: Reasons why the law of a controller cannot be exported.
+_REFUSED: dict[type[Any], str] = {
+    EstimatorController: "Its parts are exported one by one: `inner` and `estimator`.",
+    MPC: "It solves an optimisation problem at every sample.",
+    RepetitiveControl: "Its memory is a whole period.",
+}
+#: Most numbers in a memory: each of them is a statement in C, and gcc takes 19 s for 500 weights.
+_MOST_MEMORY = 500
+
+
+@dataclass(frozen=True, eq=False)
+class TracedController:
+    """Functions of a controller.
+
+    Attributes:
+        controller: the controller, which is not modified.
+        functions: ``controller_start`` and ``controller_update``; only the latter without memory.
+        memory: size of the memory between samples.
+        defaults: values of inputs whose pointer is NULL, by name.
+    """
+
+    controller: Controller
+    functions: tuple[NamedFunction, ...]
+    memory: int
+    defaults: Mapping[str, FloatArray]
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time, s."""
+        return float(self.controller.sample_time)
+
+
+@dataclass(eq=False)
+class _Inputs:
+    """Symbols of the inputs, by name."""
+
+    symbols: dict[str, Any] = field(default_factory=dict)
+
+    def array(self, name: str, *shape: int) -> SymbolArray:
+        """Return the array of an input, with the same symbols in each call."""
+        new = casadi.SX.sym(name, int(np.prod(shape)))
+        symbol = self.symbols.setdefault(name, new)
+        entries = casadi.vertsplit(symbol) if symbol.numel() else []
+        return symbol_array(objects(entries, casadi).reshape(shape))
+
+
+def traced_controller(arm: Arm, controller: Controller) -> TracedController:
+    """Return the functions of a controller of an arm.
+
+    Raises:
+        InputError: if the controller does not belong to the arm, or its law cannot be exported.
+    """
+    readings = _readings(arm, controller)
+    law: Any = deepcopy(controller)
+    # A reset and plans compute with numbers, so they come first.
+    law.reset()
+    try:
+        inputs, first, later, size = _traced(law, arm, readings)
+    except InputError:
+        raise
+    except Exception as error:  # a user's code over symbols may raise any
+        cause = "" if isinstance(error, SymbolError) else "does with numbers what symbols cannot: "
+        raise refusal(controller, f"Its step {cause}{error}".rstrip(".") + ".") from None
+    functions = _functions(controller, inputs, [first, later] if size else [later])
+    table = gain_table(controller)
+    if table:
+        functions = tuple(map(table.around, functions))
+    used = {name for function in functions for name in function.inputs}
+    static = {"strain_correction": np.zeros(len(arm.gauges))}
+    every = _at_rest(controller) | FRICTION | static
+    defaults = {name: np.ravel(value) for name, value in every.items() if name in used}
+    return TracedController(controller, functions, size, defaults)
+
+
+def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, int]:
+    """Evaluate a law over symbols, along all paths through its conditions.
+
+    Returns:
+        The symbols; results of the first sample and of later ones; the size of the memory.
+    """
+    symbols, sizes = _Inputs(), reading_sizes(arm)
+    first_inputs = _planned_shapes(law, arm)
+    table = gain_table(law)
+    make_symbolic(law, _PACKAGES)
+    shapes: dict[str, tuple[int, ...]] = {}
+    gains = table.trace(law, symbols.array) if table else None
+
+    def results(
+        memory_of: Callable[[Measurement, Arrays], Arrays],
+    ) -> dict[str, Any]:
+        readings = Measurement(**{name: symbols.array(name, *sizes[name]) for name in names})
+        inputs = plan_over_symbols(law, arm, symbols.array) or {
+            name: symbols.array(name, *shape) for name, shape in first_inputs.items()
+        }
+        memory = memory_of(readings, inputs)
+        after, torque = law.step(memory, readings, inputs)
+        if np.shape(torque) != (arm.joints,):
+            found = np.shape(torque)
+            raise SymbolError(f"returns torques of shape {found} instead of ({arm.joints},)")
+        if {name: np.shape(value) for name, value in after.items()} != shapes:
+            raise SymbolError("changes the names or the sizes of its memory")
+        numbers = [np.ravel(after[name]) for name in shapes]
+        outputs = {"memory_out": np.concatenate(numbers)} if shapes else {}
+        outputs["torque"] = torque
+        if gains is not None:
+            outputs["stored"] = gains.stored
+        return {
+            key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
+            for key, values in outputs.items()
+        }
+
+    def initial(readings: Measurement, inputs: Arrays) -> Arrays:
+        memory: Arrays = law.initial_memory(readings, inputs)
+        shapes.update({name: np.shape(value) for name, value in memory.items()})
+        if (count := sum(map(np.size, memory.values()))) > _MOST_MEMORY:
+            reason = f"It has a memory of {count} numbers, more than {_MOST_MEMORY}."
+            raise refusal(law, reason)
+        return memory
+
+    def kept(readings: Measurement, inputs: Arrays) -> Arrays:
+        counts = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
+        parts = np.split(symbols.array("memory", int(counts[-1])), counts[:-1]) if shapes else []
+        named_parts = zip(shapes.items(), parts, strict=True)
+        return {name: part.reshape(shape)[()] for (name, shape), part in named_parts}
+
+    first = branched(lambda: results(initial))
+    symbols.symbols = {"memory": casadi.SX.sym("memory", _count(shapes)), **symbols.symbols}
+    return symbols, first, branched(lambda: results(kept)), _count(shapes)
+
+
+def _count(shapes: Mapping[str, tuple[int, ...]]) -> int:
+    return sum(int(np.prod(shape)) for shape in shapes.values())
+
+
+def _planned_shapes(law: Any, arm: Arm) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the planned inputs of a law."""
+    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
+    law.reset()
+    return {name: np.shape(value) for name, value in planned.items()}
+
+
+def _at_rest(controller: Controller) -> dict[str, Any]:
+    """Return the planned inputs of `LQG` at rest in the posture of its design."""
+    if not isinstance(controller, LQG):
+        return {}
+    still: Any = deepcopy(controller.at_rest())
+    still.reset()
+    return dict(still.planned(0.0, Rest({"joint_angle": still.posture})))
+
+
+def _readings(arm: Arm, controller: Any) -> list[str]:
+    """Return the names of the readings; raise if the controller cannot be exported."""
+    for part in around(controller):
+        reason = next((why for kind, why in _REFUSED.items() if isinstance(part, kind)), None)
+        if reason is None and not is_law(part):
+            reason = "It has an update instead of a step."
+        if reason is not None:
+            raise refusal(part, reason)
+    presses = any(isinstance(part, TaskController) for part in around(controller))
+    pressed: Any = PressedInputs(_Inputs().array, arm.joints) if presses else None
+    needed = requirements_of(controller, arm, pressed)
+    if needed.joints not in (None, arm.joints):
+        rule = f"be for an arm with {arm.joints} joints"
+        raise InputError(Problem("controller", rule, f"one for {needed.joints}"))
+    sizes = reading_sizes(arm)
+    unknown = [name for name in needed.measured if name not in sizes]
+    if unknown:
+        raise refusal(controller, f"It reads {unknown[0]!r}; possible: {', '.join(sizes)}.")
+    return list(needed.measured or ("joint_angle", "joint_rate"))
+
+
+def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the readings that exported controllers may use."""
+    gauges = {"strain": (len(arm.gauges),)} if arm.gauges else {}
+    joints = {"joint_angle": (arm.joints,), "joint_rate": (arm.joints,)}
+    return {**joints, "tip": (2,), "contact_force": (1, 2), **gauges}
+
+
+def _functions(
+    controller: Controller, inputs: _Inputs, results: list[dict[str, Any]]
+) -> tuple[NamedFunction, ...]:
+    """Create the functions; inputs on which no function depends are left out.
+
+    Raises:
+        InputError: if results depend on other symbols: those of an earlier evaluation.
+    """
+    used = set()
+    given = casadi.vertcat(*inputs.symbols.values())
+    known = {one.element_hash() for one in casadi.symvar(given)}  # by identity, as names repeat
+    for outputs in results:
+        found = casadi.vertcat(*outputs.values())
+        used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(found, s)}
+        if not {one.element_hash() for one in casadi.symvar(found)} <= known:
+            raise refusal(controller, "Its step changes attributes of the controller.")
+    kind = type(controller).__name__
+    summaries = {
+        "controller_start": f"Torque of {kind} at the first sample, where its memory starts.",
+        "controller_update": f"Torque of {kind} from a sample to the next one.",
+    }
+    functions = []
+    for (name, summary), outputs in zip(
+        [*summaries.items()][-len(results) :], results, strict=True
+    ):
+        first = name == "controller_start"
+        own = {
+            key: symbol
+            for key, symbol in inputs.symbols.items()
+            if key in used and not (first and key == "memory")
+        }
+        functions.append(named(name, summary, own, outputs))
+    return tuple(functions)
+
+
+def refusal(controller: object, reason: str) -> InputError:
+    rule, value = "have a law in closed form", type(controller).__name__
+    return InputError(Problem("controller", rule, value, reason))
+
+
+@dataclass(eq=False)
+class _Gains:
+    """Gains at a posture as symbols, instead of `Interpolated`."""
+
+    arrays: list[Any]
+    joints: list[int]
+    stored: Any = ()
+
+    def at(self, angle: Any) -> list[Any]:
+        """Return the gains, and store the angles of the joints in the grid."""
+        self.stored = [angle[joint] for joint in self.joints]
+        return self.arrays
+
+
+class GainTable:
+    """Gains at the nodes of a grid of postures, which exported code interpolates in a loop.
+
+    The traced step has symbols for the gains at its posture, the ``view``, and returns this posture
+    as ``stored``.
+
+    Args:
+        depth: number of controllers around the one with the table.
+        table: the table.
+
+    Attributes:
+        ends: (2, joints) rad, the first and the last posture of the grid.
+    """
+
+    def __init__(self, depth: int, table: Interpolated) -> None:
+        self._depth = depth
+        self._shapes, self.ends = table._shapes, table._grid.postures[[0, -1]]
+        self._grids = [np.array(values) for _, values, _ in table._grid._axes]
+        self._joints = [joint for joint, _, _ in table._grid._axes]
+        # The last joint of the grid changes fastest, in CasADi the first one. The grid of places,
+        # 0, 1, 2 and so on, is searched by a division instead of a loop.
+        places = [list(range(len(values))) for values in reversed(self._grids)]
+        search = {"lookup_mode": ["exact"] * len(places)}
+        self._lookup = casadi.interpolant("gains", "linear", places, table._values.ravel(), search)
+
+    def trace(self, law: Any, array: Callable[..., Any]) -> _Gains:
+        """Let a symbolic law use the view."""
+        sizes = [int(np.prod(shape)) for shape in self._shapes]
+        parts = np.split(array("view", sum(sizes)), np.cumsum(sizes)[:-1])
+        arrays = [part.reshape(shape) for part, shape in zip(parts, self._shapes, strict=True)]
+        gains = _Gains(arrays, self._joints)
+        list(around(law))[self._depth]._arrays = gains
+        return gains
+
+    def around(self, core: NamedFunction) -> NamedFunction:
+        """Return a function without the view, which is interpolated at the posture of ``core``."""
+        inner = core.function
+        names = [name for name in inner.name_in() if name != "view"]
+        symbols = {name: casadi.MX.sym(name, inner.numel_in(name)) for name in names}
+        posture = inner.factory("posture", inner.name_in(), ["stored"])
+        none = casadi.MX.zeros(self._lookup.numel_out())
+        angles = casadi.vertsplit(posture(**symbols, view=none)["stored"].T)
+        places = [_place(*pair) for pair in zip(angles, self._grids, strict=True)]
+        found = inner(**symbols, view=self._lookup(casadi.vertcat(*reversed(places))))
+        kept = [name for name in inner.name_out() if name != "stored"]
+        # Functions of C return columns as rows.
+        return named(core.name, core.summary, symbols, {name: found[name].T for name in kept})
+
+
+def _place(angle: Any, values: Any) -> Any:
+    """Return the place of an angle in a grid, such as 1.5 between the second and the third."""
+    parts = (angle - values[:-1]) / np.diff(values)
+    return casadi.sum1(casadi.fmax(0.0, casadi.fmin(1.0, parts)))
+
+
+def gain_table(controller: Any) -> GainTable | None:
+    """Return the table of gains of a controller, or of a controller inside it; None without."""
+    for depth, one in enumerate(around(controller)):
+        table = getattr(one, "_arrays", None)
+        if isinstance(table, Interpolated) and table._grid._axes:
+            return GainTable(depth, table)
+    return None

@@ -1,0 +1,159 @@
+"""``flexarm design``: propose a controller, print its candidates, and write its scenario."""
+
+from __future__ import annotations
+
+import textwrap
+import warnings
+from enum import StrEnum
+from math import isfinite, pi
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexarm.base.errors import InputError, Problem, UnstableLoopWarning, shown
+from flexarm.cli.failures import FAILED_RUN, print_error
+from flexarm.cli.options import LIST, ArmFile, comma_separated, flag, option
+from flexarm.cli.tables import console, numbers, print_line
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from flexarm.planning.proposals.design import ControllerDesign
+
+#: Columns of the margins: variable, heading, factor to the displayed unit.
+_MARGINS = (
+    ("disk_margin", "disk", 1.0),
+    ("gain_margin", "gain", 1.0),
+    ("phase_margin", "phase °", 180.0 / pi),
+    ("delay_margin", "delay ms", 1e3),
+    ("growth", "growth", 1.0),
+    ("damping_ratio", "damping", 1.0),
+    ("states", "states", 1.0),
+)
+_WIDTH = 78
+
+
+class Task(StrEnum):
+    """Tasks of a controller."""
+
+    HOLD = "hold"
+    POINT_TO_POINT = "point_to_point"
+    TRACK = "track"
+    FORCE = "force"
+
+
+class Computing(StrEnum):
+    """Computing power for a controller."""
+
+    LOW = "low"
+    MEDIUM = "medium"
+    HIGH = "high"
+
+
+_Place = option(LIST, "Joint angles, rad, or for track and force the tip x,y, m.")
+
+
+def design(
+    arm: ArmFile,
+    task: Annotated[Task, typer.Option(help="Task of the controller.")],
+    sensors: Annotated[
+        str | None,
+        option(LIST, "joints, gauges, tip, force; by default joints and the gauges of the arm."),
+    ] = None,
+    computing: Annotated[
+        Computing, typer.Option(help="Computing power for one sample.")
+    ] = Computing.MEDIUM,
+    payload_uncertainty: Annotated[
+        float, option("FRACTION", "Largest relative error of the payload.")
+    ] = 0.0,
+    rigidity_uncertainty: Annotated[
+        float, option("FRACTION", "Largest relative error of the rigidity.")
+    ] = 0.0,
+    start: Annotated[str | None, _Place] = None,
+    end: Annotated[str | None, _Place] = None,
+    duration: Annotated[
+        float | None,
+        option("SECONDS", "Of the motion; by default 2.5 periods of the lowest mode."),
+    ] = None,
+    torque_limit: Annotated[
+        str | None,
+        option(LIST, "Limits of the motors, N m, one for all joints or one for each."),
+    ] = None,
+    force: Annotated[float, option("NEWTONS", "Force on the surface (task force).")] = 5.0,
+    disk_margin: Annotated[float, option("ALPHA", "Required disk margin on all arms.")] = 0.4,
+    out: Annotated[Path, option("FILE", "Scenario file to write: .yaml.")] = Path("design.yaml"),
+    overwrite: Annotated[bool, flag("--overwrite", "Replace the file if it exists.")] = False,
+) -> None:
+    """Propose a controller for a task, with its margins, and write its scenario."""
+    from flexarm.arm.arm import load_arm
+    from flexarm.planning.proposals import design as proposals
+
+    loaded = load_arm(arm)
+    places = _numbers("--start", start), _numbers("--end", end)
+    limits = _numbers("--torque-limit", torque_limit)
+    options: dict[str, Any] = {
+        "sensors": None if sensors is None else comma_separated(sensors),
+        "computing": computing.value,
+        "payload_uncertainty": payload_uncertainty,
+        "rigidity_uncertainty": rigidity_uncertainty,
+        "start": places[0],
+        "end": places[1],
+        "duration": duration,
+        "torque_limit": limits[0] if limits and len(limits) == 1 else limits,  # for all joints
+        "force": force,
+        "disk_margin": disk_margin,
+    }
+    hint = "Give another file with --out, or replace it with --overwrite."
+    proposals.check_new("--out", out, overwrite=overwrite, hint=hint)
+    with warnings.catch_warnings():  # the reasons have it
+        warnings.simplefilter("ignore", UnstableLoopWarning)
+        proposal = proposals.design(loaded, task.value, **options)
+    screen = console()
+    screen.print(_errors_of(proposal))
+    screen.print(_margins_of(proposal.table))
+    for text in proposal.reasons:
+        print_line("\n".join(textwrap.wrap(text, _WIDTH)))
+    if proposal.table["growth"].sel(candidate=proposal.chosen) > 0.0:
+        print_error("no candidate is stable, so no scenario is written")
+        raise typer.Exit(FAILED_RUN)
+    proposal.save(out, overwrite=overwrite)
+    print_line(f"scenario in {out}")
+
+
+def _numbers(name: str, text: str | None) -> list[float] | None:
+    """Return numbers that commas separate."""
+    if text is None:
+        return None
+    try:
+        return [float(number) for number in comma_separated(text)]
+    except ValueError:
+        raise InputError(Problem(name, "be numbers separated by commas", shown(text))) from None
+
+
+def _errors_of(proposal: ControllerDesign) -> object:
+    """Return the table of the errors of all candidates on the simulated arms."""
+    table = proposal.table
+    factor, unit = (1.0, "N") if proposal.task == "force" else (1e3, "mm")
+    rows = []
+    for name in table["candidate"].values:
+        case = table.sel(candidate=name)
+        errors = [
+            f"{factor * value:.3g}" if isfinite(value) else "failed"
+            for value in case["score"].values
+        ]
+        cells = [*errors, f"{float(case['torque_peak'].max()):.3g}"]
+        rows.append([f"{name} *" if name == proposal.chosen else str(name), *cells])
+    title = f"Task {proposal.task}: error in {unit} on each arm; * is proposed"
+    return numbers(title, ["candidate", *map(str, table["plant"].values), "peak N m"], rows)
+
+
+def _margins_of(table: xr.Dataset) -> object:
+    """Return the table of the margins of all candidates."""
+    rows = []
+    for name in table["candidate"].values:
+        case = table.sel(candidate=name)
+        values = (factor * float(case[variable]) for variable, _, factor in _MARGINS)
+        rows.append([str(name), *(f"{value:.3g}" for value in values)])
+    title = "Margins of the loop at each joint, the worst of all arms; growth in 1/s"
+    return numbers(title, ["candidate", *(head for _, head, _ in _MARGINS)], rows)

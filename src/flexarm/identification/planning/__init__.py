@@ -1,1 +1,0 @@
-"""Planned experiments: identifiability of parameters."""

@@ -1,0 +1,65 @@
+"""Error of the integration of a run, from runs with other accuracies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+#: Accuracy of the second run over that of the first.
+_LOOSER = 10.0
+#: Exponent of the accuracy by which the difference of two runs becomes the error of the finer one:
+#: the errors of runs whose accuracies differ by 10 differ by a factor of 2 or more in nine of ten.
+_POWER = 0.3
+#: Runs until a requested accuracy counts as missed; aim of a repetition over the request, and the
+#: least accuracy of a repetition over the one before.
+_MOST_RUNS, _AIM, _LEAST = 4, 0.3, 1e-3
+
+
+def with_error(
+    result: xr.Dataset, accuracy: float, executed: Callable[[float], xr.Dataset | None]
+) -> tuple[xr.Dataset, str]:
+    """Return the result of a run with its attribute ``integration_error`` (m), and a warning.
+
+    If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
+    if a run reaches the accuracy.
+
+    Args:
+        accuracy: requested error of the tip, m.
+        executed: executes the run with another accuracy; returns None if that fails.
+    """
+    used = accuracy
+    error = _error(result, executed(_LOOSER * used), _LOOSER)
+    for _ in range(_MOST_RUNS - 2):
+        if not error > accuracy:
+            break
+        ratio = 1.0 / max(_AIM * accuracy / error, _LEAST)
+        finer = executed(used / ratio)
+        if finer is None:
+            break
+        error = _error(finer, result, ratio)
+        result, used = finer, used / ratio
+    result = result.assign_attrs(accuracy=accuracy, integration_error=error)
+    if error <= accuracy:
+        return result, ""
+    if math.isnan(error):
+        text = "a second run failed, so that the integration error is unknown"
+    else:
+        text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
+    return result, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
+
+
+def _error(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
+    """Return the estimated error (m) of the tip in a result; NaN without another one.
+
+    Args:
+        ratio: accuracy of the other result over that of this one.
+    """
+    if other is None:
+        return math.nan
+    count = min(result.sizes["time"], other.sizes["time"])
+    tips = (dataset.tip.values[:count, :2] for dataset in (result, other))
+    apart = float(np.abs(np.subtract(*tips)).max(initial=0.0))
+    return float(apart * ratio**-_POWER)

@@ -1,1 +1,0 @@
-"""Changes of the simulated arm during a run."""

@@ -1,0 +1,235 @@
+"""Settings of a run, declared and checked once for all functions that simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from inspect import Parameter, signature
+from typing import Any, TypedDict, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.stations import MOST_STATIONS
+from flexarm.base.arguments import (
+    check_choice,
+    check_count,
+    check_flag,
+    check_kind,
+    check_positive,
+    check_tolerance,
+)
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    unknown_arguments,
+)
+from flexarm.integrate import INTEGRATORS, Integrator
+from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
+from flexarm.simulation.run.integrator_choice import check_integrator
+from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class MethodSettings(TypedDict, total=False):
+    """Method and tolerances of a run, as keyword arguments."""
+
+    integrator: str | Integrator
+    step: float | None
+    rtol: float
+    atol: float | None
+
+
+class StepSettings(MethodSettings, total=False):
+    """Settings of the steps of a run."""
+
+    breaks: ArrayLike
+
+
+class SampleSettings(StepSettings, total=False):
+    """Settings of a run with samples."""
+
+    rate: float
+    torque_interpolation: str
+    progress: bool | None
+
+
+class AllSettings(SampleSettings, total=False):
+    """All settings of a run."""
+
+    accuracy: float | None
+    stations: int
+    specialized: bool | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunSettings:
+    """How runs are integrated and recorded, for all functions that simulate.
+
+    ``simulate``, ``simulate_batch``, ``compare``, ``sensitivities``, ``goal_gradient``,
+    ``tip_inversion``, ``identify`` and ``Plant`` accept them as ``settings=``. An argument of the
+    same name replaces a default value here, and must not contradict another value. A function
+    ignores settings that it does not have, such as the rate of samples in a ``Plant``.
+
+    Args:
+        integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
+        rate: samples recorded per second, Hz.
+        stations: sections of each link at which section forces are recorded; 0 for none.
+        step: fixed step, or first step of a method with step control, s; None for the default.
+        accuracy: largest error of the tip (m) that the integration may cause; the method and its
+            tolerances follow from it. None for a method by ``rtol`` and ``atol``.
+        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
+            ``rtol / 100`` of the reach.
+        torque_interpolation: of torque samples, "cubic", "linear" or "hold".
+        breaks: times (s) at which a function of time jumps or has a kink.
+        specialized: True compiles the hot loop for the sizes of the arm; None does so in the
+            middle of a long run.
+        progress: True or False shows or hides the progress bar; None shows it on a terminal.
+
+    Raises:
+        InputError: if a setting has the wrong type or value.
+    """
+
+    integrator: str | Integrator = "auto"
+    rate: float = 1000.0
+    stations: int = 0
+    step: float | None = None
+    accuracy: float | None = None
+    rtol: float = RTOL
+    atol: float | None = None
+    torque_interpolation: str = "cubic"
+    breaks: ArrayLike = ()
+    specialized: bool | None = None
+    progress: bool | None = None
+
+    @public_call
+    def __post_init__(self) -> None:
+        self._check()
+
+    def _check(self) -> None:
+        """Validate and convert the settings, except for those that depend on a run."""
+        own = vars(self)
+        check_integrator(self.integrator, self.step)
+        for name in ("specialized", "progress"):
+            if own[name] is not None:
+                check_flag(name, own[name])
+        own["rate"] = check_positive("rate", self.rate)
+        own["breaks"] = check_array("breaks", self.breaks, (-1,))
+        check_choice("torque_interpolation", self.torque_interpolation, INTERPOLATIONS)
+        own["rtol"] = check_tolerance("rtol", self.rtol)
+        for name in ("accuracy", "atol"):
+            if own[name] is not None:
+                own[name] = check_positive(name, own[name])
+        if self.accuracy is not None:
+            self._check_accuracy()
+        own["stations"] = check_count("stations", self.stations, 0, MOST_STATIONS)
+        if self.stations == 1:
+            raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
+
+    def _check_accuracy(self) -> None:
+        """Raise if tolerances are given, too, or the method has no step control."""
+        given = {"rtol": self.rtol != RTOL, "atol": self.atol is not None, "step": self.step}
+        for name in filter(given.get, given):
+            raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
+        method = self.integrator
+        kind = INTEGRATORS.get(method) if isinstance(method, str) else method
+        if kind is not None and not kind.adaptive:
+            rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
+            raise InputError(Problem("accuracy", rule))
+
+    def request(self, arm: Arm) -> float | None:
+        """Return the requested error over the reach of an arm; None if tolerances decide."""
+        return None if self.accuracy is None else self.accuracy / reach_of(arm)
+
+    def relative(self, arm: Arm) -> float:
+        """Return the relative tolerance of functions of time."""
+        request = self.request(arm)
+        return self.rtol if request is None else FUNCTIONS * request
+
+    def tolerance(self, arm: Arm, method: Integrator | None = None) -> tuple[float, float, float]:
+        """Return the relative and the absolute tolerance of a method, and the length of the latter.
+
+        Without a method, the relative one is the request.
+        """
+        request = self.request(arm)
+        if request is None:
+            relative = self.rtol
+        else:
+            relative = request if method is None else relative_tolerance(method, arm, request)
+        return (relative, *absolute_tolerance(arm, self.atol, relative))
+
+
+def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
+    """Return settings with other values, which are checked as arguments of the present call."""
+    own = object.__new__(RunSettings)
+    vars(own).update(vars(settings) | changed)
+    own._check()
+    return own
+
+
+#: Default values of the settings.
+DEFAULTS = RunSettings()
+
+
+def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[[F], F]:
+    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults.
+
+    Args:
+        declared: data classes whose fields are arguments, besides `RunSettings`.
+    """
+
+    def decorated(function: F) -> F:
+        explicit = signature(function)
+        own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        own += [
+            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
+            for record in (*declared, RunSettings)
+            for field in fields(record)
+            if field.name in kind.__annotations__
+        ]
+        vars(function)["__signature__"] = explicit.replace(parameters=own)
+        vars(function)["keywords"] = kind.__annotations__.keys()
+        return function
+
+    return decorated
+
+
+def settings_of(
+    settings: RunSettings | None, keywords: Mapping[str, Any], function: Callable[..., Any]
+) -> RunSettings:
+    """Return the settings of a call from its argument ``settings`` and its keyword arguments.
+
+    Settings that the function does not have are the default ones.
+
+    Args:
+        function: the called one, decorated by `with_keywords`.
+
+    Raises:
+        InputError: if a keyword is not a setting of the function, has the wrong value, or differs
+            from a value in ``settings`` that is not the default one.
+    """
+    names = vars(function)["keywords"] & vars(DEFAULTS).keys()
+    if not keywords.keys() <= names:
+        raise unknown_arguments(keywords, signature(function).parameters)
+    if settings is None:
+        return replaced(DEFAULTS, **keywords) if keywords else DEFAULTS
+    given = check_kind("settings", settings, RunSettings)
+    both = replaced(given, **keywords)
+    problems = [
+        Problem(name, f"be {shown(getattr(given, name))} as in settings", shown(value))
+        for name, value in keywords.items()
+        if not _same(name, given, both) and not _same(name, given, DEFAULTS)
+    ]
+    if problems:
+        raise InputError(*problems)
+    return replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
+
+
+def _same(name: str, one: RunSettings, other: RunSettings) -> bool:
+    return np.array_equal(getattr(one, name), getattr(other, name))

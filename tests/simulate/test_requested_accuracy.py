@@ -1,0 +1,120 @@
+"""Runs with a requested accuracy: true errors, estimates, and what cannot be combined with it."""
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+
+QUIET = {"rate": 100.0, "progress": False}
+
+
+def random_arm(seed, friction=False):
+    """Return an arm of 1 to 3 links with first clamped frequencies of 2 to 20 Hz, and torques."""
+    rng = np.random.default_rng(seed)
+    links, sizes = [], []
+    for _ in range(1 + seed % 3):
+        length, mass, frequency = rng.uniform(0.5, 1.5), rng.uniform(0.2, 3.0), rng.uniform(12, 120)
+        rigidity = frequency**2 * mass * length**3 / 3.516**2
+        links.append(
+            fa.Link(
+                length=length,
+                flexural_rigidity=rigidity,
+                mass_per_length=mass / length,
+                elements=4,
+                modes=int(rng.integers(2, 9)),
+                damping=fa.ModalDamping(ratio=0.02),
+            )
+        )
+        sizes.append(0.03 * rigidity / length)
+    rubs = fa.Friction(coulomb=0.2) if friction else None
+    arm = fa.Arm(links=links, joints=[fa.Joint(hub_inertia=0.05, friction=rubs)] * len(links))
+    size, rate = np.minimum(sizes, 5.0), rng.uniform(0.5, 2.0)
+    return arm, lambda t: size * np.sin(2.0 * np.pi * rate * t)
+
+
+def tip_error(arm, result, **arguments):
+    exact = fa.simulate(arm, 0.6, rtol=1e-11, integrator="dormand_prince_8", **arguments, **QUIET)
+    return float(np.abs(result.tip.values - exact.tip.values)[:, :2].max())
+
+
+@pytest.mark.parametrize("part", [1e-4, 1e-6])
+def test_errors_are_below_the_request_and_its_estimate(part):
+    over, estimates = [], []
+    for seed in range(9):
+        arm, torque = random_arm(seed, friction=seed > 6)
+        accuracy = part * float(arm.lengths.sum())
+        result = fa.simulate(arm, 0.6, torque=torque, accuracy=accuracy, **QUIET)
+        error = tip_error(arm, result, torque=torque)
+        over.append(error / accuracy)
+        estimates.append(error / result.attrs["integration_error"])
+        assert result.attrs["integration_error"] <= accuracy
+    assert max(over) < 1.5  # the request is an estimate: above three times it must warn
+    assert np.median(over) < 1.0
+    assert np.mean(np.array(estimates) < 1.0) > 0.7
+
+
+def test_full_mesh_takes_far_fewer_evaluations_than_the_default_tolerances():
+    links = [fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.5, elements=4)] * 2
+    arm = fa.Arm(links=links)
+    run = {"torque": lambda t: np.array([1.0, 0.3]) * np.sin(3.0 * t) ** 2, **QUIET}
+    default = fa.simulate(arm, 0.6, **run)
+    result = fa.simulate(arm, 0.6, accuracy=2e-5, **run)
+    assert result.attrs["integrator"] == "kennedy_carpenter_5"
+    assert result.attrs["evaluations"] < 0.2 * default.attrs["evaluations"]
+    assert np.abs(result.tip - default.tip).max() < 2e-5
+
+
+def test_growing_errors_warn():
+    # A chain of three links that falls for 8 s: the motion is chaotic.
+    links = [fa.Link(length=0.3, flexible=False, mass_per_length=1.0)] * 3
+    arm = fa.Arm(links=links, gravity=(0.0, -9.81))
+    start = arm.rest([2.0, 1.0, 0.5])
+    with pytest.warns(fa.AccuracyWarning, match="errors grow in this motion"):
+        result = fa.simulate(arm, 20.0, initial=start, accuracy=1e-9, **QUIET)
+    assert result.attrs["integration_error"] > 1e-9
+    assert "errors grow" in result.attrs["warning"]
+
+
+def test_controller_keeps_the_state_of_the_returned_run():
+    arm, _ = random_arm(1)
+    motion = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.5)
+    integral = fa.JointPID(proportional=1.0, derivative=0.1, integral=0.2, sample_time=5e-4)
+    result = fa.simulate(arm, 0.6, controller=integral, reference=motion, accuracy=1e-5, **QUIET)
+    again = fa.JointPID(proportional=1.0, derivative=0.1, integral=0.2, sample_time=5e-4)
+    method = {"integrator": result.attrs["integrator"], "rtol": result.attrs["rtol"]}
+    alone = fa.simulate(arm, 0.6, controller=again, reference=motion, **method, **QUIET)
+    assert np.array_equal(result.torque, alone.torque)
+    assert result.attrs["integration_error"] <= 1e-5
+
+
+def test_batch_equals_single_runs_bit_for_bit():
+    arm, torque = random_arm(2)
+    starts = np.array([arm.rest([0.1 * k, 0.2, -0.1]) for k in range(3)])
+    accuracy = 1e-4 * float(arm.lengths.sum())
+    batch = fa.simulate_batch(arm, 0.6, initial=starts, torque=torque, accuracy=accuracy, **QUIET)
+    assert batch.attrs["accuracy"] == pytest.approx(accuracy)
+    for k, start in enumerate(starts):
+        alone = fa.simulate(arm, 0.6, initial=start, torque=torque, accuracy=accuracy, **QUIET)
+        assert np.array_equal(batch.tip.values[k], alone.tip.values)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"rtol": 1e-5}, "accuracy cannot be combined with rtol"),
+        ({"atol": 1e-5}, "accuracy cannot be combined with atol"),
+        ({"step": 1e-3}, "accuracy cannot be combined with step"),
+        ({"integrator": "rk4"}, "accuracy is not supported with the integrator 'rk4'"),
+        ({"accuracy": 0.0}, "accuracy must be greater than 0"),
+    ],
+)
+def test_accuracy_excludes(given, message):
+    arm, _ = random_arm(0)
+    with pytest.raises(fa.InputError, match=message):
+        fa.simulate(arm, 0.1, **{"accuracy": 1e-5, **given})
+
+
+def test_tolerance_of_one_or_more_is_refused():
+    arm, _ = random_arm(0)
+    with pytest.raises(fa.InputError, match="rtol must be less than 1, got 5"):
+        fa.simulate(arm, 0.1, rtol=5.0)

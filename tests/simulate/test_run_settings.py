@@ -1,0 +1,116 @@
+"""Settings of runs as one object beside the arguments of the same names."""
+
+import copy
+import inspect
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from flexarm.simulation.run.settings import DEFAULTS
+
+CLOSE = fa.RunSettings(rtol=1e-9, rate=200.0)
+CALLS = (fa.simulate, fa.sensitivities, fa.goal_gradient, fa.identify, fa.Plant)
+
+
+def one_link():
+    """Return an arm with one link."""
+    link = fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.5, elements=1)
+    return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)])
+
+
+def test_settings_do_what_the_arguments_do():
+    arm = one_link()
+    wanted = fa.simulate(arm, 0.1, torque=lambda t: [t], rtol=1e-9, rate=200.0)
+    found = fa.simulate(arm, 0.1, torque=lambda t: [t], settings=CLOSE)
+    assert wanted.attrs["rtol"] == found.attrs["rtol"] == 1e-9
+    np.testing.assert_array_equal(wanted.tip, found.tip)
+    assert not np.array_equal(
+        fa.simulate(arm, 0.1, torque=lambda t: [t], rate=200.0).tip, found.tip
+    )
+
+
+def test_every_call_has_settings():
+    arm = one_link()
+    torque = np.full((21, 1), 0.1)
+    free = ["links[0].flexural_rigidity"]
+    for call in (
+        lambda **more: fa.sensitivities(arm, 0.1, free, torque=torque, **more).tip,
+        lambda **more: (
+            fa.goal_gradient(arm, 0.1, {"tip": np.ones((21, 2))}, torque=torque, **more).torque
+        ),
+        lambda **more: (
+            fa.simulate_batch(arm, 0.1, torque=torque, initial=np.zeros((2, arm.dof)), **more).tip
+        ),
+    ):
+        wanted, found = call(rtol=1e-9, rate=200.0), call(settings=CLOSE)
+        np.testing.assert_array_equal(wanted, found)
+        assert not np.array_equal(call(rate=200.0), found)
+
+
+def test_plant_has_the_settings_that_it_uses():
+    arm = one_link()
+    ends = []
+    for more in ({"settings": CLOSE}, {"rtol": 1e-9}, {}):
+        plant = fa.Plant(arm, 0.01, **more)
+        for _ in range(10):
+            plant.step([1.0])
+        ends.append(plant.q)
+    np.testing.assert_array_equal(ends[0], ends[1])
+    assert not np.array_equal(ends[0], ends[2])
+
+
+def test_an_argument_replaces_a_default_and_may_repeat_a_setting():
+    result = fa.simulate(one_link(), 0.1, settings=CLOSE, rtol=1e-9, stations=2)
+    assert result.sizes["station"] == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rtol": 1e-6}, "simulate: rtol must be 1e-09 as in settings, got 1e-06"),
+        ({"rtol": -1.0}, "simulate: rtol must be greater than 0"),
+        ({"settings": 3}, "simulate: settings must be a RunSettings, got 3"),
+        ({"rtoll": 3}, "simulate: rtoll is not an argument. Did you mean 'rtol'?"),
+    ],
+)
+def test_contradictions_are_refused(arguments, message):
+    with pytest.raises(fa.InputError) as caught:
+        fa.simulate(one_link(), 0.1, **{"settings": CLOSE, **arguments})
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rtol": 0.0}, "rtol must be greater than 0"),
+        ({"integrator": "rk5"}, "integrator must be one of 'auto'"),
+        ({"stations": 1}, "stations must be a whole number from 2 to 1000"),
+        ({"breaks": "no"}, "breaks must be"),
+        ({"torque_interpolation": "none"}, "torque_interpolation must be one of"),
+        ({"progress": 3}, "progress must be True or False"),
+    ],
+)
+def test_settings_are_checked_when_they_are_created(arguments, message):
+    with pytest.raises(fa.InputError) as caught:
+        fa.RunSettings(**arguments)
+    assert str(caught.value).startswith(f"RunSettings: {message}")
+
+
+def test_settings_are_declared_once():
+    """The names and defaults of the arguments are those of the class."""
+    for call in CALLS:
+        shown = inspect.signature(call).parameters
+        names = {*shown} & {*vars(DEFAULTS)}
+        assert names >= {"integrator", "step", "rtol", "atol"}
+        for name in names - {"specialized"}:  # of a plant False
+            assert repr(shown[name].default) in (repr(getattr(DEFAULTS, name)), "()")
+
+
+def test_settings_copy():
+    for other in (copy.deepcopy(CLOSE), pickle.loads(pickle.dumps(CLOSE)), replace(CLOSE)):
+        assert (other.rtol, other.rate, other.integrator) == (1e-9, 200.0, "auto")
+    with pytest.raises(AttributeError):
+        CLOSE.rtol = 1.0
