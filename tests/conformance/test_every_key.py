@@ -45,6 +45,7 @@ CASES = {
     "run.rate": (1000.0, {}),
     "run.stations": (3, {}),
     "run.integrator": ("kennedy_carpenter_5", {}),
+    "run.accuracy": (1e-3, {}),
     "run.rtol": (1e-3, {}),
     "run.atol": (1e-3, {}),
     "run.step": (5e-5, {"run": FIXED_STEP}),

@@ -32,6 +32,9 @@ def run(
     integrator: Annotated[
         str | None, option("NAME", "Integrator in place of that of the file.")
     ] = None,
+    accuracy: Annotated[
+        str | None, option("METRES", "Largest error of the tip that the integration may cause.")
+    ] = None,
     json: Annotated[bool, flag("--json", "Print the summary as JSON, and nothing else.")] = False,
     quiet: Annotated[bool, flag("--quiet", "Print warnings and errors only.")] = False,
 ) -> None:
@@ -48,9 +51,10 @@ def run(
     from flexarm.view.plot.animation.video import check_animation_place
 
     changes = [change_of("--set", text) for text in sets or ()]
-    if duration is not None:
-        change = change_of("--duration", f"run.duration={duration}")
-        changes.append(replace(change, origin=f"--duration {duration}"))
+    for name, number in (("duration", duration), ("accuracy", accuracy)):
+        if number is not None:
+            change = change_of(f"--{name}", f"run.{name}={number}")
+            changes.append(replace(change, origin=f"--{name} {number}"))
     if integrator is not None:
         changes.append(Change(f"--integrator {integrator}", ("run", "integrator"), integrator))
     with collected_warnings() as texts:
@@ -165,6 +169,8 @@ def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
     if deflection[worst] > 0.0:
         most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
         rows.append(("bending", f"at most {most}"))
+    if "integration_error" in attributes:
+        rows.append(("error", f"about {attributes['integration_error']:.1g} m of the integration"))
     return rows
 
 

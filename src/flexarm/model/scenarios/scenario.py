@@ -175,6 +175,8 @@ class RunSpec(Record):
     """Number of sections of each link at which section forces are recorded."""
     integrator: Word = "auto"
     """Name of the integrator."""
+    accuracy: Positive | None = None
+    """Largest error of the tip that the integration may cause (m), instead of tolerances."""
     rtol: Tolerance | None = None
     """Relative tolerance."""
     atol: Positive | None = None
@@ -192,6 +194,10 @@ class RunSpec(Record):
         if given.has("duration", "step") and given.step > given.duration:
             rule = f"be at most {given.duration:.9g} (the duration of the run)"
             yield Fault(("step",), rule, shown(given.step))
+        if given.has("accuracy"):
+            for name in ("rtol", "atol", "step"):
+                if not given.absent(name):
+                    yield Fault(("accuracy",), f"cannot be combined with {name}")
 
 
 class Scenario(Record):
