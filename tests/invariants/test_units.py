@@ -334,6 +334,7 @@ SIZES = [
 ]
 
 
+@pytest.mark.sampled("LQG", "disturbance observer")
 @pytest.mark.parametrize("name", [*LOOPS, *FILTERS])
 def test_loops_with_default_arguments_are_the_same_for_arms_of_any_size(name):
     usual = outcome(CASES[name], Units())

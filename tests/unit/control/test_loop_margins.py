@@ -200,7 +200,7 @@ def test_least_margin_of_several_arms_is_that_of_the_worst():
 
 def test_unsupported_loops_are_rejected():
     arm, _ = turntable()
-    with pytest.raises(fa.InputError, match="memory"):
+    with pytest.raises(fa.InputError, match="step"):
         fa.loop_margins(Plain(lambda t, measurement, reference: [0.0]), arm)
     with pytest.raises(fa.InputError, match="plants"):
         fa.loop_margins(fa.JointPD(1.0, 1.0))
