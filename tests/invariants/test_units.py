@@ -109,6 +109,60 @@ def pressed(units: Units):
     return run(units, arm, controller=pd(units), reference=motion, contacts=[wall], initial=None)
 
 
+def damped(units: Units, make, measured: bool = False):
+    """Return a closed loop whose controller has default arguments, except for its sample time."""
+    arm = two_links(units)
+    motion = fa.quasi_static_reference(arm, move(units, arm))
+    hardware = fa.Hardware(instruments=sensors(units)) if measured else None
+    loop = {"controller": make(units, arm), "reference": motion, "initial": None}
+    return run(units, arm, hardware=hardware, **loop)
+
+
+def sensors(units: Units) -> list[fa.Instrument]:
+    encoder = fa.Instrument("joint_angle", noise=1e-4)
+    tachometer = fa.Instrument("joint_rate", noise=1e-2 / units.time)
+    return [encoder, tachometer, fa.Instrument("strain", noise=2e-5)]
+
+
+def sampled(kind, **options):
+    """Return a function that creates a controller with a sample time in the units of the arm."""
+    torque = options.pop("torque_limit", None)
+
+    def make(units: Units, arm: fa.Arm):
+        more = {} if torque is None else {"torque_limit": torque * units.factor("N m")}
+        return kind(arm, sample_time=0.002 * units.time, **options, **more)
+
+    return make
+
+
+def estimated(kind, **options):
+    return lambda units, arm: fa.EstimatorController(
+        kind(arm, sensors(units), sample_time=0.002 * units.time, **options), pd(units)
+    )
+
+
+#: Controllers with default arguments. Those of the joints ignore the mass of the links.
+LOOPS = {
+    "LQG": sampled(fa.LQG),
+    "LQG, integral": sampled(fa.LQG, integral=True, rigidity_uncertainty=0.3),
+    "MPC": sampled(fa.MPC, torque_limit=8.0),
+    "composite": sampled(fa.Composite),
+    "loop shaping": sampled(fa.LoopShaping),
+    "disturbance observer": lambda u, arm: fa.DisturbanceObserver(arm, pd(u)),
+}
+FILTERS = {
+    "extended": estimated(fa.ExtendedKalmanFilter),
+    "unscented": estimated(fa.UnscentedKalmanFilter),
+    "moving horizon": estimated(fa.MovingHorizonEstimator, horizon=3),
+}
+
+
+def computed_torque(units: Units):
+    arm = two_links(units).rigid()
+    law = fa.ComputedTorque(arm, 5.0 / units.time, sample_time=0.002 * units.time)
+    return run(units, arm, controller=law, reference=move(units, arm), initial=None)
+
+
 def in_contact(contact: fa.Contact, **options):
     return lambda u: run(u, two_links(u), contacts=[u.record(contact)], **options)
 
@@ -222,10 +276,13 @@ CASES = {
     "closed loop with a searched step": lambda u: closed_loop(u, integrator="rk4"),
     "pressed": pressed,
     "plant": plant,
+    "computed torque": computed_torque,
     "events": event,
     "equilibria": equilibria,
     "vibrations": vibrations,
     "motions": motions,
+    **{name: lambda u, make=make: damped(u, make) for name, make in LOOPS.items()},
+    **{name: lambda u, make=make: damped(u, make, True) for name, make in FILTERS.items()},
 }
 
 
@@ -243,7 +300,8 @@ def outcome(case, units: Units) -> SimpleNamespace:
     kinds = {2: two_links(units).rigid(), 6: two_links(units)}
     arm = kinds.get(result.q.shape[1]) or two_links(units, **ARMS["elastic"])
     for name, values in result.data_vars.items():
-        if values.dtype.kind == "f" and name not in ("event_q", "event_qd"):
+        scaled = "units" in values.attrs and name not in ("event_q", "event_qd")
+        if values.dtype.kind == "f" and scaled:
             # Joints without stops have no depth in them: NaN in all units.
             numbers[name] = np.nan_to_num(values.values) / units.channel(arm, values.units)
     texts += [result.integrator, re.sub(r"[\d.e+-]+", "", result.warning)]
@@ -263,6 +321,31 @@ def test_results_are_the_same_in_other_units(name):
             error = np.abs(other.numbers[key] - values) / np.where(size > 0.0, size, 1.0)
             assert error.max(initial=0.0) <= ROUNDING, (key, units)
         assert other.numbers.get("steps", 0.0) == usual.numbers.get("steps", 0.0)
+
+
+#: Lengths of 1e-4 and 1e2; rigidities of 2**-20 and 2**20, so that samples are at equal times; and
+#: millimetres, newtons and tonnes.
+SIZES = [
+    Units(1e-4, 1.0, 1.0),
+    Units(1e2, 1.0, 1.0),
+    Units(1.0, 1.0, 2.0**10),
+    Units(1.0, 1.0, 2.0**-10),
+    Units(1e3, 1e-3, 1.0),
+]
+
+
+@pytest.mark.sampled("LQG", "disturbance observer")
+@pytest.mark.parametrize("name", [*LOOPS, *FILTERS])
+def test_loops_with_default_arguments_are_the_same_for_arms_of_any_size(name):
+    usual = outcome(CASES[name], Units())
+    for units in SIZES:
+        other = outcome(CASES[name], units)
+        assert other.texts == usual.texts
+        for key in ("tip", "torque", "joint_rate"):
+            values = usual.numbers[key]
+            error = np.abs(other.numbers[key] - values).max()
+            # Factors are rounded, so that step control differs within its tolerance of 1e-7.
+            assert error <= 1e-5 * np.abs(values).max(), (key, units)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -49,7 +49,8 @@ _KINDS = {
     "V": "a voltage",
     "ohm": "a resistance",
 }
-#: Angles have a dimension of their own: a hertz is not a radian per second, and N m is no spring.
+#: Angles have a dimension of their own: a hertz is not a radian per second, and N m is not a
+#: stiffness of a joint.
 _DEFINITIONS = """
 nano- = 1e-9 = n-
 micro- = 1e-6 = µ- = μ- = u-

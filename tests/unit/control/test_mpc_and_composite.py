@@ -11,7 +11,11 @@ from scipy.optimize import lsq_linear, minimize
 import flexarm as fa
 from flexarm.control.laws.linear import mpc as mpc_module
 
-WISHES = {"acceptable": {"tip": 0.002, "joint_rate": 0.3}, "sample_time": 0.005}
+WISHES = {
+    "acceptable": {"tip": 0.002, "joint_rate": 0.3},
+    "acceptable_torque": [8.6, 0.86],
+    "sample_time": 0.005,
+}
 
 
 @pytest.fixture(scope="module")

@@ -214,7 +214,8 @@ class _Writer:
         free = self._free()
         if free:
             stiffness = casadi.diag(self._static()[1](straight, self.nominal))
-            found[free] /= casadi.fmax(stiffness, LEAST_STIFFNESS)
+            least = LEAST_STIFFNESS * casadi.mmax(stiffness)
+            found[free] /= casadi.fmax(stiffness, least)
         return found
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
@@ -235,7 +236,7 @@ class _Writer:
         states, by_torque, by_mass = after[:, 1 : 2 * n + 1], after[:, 2 * n + 1 : -1], after[:, -1]
         last = casadi.horzcat(casadi.DM.zeros(1, 2 * n), 1.0)
         F = casadi.vertcat(casadi.horzcat(states, by_mass * moving), last)
-        noise = casadi.DM(np.broadcast_to(given.torque_noise, m))
+        noise = casadi.DM(np.broadcast_to(np.asarray(given.torque_noise), m))
         noisy = casadi.vertcat(by_torque * casadi.repmat(noise.T, 2 * n, 1), casadi.DM.zeros(1, m))
         P = F @ P @ F.T + noisy @ noisy.T
         if given.payload_drift:
@@ -264,7 +265,9 @@ class _Writer:
             mass, moving = self._mass(x)
             values, by_state, by_mass, by_torque = self.predicted(x[:-1], torque, mass)
             H = casadi.horzcat(by_state, by_mass * moving)
-            noise = casadi.DM(np.broadcast_to(self.filter.torque_noise, self.arm.joints))
+            noise = casadi.DM(
+                np.broadcast_to(np.asarray(self.filter.torque_noise), self.arm.joints)
+            )
             felt = by_torque * casadi.repmat(noise.T, self.shown.size, 1)
             R = casadi.diag(casadi.DM(self.shown.variance)) + felt @ felt.T
             N = moved @ felt.T

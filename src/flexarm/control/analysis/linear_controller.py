@@ -12,9 +12,13 @@ import numpy as np
 from flexarm.control.contract.base import Arrays, Controller, Reference, Rest, declares
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
-#: Step of the central differences of laws that do not accept complex numbers, relative for numbers
-#: above one. The error is about 1e-9 for smooth laws. Imaginary step of the others, exact.
+#: Step of the central differences of laws that do not accept complex numbers, relative to the size
+#: of a number. The error is about 1e-9 for smooth laws. Imaginary step of the others, exact.
 _STEP, _TINY = 1e-5, 1e-30
+#: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples.
+_RATE = 1e-3
+#: Most reductions of a step of the memory that changes a torque more than those of the readings do.
+_REDUCTIONS = 8
 #: Name of the first measured angles among the numbers of a memory.
 _REST = "rest"
 
@@ -80,14 +84,20 @@ def linear_controller(
     measured: Mapping[str, FloatArray],
     reference: Reference | None = None,
     t: float = 0.0,
+    signals: Mapping[str, Any] | None = None,
 ) -> LinearController:
     """Linearise a law about a constant measurement, after a first sample with it.
+
+    Differences are relative to the size of a number, so that they do not depend on units.
 
     Args:
         controller: controller with a ``step``; it is not modified.
         measured: the readings by name, in the order of the columns of B and D.
         reference: constant reference, see `FrozenReference`; None for none.
         t: time of the update, s.
+        signals: what the readings measure, by name, if it is not the name. Angles and strains have
+            the size one, rates that in 1000 samples, and others that of the largest number of the
+            reading. Memory has the size of its change by the readings.
     """
     law = deepcopy(controller)
     law.reset()
@@ -97,10 +107,50 @@ def linear_controller(
     step = StepMap(law, memory, readings, inputs)
     if step.analytic:
         return step.linear(step.slope())
+    kinds = dict(signals or {})
+    sizes = [_sizes(kinds.get(k, k), value, law.sample_time) for k, value in readings.items()]
+    return step.linear(_differences(step, np.concatenate([np.zeros(0), *sizes])))
+
+
+def _sizes(signal: Any, value: FloatArray, sample_time: float) -> FloatArray:
+    """Return the sizes (k,) of the numbers of a reading, see `linear_controller`."""
+    size = 1.0
+    if isinstance(signal, str) and signal.endswith("_rate"):
+        size = _RATE / sample_time
+    elif signal not in ("joint_angle", "strain"):
+        # Laws are linear about a force or torque of zero, so that any size is good.
+        size = float(np.abs(value).max(initial=0.0)) or 1.0
+    return np.full(np.size(value), size)
+
+
+def _differences(step: StepMap, sizes: FloatArray) -> FloatArray:
+    """Return the derivatives (m, n) of a step, for readings of these sizes."""
     point = step.point
-    shifts = np.diag(_STEP * np.maximum(1.0, np.abs(point)))
-    rise = step(point + shifts) - step(point - shifts)
-    return step.linear((rise / (2.0 * np.diag(shifts)[:, None])).T)
+    n = point.size - sizes.size
+    scale = np.concatenate([np.zeros(n), sizes])
+    values = step(point[None])[0]
+    slope, change = np.zeros((values.size, point.size)), np.zeros(point.size)
+    waiting, largest = np.flatnonzero(scale), np.inf  # largest: change of a torque by a reading
+    while waiting.size:
+        shift = _STEP * np.maximum(scale, np.abs(point))
+        moving = waiting
+        for _ in range(_REDUCTIONS):
+            shifts = np.diag(shift)[moving]
+            rise = step(point + shifts) - step(point - shifts)
+            slope[:, moving] = rise.T / (2.0 * shift[moving])
+            change[moving] = np.abs(rise[:, n:]).max(axis=1, initial=0.0)
+            moving = moving[change[moving] > largest]
+            if not moving.size:
+                break
+            shift[moving] *= 0.1
+        # Memory after a fast filter would request torques beyond the limits of the controller.
+        largest = float(change[n:].max(initial=0.0)) or np.inf
+        rest = np.flatnonzero(scale == 0.0)
+        changed = np.abs(slope[rest]) @ scale
+        # No reading reaches the rest, so that its size does not matter for the loop.
+        scale[rest] = changed if np.any(changed) else 1.0
+        waiting = rest[scale[rest] > 0.0]
+    return slope
 
 
 class StepMap:

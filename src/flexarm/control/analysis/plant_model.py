@@ -169,6 +169,7 @@ def loop_of(
     """
     about = model if believed is None else believed
     measured: dict[str, FloatArray] = {}
+    names: dict[str, OutputName] = {}
     for item in instruments:
         value = about.signals[item.output].value
         if item.signal == "contact_force":
@@ -177,20 +178,20 @@ def loop_of(
             if hasattr(requested, "contact_force"):
                 value[0] = requested.contact_force(t) * requested.normal(t)
         labels = item.labels
-        measured[labels[0]] = value
+        measured[labels[0]], names[labels[0]] = value, item.output
         if len(labels) > 1:
-            measured[labels[1]] = np.zeros_like(value)
+            measured[labels[1]], names[labels[1]] = np.zeros_like(value), f"{item.signal}_rate"
     motors = hardware.motors if hardware is not None else None
     readings = [_reading(item, model.signals[item.output]) for item in instruments]
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
     if rate == 0.0 or reference is None:
-        return SampledLoop(plant, linear_controller(controller, measured, reference, t))
+        return SampledLoop(plant, linear_controller(controller, measured, reference, t, names))
     turning = {item.labels[-1] for item in instruments if _is_rate(item)}
     terms = []
     for factor, weight in _RATES:
         now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
         moving = FrozenReference(reference, t, factor * rate)
-        slopes = linear_controller(controller, now, moving, t)
+        slopes = linear_controller(controller, now, moving, t, names)
         terms.append([weight * slope for slope in slopes])
     mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))
     return SampledLoop(plant, mean)

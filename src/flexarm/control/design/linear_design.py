@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.hardware.measurement import FloatArray
@@ -71,6 +72,7 @@ class DesignRequirements:
         measured: standard deviations of the noise by measured output.
         disturbance: standard deviations of unmeasured inputs, constant over a sample.
         integrated: the output to integrate and its acceptable integral, or empty.
+        rate: typical joint rate, rad/s, to which the rates of all coordinates are relative.
         recovery: fictitious torque noise of the filter, relative to the acceptable torque.
         rigidity_uncertainty: relative error of the links' stiffness.
     """
@@ -80,6 +82,7 @@ class DesignRequirements:
     measured: Mapping[str, ArrayLike]
     disturbance: Mapping[str, ArrayLike]
     integrated: Mapping[str, ArrayLike]
+    rate: float
     recovery: float = 0.0
     rigidity_uncertainty: float = 0.0
 
@@ -100,13 +103,18 @@ def sampled(
 
 def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
     """Return A and B over a sample time (s), with zero-order-hold inputs; (C.22)."""
-    from scipy.linalg import expm
+    from scipy.linalg import expm, matrix_balance
 
     n, m = B.shape
+    # The exponential is accurate relative to its norm, so that no unit may dominate it.
+    scale = matrix_balance(A, permute=False, separate=True)[1][0][:, None]
+    pushed = B * sample_time / scale
+    size = np.abs(pushed).max(axis=0)
+    size = np.where(size > 0.0, size, 1.0)
     whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = A, B
-    moved = expm(whole * sample_time)
-    return moved[:n, :n], moved[:n, n:]
+    whole[:n, :n], whole[:n, n:] = A * sample_time / scale * scale.T, pushed / size
+    moved = expm(whole)
+    return moved[:n, :n] * scale / scale.T, moved[:n, n:] * scale * size
 
 
 def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
@@ -176,7 +184,9 @@ def design(
     torque_weight = np.diag(requirements.acceptable_torque**-2.0)
     A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
     B_z = np.vstack([B, np.zeros((len(Z), m))])
-    gain, cost = regulator(A_z, B_z, weight, torque_weight)
+    sizes = coordinate_sizes(arm)
+    sizes = np.append(sizes, requirements.rate * sizes)
+    gain, cost = regulator(A_z, B_z, weight, torque_weight, np.append(sizes, windup))
     strength = sizes_of("disturbance", model, requirements.disturbance)
     pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
     # Covariance of torques and elastic forces that represent the model error: (C.39).
@@ -184,7 +194,7 @@ def design(
     torques = (requirements.recovery * requirements.acceptable_torque) ** 2
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
     noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
-    estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise)
+    estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise, sizes)
     return Design(
         posture,
         rest.q[elastic],
@@ -241,19 +251,25 @@ def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> Float
 
 
 def regulator(
-    A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray
+    A: FloatArray, B: FloatArray, weight: FloatArray, torque_weight: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gain and the cost of the linear-quadratic regulator; (C.23).
+
+    The equation is solved for states in the ratio of their ``sizes`` (n,) and for torques relative
+    to their weights, so that all weights are about one. Otherwise rounding depends on the units.
 
     Raises:
         InputError: if the cost does not detect an undamped mode, or the model is not stabilisable.
     """
     from scipy.linalg import solve
 
-    P = _riccati("acceptable", A, B, weight, torque_weight)
-    gain = solve(torque_weight + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+    sizes = sizes / np.max(np.diag(weight) * sizes**2) ** 0.5
+    torque, square = np.diag(torque_weight) ** -0.5, np.outer(sizes, sizes)
+    A, B = A * sizes / sizes[:, None], B * torque / sizes[:, None]
+    P = _riccati("acceptable", A, B, weight * square, np.eye(torque.size))
+    gain = solve(np.eye(torque.size) + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
     _check_stable("acceptable", A - B @ gain)
-    return gain, P
+    return gain * torque[:, None] / sizes, P / square
 
 
 def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
@@ -297,20 +313,27 @@ def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> Float
 
 
 def kalman(
-    A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray
+    A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
+
+    States are in the ratio of their ``sizes`` (n,) as in `regulator`, and readings relative to
+    their noise.
 
     Raises:
         InputError: if an undamped mode is not detectable from the measurement.
     """
     from scipy.linalg import solve
 
-    P = _riccati("measured", A.T, C.T, disturbance, noise)
-    seen = C @ P @ C.T + noise
+    reading = np.diag(noise) ** 0.5
+    sizes = sizes / np.max(np.abs(C) * sizes / reading[:, None])
+    square = np.outer(sizes, sizes)
+    A, C = A * sizes / sizes[:, None], C * sizes / reading[:, None]
+    P = _riccati("measured", A.T, C.T, disturbance / square, np.eye(reading.size))
+    seen = C @ P @ C.T + np.eye(reading.size)
     gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
     _check_stable("measured", A @ (np.eye(len(A)) - gain @ C))
-    return gain, P, seen
+    return gain * sizes[:, None] / reading, P * square, seen * np.outer(reading, reading)
 
 
 def _riccati(
@@ -318,11 +341,15 @@ def _riccati(
 ) -> FloatArray:
     from scipy.linalg import solve_discrete_are
 
-    try:
-        P: FloatArray = solve_discrete_are(A, B, Q, R)
-    except (np.linalg.LinAlgError, ValueError):
-        raise InputError(_unsolvable(argument)) from None
-    return (P + P.T) / 2.0
+    # The callers balance the equation. The balancing of SciPy fails for some strong noise, and
+    # without it some strong weights.
+    for balanced in (True, False):
+        try:
+            P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        return (P + P.T) / 2.0
+    raise InputError(_unsolvable(argument))
 
 
 def _check_stable(argument: str, loop: FloatArray) -> None:

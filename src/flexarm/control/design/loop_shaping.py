@@ -149,6 +149,15 @@ def coprime_controller(
 
     McFarlane and Glover 1992.
     """
+    from scipy.linalg import matrix_balance
+
+    # The Riccati equations need states of similar size, whatever the units are.
+    n, more = len(A), max(D.shape)
+    whole = np.zeros((n + more, n + more))
+    whole[:n, :n], whole[:n, n : n + B.shape[1]], whole[n : n + len(C), :n] = A, B, C
+    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
+    sizes = scale[:n] / scale[n]
+    A, B, C = A * sizes / sizes[:, None], B / sizes[:, None], C * sizes
     S = np.eye(B.shape[1]) + D.T @ D
     R = np.eye(len(C)) + D @ D.T
     drift = A - B @ np.linalg.solve(S, D.T @ C)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import (
     check_kind,
@@ -19,10 +20,11 @@ from flexarm.base.arguments import (
 )
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.default_requirements import typical_rate, typical_torque
+from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.filters.estimates import Estimates, Layout
 from flexarm.control.filters.first_estimate import first_variance, sag
 from flexarm.control.filters.predicted_readings import (
-    LARGEST,
     PredictedReadings,
     check_instruments,
     reading_rows,
@@ -34,6 +36,11 @@ from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
 from flexarm.model.drives.around import FilterParameters
 
+#: Default torque noise, relative to `typical_torque`, and default deviation of the initial rates,
+#: relative to `typical_rate`.
+_NOISE, _TURNING = 0.01, 1.0 / 80.0
+#: Largest start relative to the arm; the equations of motion overflow for far larger ones.
+_LARGEST = 1e9
 #: The parameter that every estimator has, with arguments of its own.
 MASS = "payload.mass"
 
@@ -58,6 +65,8 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         self.instruments = tuple(listed)
         check_instruments(arm, self.instruments)
         warn_of_bristles(arm, "the filter")
+        numbers = ("torque_noise", "rate_deviation", "energy_deviation")
+        self._scaled = [name for name in numbers if getattr(self, name) is None]
         self._step: SampledStep | None = None
         self._made_for = 0.0
         self._prior, self._drift = dict(self.parameters or {}), dict(self.parameter_drift or {})
@@ -72,6 +81,23 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         paths = tuple(self._prior)
         self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0, biased)
         self.reset()
+
+    def _scale_defaults(self) -> None:
+        """Set the deviations without a number, in proportion to inertia and time of the arm."""
+        rate = typical_rate(self.arm, self.sample_time)
+        turning = _TURNING * rate
+        inertia = float(RigidModel(self.arm).mass_matrix(np.zeros(self.arm.joints))[0, 0])
+        values = {
+            "torque_noise": _NOISE * typical_torque(self.arm, None, rate),
+            "rate_deviation": turning,
+            "energy_deviation": 0.5 * inertia * turning**2,
+        }
+        vars(self).update({name: values[name] for name in self._scaled})
+
+    @property
+    def _noise(self) -> FloatArray:
+        """Standard deviation of the torque error (joints,) N m."""
+        return np.asarray(self.torque_noise, dtype=np.float64)
 
     def _check_names(self) -> None:
         problems = []
@@ -96,6 +122,7 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         if self._step is None or self._made_for != self.sample_time:
             self._step = SampledStep(self.arm, self.sample_time, (MASS, *self._layout.paths))
             self._made_for = self.sample_time
+            self._scale_defaults()
         self._nominal = self._step.free.values
         layout = self._layout
         self._torque = np.zeros(self.arm.joints)
@@ -202,17 +229,26 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         covariance (s, s) is that of all estimated numbers.
 
         Raises:
-            InputError: if a shape is wrong, a number is NaN, infinite or above 1e9, or the mass is
-                negative.
+            InputError: if a shape is wrong, a number is NaN or infinite, the mass is negative or
+                above 1e9 times that of the arm, or a variance is above 1e9 times the square of one
+                radian, of the arm's typical rate, or of modal coordinates of the same size.
         """
         size = self._layout.size
         parts = [check_array(n, v, (self.arm.dof,)) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative("payload_mass", payload_mass)
         given = check_array("covariance", covariance, (size, size))
-        for name, numbers in (("payload_mass", mass), ("covariance", given)):
-            if np.max(np.abs(numbers)) > LARGEST:
-                rule = f"be at most {LARGEST:g}"
-                raise InputError(Problem(name, rule, shown(float(np.max(np.abs(numbers))))))
+        constants, sizes = self.arm.assembly.constants, coordinate_sizes(self.arm)
+        sizes = np.append(sizes, sizes * typical_rate(self.arm, self.sample_time))
+        largest = np.max(np.diag(given)[self._layout.states] / sizes**2)
+        whole = float(constants.mass.sum() + constants.tip_mass.sum())
+        for name, ratio, unit in (
+            ("payload_mass", mass / whole, "that of the arm"),
+            ("covariance", float(largest), "the squares of the arm's angles and rates"),
+        ):
+            if ratio > _LARGEST:
+                raise InputError(
+                    Problem(name, f"be at most {_LARGEST:g} times {unit}", f"{ratio:g}")
+                )
         self._start(self._mean(np.concatenate(parts), mass), given)
         self._begun = True
 
@@ -222,7 +258,7 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
 
         Raises:
             InputError: if ``measurement`` is not a `Measurement`, a reading has the wrong shape, is
-                not finite or above 1e9, or the estimate has diverged.
+                not finite or above 1e13 of its standard deviations, or the estimate has diverged.
         """
         check_kind("measurement", measurement, Measurement)
         readings = self._readings.stacked(measurement)

@@ -40,7 +40,7 @@ class ExtendedKalmanFilter(KalmanFilter):
         F[states] = layout.derivative(step.state, step.parameters, step.torque, moving)
         part.x[states] = step.after
         noisy = np.zeros((layout.size, self.arm.joints))
-        noisy[states] = step.torque * self.torque_noise
+        noisy[states] = step.torque * self._noise
         part.P = F @ part.P @ F.T + noisy @ noisy.T
         self._add_drift(part)
         return noisy
@@ -61,7 +61,7 @@ class ExtendedKalmanFilter(KalmanFilter):
             found = seen.predict(x[layout.states], self._acting(x), constants)
             slopes = found.state, found.parameters, found.torque
             H = layout.derivative(*slopes, self._moving(x), seen.bias)
-            felt = found.torque * self.torque_noise
+            felt = found.torque * self._noise
             S, R, N = innovation_covariance(part.P, moved, H, felt, seen.variance)
             K = cho_solve(cho_factor(S), (part.P @ H.T + N).T).T
             expected = found.values + seen.bias @ x[layout.biases] + H @ (before - x)

@@ -19,7 +19,7 @@ _BEFORE_READING = 100.0
 #: Difference of a number for the derivative of the sag, in its standard deviations. A difference
 #: is accurate enough, because sag is nearly linear in each number.
 SAG_DIFFERENCE = 0.1
-#: Least stiffness of a coordinate, which limits its variance.
+#: Least stiffness of a coordinate relative to the largest, which limits its variance.
 LEAST_STIFFNESS = 1e-12
 
 
@@ -32,10 +32,13 @@ def first_variance(
         arm: the arm. given: the deviations of the filter. angle: the encoder.
         stiffness: (dof,) of the coordinates at rest; those of joints have no effect.
     """
-    energy = 2.0 * given.energy_deviation
+    assert given.energy_deviation is not None
+    assert given.rate_deviation is not None
+    joints, energy = arm.joint_index, 2.0 * given.energy_deviation
     variance = np.full(2 * arm.dof, energy)
-    variance[: arm.dof] = energy / np.maximum(stiffness, LEAST_STIFFNESS)
-    joints = arm.joint_index
+    bending = np.delete(stiffness, joints)
+    least = LEAST_STIFFNESS * np.max(bending, initial=0.0)
+    variance[np.setdiff1d(np.arange(arm.dof), joints)] = energy / np.maximum(bending, least)
     # The prior is wide, because the update that follows uses the reading itself.
     bias = (given.bias_deviation or {}).get(angle.label, 0.0)
     variance[joints] = angle.noise**2 + angle.resolution**2 / 12.0 + bias**2

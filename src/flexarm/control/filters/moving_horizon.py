@@ -95,8 +95,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         walk = self._walk.copy()
         walk[-1] = self.sample_time * self.payload_drift**2
         assert self._step is not None
-        noise = self.torque_noise * np.ones(joints)
-        self._model = ArmModel(self._step, self._layout, noise, walk)
+        self._model = ArmModel(self._step, self._layout, self._noise, walk)
         self._unconverged = 0
         self._arrival = Arrival(x, covariance, np.zeros((x.size, joints)))
         self._nodes = [Node(np.zeros(joints), x, np.zeros(joints))]

@@ -21,8 +21,8 @@ from flexarm.kernels.observation.point_motion import MOTION_COLUMNS
 from flexarm.linear.step_derivatives.sampled_step import state_places
 from flexarm.model import Instrument, Sensor
 
-#: Largest accepted reading, mass and covariance, in SI units.
-LARGEST = 1e9
+#: Largest accepted reading in its standard deviations: rounding of larger ones becomes noise.
+_LARGEST = 1e13
 #: Signals that are linear in the state.
 LINEAR_SIGNALS = ("joint_angle", "joint_rate", "strain")
 #: Constants of an arm, and those with the imaginary step of each parameter.
@@ -116,8 +116,8 @@ class PredictedReadings:
         if readings.size != self.size:
             rule = f"have {self.size} readings of {', '.join(self._labels)}"
             raise InputError(Problem("measurement", rule, str(readings.size)))
-        if not np.all(np.abs(readings) < LARGEST):
-            rule = f"be finite readings below {LARGEST:g}"
+        if not np.all(np.abs(readings) < _LARGEST * np.sqrt(self.variance)):
+            rule = f"be finite readings below {_LARGEST:g} standard deviations"
             raise InputError(Problem("measurement", rule, few(readings)))
         return readings
 
@@ -147,14 +147,15 @@ class PredictedReadings:
             self._points(x, torque, (plain, one), none, self._pushed)
             for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 found.parameters[place, column] = self._pushed[-2, k, sensor.columns]
+        # Accelerations are linear in the torque, so the difference is exact except for rounding.
+        step = float(np.abs(torque).max()) or 1.0
         for joint in range(joints):
-            # Accelerations are linear in the torque, so the change by 1 N m is the derivative.
             more = torque.copy()
-            more[joint] += 1.0
+            more[joint] += step
             self._points(x, more, (plain, plain), none, self._pushed)
             for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
                 change = self._pushed[-1, k, sensor.columns] - found.values[place]
-                found.torque[place, joint] = change
+                found.torque[place, joint] = change / step
         return found
 
     def values(

@@ -40,7 +40,7 @@ class UnscentedKalmanFilter(KalmanFilter):
         after = before.copy()
         states = self._layout.states
         for old, error, new in zip(before, errors, after, strict=True):
-            torque = self._acting(old) + self.torque_noise * error
+            torque = self._acting(old) + self._noise * error
             new[states] = self._step.advance(old[states], torque, self._change(old))
         part.x, part.P = _mean(after), _covariance(after, after)
         self._add_drift(part)
@@ -61,7 +61,7 @@ class UnscentedKalmanFilter(KalmanFilter):
         points = _sigma_points(part.x, part.P, moved)
         states, outputs = points[:, :-joints], np.zeros((len(points), seen.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
-            torque = self._acting(x) + self.torque_noise * error
+            torque = self._acting(x) + self._noise * error
             constants = self._step.free.at(self._change(x))
             outputs[k] = seen.values(x[self._layout.states], torque, constants)
             outputs[k] += seen.bias @ x[self._layout.biases]

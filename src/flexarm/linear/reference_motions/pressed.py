@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Tolerance of the tip position (m), and largest number of corrections.
+#: Tolerance of the tip position relative to the length of the arm, and most corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
 _FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
 #: Additional coefficient of friction of ``PressedMotion.rougher``.

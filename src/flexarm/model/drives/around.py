@@ -41,9 +41,11 @@ class DisturbanceObserverParameters(ControllerParameters):
     name = "disturbance_observer"
     inner: Annotated[Any, Typed(one_of(ALONE))]
     """The controller whose torque is corrected; both have the same sample time."""
-    cutoff: Annotated[Any, PerJoint(Positive)] = 5.0
-    """Cutoff of the filter of the estimate, one for all joints or one for each; it should be below
-    the lowest frequency of the links, because bending acts as a disturbance, too (Hz)."""
+    cutoff: Annotated[Any, PerJoint(Positive)] | None = None
+    """Cutoff of the filter of the estimate, one for all joints or one for each (Hz). It should be
+    below the lowest frequency of the links, because bending acts as a disturbance, too; by default
+    it is half of that frequency of the straight arm with locked joints, but at most 0.005 of the
+    sampling frequency."""
     compensation: Fraction = 1.0
     """Fraction of the estimate that is subtracted from the torque; 0 observes only."""
 
@@ -77,18 +79,22 @@ class FilterParameters(Parameters):
 
     instruments: Annotated[Any, Typed(Listed[Instrument] | None)] = None
     """Instruments of the filter; by default those of the hardware."""
-    torque_noise: Annotated[Any, PerJoint(NonNegative)] = 0.1
+    torque_noise: Annotated[Any, PerJoint(NonNegative)] | None = None
     """Standard deviation of a random torque error in each sample, one for all joints or one for
-    each: it represents all errors of the model (N m)."""
+    each: it represents all errors of the model (N m); by default 1 % of the acceptable torque of
+    `LQG`."""
     payload_deviation: NonNegative = 0.0
     """Standard deviation of the payload mass, 0 for a known payload (kg). A large value raises the
     initial mean, because masses are not negative."""
     payload_drift: NonNegative = 0.0
     """Intensity of a random walk of the payload mass (kg/s^0.5)."""
-    rate_deviation: NonNegative = 0.1
-    """Standard deviation of the initial joint rates (rad/s)."""
-    energy_deviation: NonNegative = 0.01
-    """Expected initial energy of vibration in each mode (J)."""
+    rate_deviation: NonNegative | None = None
+    """Standard deviation of the initial joint rates (rad/s); by default 1/80 of the arm's typical
+    rate. This rate is the lowest angular frequency of the straight arm with locked joints, but at
+    most 0.08 rad in a sample time; 0.0064 rad in one for rigid arms."""
+    energy_deviation: NonNegative | None = None
+    """Expected initial energy of vibration in each mode (J); by default that of the rigid arm that
+    turns by 1/80 of the typical rate about its first joint."""
     _: KW_ONLY
     parameters: Mapped[Positive] | None = None
     """Standard deviations of further uncertain numbers of the arm, by paths such as

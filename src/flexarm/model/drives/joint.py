@@ -102,8 +102,9 @@ class StrainFeedbackParameters(ControllerParameters):
     strain_rate: Annotated[Any, PerJoint(Number)] = 0.0
     """Torque per strain rate, one for all joints or one for each (N m s)."""
     _: KW_ONLY
-    rate_cutoff: Positive = 100.0
-    """Cutoff of the filter that differentiates strains (Hz)."""
+    rate_cutoff: Positive | None = None
+    """Cutoff of the filter that differentiates strains (Hz); by default a tenth of the sampling
+    frequency."""
     sample_time: SampleTime = 0.001
 
 

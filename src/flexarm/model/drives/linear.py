@@ -44,7 +44,6 @@ _Integral = Annotated[
 
 # Beyond the upper bound rounding errors dominate a design.
 _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
-_Preview = Annotated[Finite, Field(ge=0, le=60), BeforeValidator(plain)]
 # At 1 the matrix L of (C.144) is singular.
 _Suboptimality = Annotated[Finite, Field(ge=1.001, le=100), BeforeValidator(plain)]
 _Horizon = Annotated[
@@ -66,7 +65,9 @@ class LinearParameters(ControllerParameters):
     which gains are interpolated (rad)."""
     acceptable_torque: Annotated[Any, PerJoint(Positive)] | None = None
     """Acceptable torque, one for all joints or one for each (N m); by default the torque that
-    accelerates each joint of the rigid model by 10 rad/s^2."""
+    accelerates each joint of the rigid model by a quarter of the square of the arm's typical rate:
+    the lowest angular frequency of the straight arm with locked joints, but at most 0.08 rad in a
+    sample time; 0.0064 rad in one for rigid arms."""
     measured: Named[_PositiveNumbers] | None = None
     """Measured signals (joint_angle, joint_rate, strain, tip) and the standard deviations of their
     noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges."""
@@ -94,13 +95,15 @@ class LQGParameters(LinearParameters):
     _: KW_ONLY
     acceptable: Named[_PositiveNumbers] | None = None
     """Acceptable deviations of outputs of linear models by name, which determine the weights
-    (Bryson's rule); by default 10 mrad of joint_angle, 10 mm of tip and 0.2 rad/s of joint_rate."""
+    (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of the arm of tip, and
+    0.032 times the typical rate of joint_rate."""
     integral: _Integral | None = None
     """Integral feedback: true for the joint angles; or the name of an output, joint_angle or tip
     (which must be measured); or a mapping from this name to its acceptable integral (rad s, m
     s)."""
-    preview: _Preview = 0.5
-    """Span of the reference that the preview uses (s)."""
+    preview: NonNegative | None = None
+    """Span of the reference that the preview uses, at most 60,000 samples (s); by default 3.2
+    divided by the typical rate."""
 
 
 class MPCParameters(LQGParameters):
@@ -137,13 +140,15 @@ class CompositeParameters(LinearParameters):
 
     name = "composite"
     _: KW_ONLY
-    bandwidth: Annotated[Any, PerJoint(Positive)] = 4.0
-    """Bandwidth of the joint errors, one for all joints or one for each (rad/s)."""
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
+    """Bandwidth of the joint errors, one for all joints or one for each (rad/s); by default 0.64
+    times the typical rate."""
     damping_ratio: Annotated[Any, PerJoint(Positive)] = 1.0
     """Damping ratio of the joint errors, one for all joints or one for each."""
     acceptable: Named[_PositiveNumbers] | None = None
-    """Acceptable deviations of outputs that depend on bending only, by name; by default 10 mm of
-    link_tip_deflection and 0.1 m/s of link_tip_deflection_rate."""
+    """Acceptable deviations of outputs that depend on bending only, by name; by default 0.4 % of
+    the length of the arm of link_tip_deflection, and of link_tip_deflection_rate 1.6 times this
+    times the typical rate."""
 
 
 class LoopShapingParameters(ControllerParameters):
@@ -152,9 +157,9 @@ class LoopShapingParameters(ControllerParameters):
     name = "loop_shaping"
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
-    bandwidth: Annotated[Any, PerJoint(Positive)] = 8.0
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
     """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
-    for each (rad/s)."""
+    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
     integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Frequency below which the feedback is integral, one for all joints or one for each; 0 for
@@ -184,9 +189,9 @@ class MuSynthesisParameters(ControllerParameters):
     name = "mu_synthesis"
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
-    bandwidth: Annotated[Any, PerJoint(Positive)] = 8.0
+    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
     """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
-    for each (rad/s)."""
+    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
     rigidity_uncertainty: Fraction = 0.1
     """Relative change of the rigidity of all links, at most 1. A third of it is added to the

@@ -16,6 +16,7 @@ from flexarm.cases.scenario.references import Followed
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
 from flexarm.control.analysis.sample_time import recommended_sample_time
+from flexarm.control.design.default_requirements import NOISE
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Contact, Hardware, Scenario
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 Drive = dict[str, Any]
 
-#: Longest sample time of a candidate, s; that of MPC, whose optimisation needs more time.
+#: Longest sample time of a candidate, s; that of MPC, whose optimisation needs more time. They are
+#: times of the computer, not of the arm.
 _SAMPLE_TIME, _SLOW_SAMPLE_TIME = 0.001, 0.002
 #: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
@@ -41,10 +43,13 @@ _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
 #: Crossover frequencies of loop shaping, relative to the same frequency.
 _CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
-#: Acceptable deviations of the tip, relative to the length of the arm, and of the rates (rad/s).
-_TIP, _RATE = 0.004, 0.1
-#: Acceptable integral of the error of a measured tip, relative to the length of the arm (s).
-_TIP_INTEGRAL = 4e-5
+#: Acceptable deviations of the tip, relative to the length of the arm, and of the rates, relative
+#: to the lowest frequency; noise of a measured tip, and acceptable integral of its error times that
+#: frequency, relative to the length.
+_TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
+#: Acceptable angular accelerations relative to the square of that frequency: less than the default,
+#: because the designs must be stable with the uncertain payload, too.
+_BRISK = 0.04
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
@@ -195,13 +200,20 @@ def _shaping(needs: Requirements) -> Iterator[Drive]:
 def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     """Yield settings of LQG and MPC, in increasing order of lost performance."""
     reach = float(np.sum(needs.arm.lengths))
-    measured = {"joint_angle": 1e-4}
-    if "gauges" in needs.sensors:
-        measured["strain"] = 2e-5
-    common: Drive = {"acceptable": {"tip": rounded([_TIP * reach], 2)[0], "joint_rate": _RATE}}
+    omega = _frequency(needs)
+    tip, rate, noise, integral = rounded(
+        [_TIP * reach, _RATE * omega, _TIP_NOISE * reach, _TIP_INTEGRAL * reach / omega], 2
+    )
+    measured = dict(NOISE)
+    if "gauges" not in needs.sensors:
+        del measured["strain"]
+    common: Drive = {
+        "acceptable": {"tip": tip, "joint_rate": rate},
+        "acceptable_torque": rounded(_BRISK * omega**2 * _inertia(needs)),
+    }
     if "tip" in needs.sensors:
-        measured["tip"] = 1e-3
-        common["integral"] = {"tip": rounded([_TIP_INTEGRAL * reach], 2)[0]}
+        measured["tip"] = noise
+        common["integral"] = {"tip": integral}
     common |= {"measured": measured, **_designs(needs), "sample_time": sample_time_of(needs)}
     if needs.torque_limit is not None:
         common["torque_limit"] = rounded(needs.torque_limit)

@@ -276,18 +276,20 @@ def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Datase
     return min(values, key=lambda name: values[name])
 
 
-#: Stiffness (N/m) and relative damping (s/m) of the surface of the force task.
-_SURFACE_STIFFNESS, _SURFACE_DAMPING = 1e4, 0.5
+#: Depth of the tip in the surface of the force task, relative to the length of the arm, and the
+#: relative damping times this length and the lowest frequency.
+_SURFACE_DEPTH, _SURFACE_DAMPING = 3e-4, 9.0
 #: Deflection of the tip under the disturbance of the task "hold", relative to the length of the
 #: arm, if the joints did not move.
 _DISTURBED = 0.01
-#: Noise of the instruments of the tip (m) and of the force (N).
-_TIP_NOISE, _FORCE_NOISE = 1e-4, 0.02
+#: Noise of the instruments of the tip, relative to the length of the arm, and of the force,
+#: relative to that of the task.
+_TIP_NOISE, _FORCE_NOISE = 5e-5, 4e-3
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
-#: Rate of recorded samples, Hz.
-_RATE = 500.0
+#: Recorded samples in a period of the lowest frequency.
+_RATE = 150.0
 
 
 def case_of(needs: Requirements) -> dict[str, Any]:
@@ -310,7 +312,8 @@ def case_of(needs: Requirements) -> dict[str, Any]:
     end = moved["start_time"] + moved["duration"]
     after = 0.0 if needs.task in ("hold", "force") else float(f"{_AFTER * needs.period:.2g}")
     settling = float(f"{after / _AFTER:.2g}")
-    found["run"] = {"duration": round(end + after, 6), "rate": _RATE, "settling": settling}
+    (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
+    found["run"] = {"duration": duration, "rate": rate, "settling": settling}
     return found
 
 
@@ -333,14 +336,17 @@ def _surface(needs: Requirements) -> dict[str, Any]:
     normal = np.array([-along[1], along[0]]) / np.hypot(*along)
     if normal @ needs.start > 0.0:  # it points away from the base
         normal = -normal
+    reach = float(np.sum(needs.arm.lengths))
+    stiffness = needs.force / (_SURFACE_DEPTH * reach)
+    damping = _SURFACE_DAMPING * needs.period / (2.0 * np.pi * reach)
     return {
         "surface": {
             "kind": "wall",
             "point": rounded(needs.start, 6),
             "normal": rounded(normal, 6),
         },
-        "stiffness": _SURFACE_STIFFNESS,
-        "damping": _SURFACE_DAMPING,
+        "stiffness": rounded([stiffness], 2)[0],
+        "damping": rounded([damping], 2)[0],
     }
 
 
@@ -369,9 +375,11 @@ def _instruments(needs: Requirements) -> list[dict[str, Any]]:
     if "gauges" in needs.sensors:
         found.append({"signal": "strain"})
     if "tip" in needs.sensors:
-        found.append({"signal": "tip", "noise": _TIP_NOISE})
+        noise = rounded([_TIP_NOISE * float(np.sum(needs.arm.lengths))], 2)[0]
+        found.append({"signal": "tip", "noise": noise})
     if "force" in needs.sensors:
-        found.append({"signal": "contact_force", "noise": _FORCE_NOISE})
+        noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
+        found.append({"signal": "contact_force", "noise": noise})
     return found
 
 

@@ -90,7 +90,7 @@ def motor_warning(
     size = np.maximum(size, np.where(travel > 0.0, 0.0, _HELD))
     place = np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1
     harm = [
-        _harm(error[:, j], saturated[place, j], float(size[j])) if saturated[:, j].any() else 0.0
+        _harm(error[:, j], saturated[place, j]) if saturated[:, j].any() else 0.0
         for j in range(arm.joints)
     ]
     worst = int(np.argmax(np.array(harm) / size))
@@ -108,7 +108,7 @@ def motor_warning(
     )
 
 
-def _harm(error: FloatArray, saturated: BoolArray, size: float) -> float:
+def _harm(error: FloatArray, saturated: BoolArray) -> float:
     """Return the largest growth (rad) of an error within a saturated interval, or what is left.
 
     What is left counts if the last interval is half of the run and the error does not decrease.

@@ -213,13 +213,13 @@ def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None
         ]
         if not values:
             continue
-        before, after, said = check_array(f"{name}.{kind}", values, (-1, 3)).T
-        found = (after - before) / (2.0 * step)
+        before, after, slopes = check_array(f"{name}.{kind}", values, (-1, 3)).T
+        differences = (after - before) / (2.0 * step)
         rounding = 1e-9 * float(np.max(np.abs(before))) / duration
-        if np.max(np.abs(found - said)) > 0.01 * np.max(np.abs(found)) + rounding:
-            worst = int(np.argmax(np.abs(found - said)))
-            rule = f"be the derivative ({found[worst]:.6g} at t = {times[worst]:.6g} s)"
-            raise InputError(Problem(f"{name}.{kind}", rule, shown(float(said[worst]))))
+        if np.max(np.abs(differences - slopes)) > 0.01 * np.max(np.abs(differences)) + rounding:
+            worst = int(np.argmax(np.abs(differences - slopes)))
+            rule = f"be the derivative ({differences[worst]:.6g} at t = {times[worst]:.6g} s)"
+            raise InputError(Problem(f"{name}.{kind}", rule, shown(float(slopes[worst]))))
 
 
 def constants_with(arm: Arm, prescribed: Sequence[int]) -> ArmConstants:

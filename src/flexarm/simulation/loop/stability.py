@@ -38,13 +38,9 @@ _NOTICED = 10.0
 _CERTAIN = 5e-5
 _OF_CONTACTS = ("contact_force", "contact_gap")
 #: Step of the differences of coordinates and rates, relative to those that move the tip by the
-#: reach; for a smooth function their error is then about 1e-9.
-_STEP = 1e-5
-
-#: Time in which rates of a rigid arm have effect, in sample times.
-_TIMES_LONGER = 1000.0
-
-
+#: reach; for a smooth function their error is then about 1e-9. Rates of a rigid arm have effect in
+#: this number of sample times.
+_STEP, _HORIZON = 1e-5, 1000.0
 #: Growth (1/s), frequency (Hz) and magnitude of dominant poles, by the number of the arm, the time
 #: of the posture (s) and its angles at the start.
 Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
@@ -269,7 +265,7 @@ def _worst(
     def model_of(one: Arm) -> PlantModel:
         q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
         free = [name for name in signals if touched or name not in _OF_CONTACTS]
-        model = differenced(one, q, free, touched, _TIMES_LONGER * controller.sample_time)
+        model = differenced(one, q, free, touched, _HORIZON * controller.sample_time)
         for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
             none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))

@@ -21,11 +21,12 @@ RTOL, _SHARE = 1e-7, 1e-2
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
 
-#: ``Tolerance.unit`` of each arm, its rates of joints by prescribed joints, and the frequency
-#: computed last, with its posture.
+#: ``Tolerance.unit`` of each arm, its rates of joints by prescribed joints, that of its friction
+#: that holds, and the frequency computed last, with its posture.
 _units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
 _friction: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
 _damping: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
+_sticking: WeakKeyDictionary[Arm, float] = WeakKeyDictionary()
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
@@ -116,8 +117,8 @@ def _unit(arm: Arm) -> FloatArray:
 def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     """Estimate the highest frequency (rad/s) at a posture, from below, within a few per cent.
 
-    It is zero for an arm that cannot vibrate. A run that starts at the same posture as the previous
-    run of the arm reuses its frequency.
+    It is zero for an arm that cannot vibrate or stick. A run that starts at the same posture as the
+    previous run of the arm reuses its frequency.
     """
     posture = state[0].tobytes()
     known = _frequencies.get(arm)
@@ -128,8 +129,17 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
 
 
 def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> FloatArray:
-    """Return ``fastest_frequency`` (k,), or ``least``, at postures of states (k, 2, n, 1 + m)."""
+    """Return ``fastest_frequency`` (k,), or ``least``, at postures of states (k, 2, n, 1 + m).
+
+    Friction that holds counts as a spring of its torque per radian: without it, the shortest step
+    to an event of a rigid arm would depend on the duration of the run.
+    """
     c = arm.assembly.constants
+    if c.holds.any():
+        if arm not in _sticking:
+            level = (c.friction[:, 0] + c.friction[:, 1]) * c.free * c.holds
+            _sticking[arm] = _fastest_decay(c, level) ** 0.5
+        least = max(least, _sticking[arm])
     found = np.zeros(len(states))
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
@@ -158,7 +168,8 @@ def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
 def _friction_rate(c: ArmConstants) -> float:
     coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
     slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
-    return _fastest_decay(c, slope)
+    # Friction that holds does not settle: runs lock a joint that sticks.
+    return _fastest_decay(c, slope * c.free * (1.0 - c.holds))
 
 
 def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
@@ -169,7 +180,8 @@ def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     rates = _damping.setdefault(arm, {})
     if prescribed not in rates:
         c = constants_with(arm, prescribed)
-        rates[prescribed] = _fastest_decay(c, c.joint_damping) if c.joint_damping.any() else 0.0
+        slope = c.joint_damping * c.free * (1.0 - c.holds)
+        rates[prescribed] = _fastest_decay(c, slope) if slope.any() else 0.0
     return rates[prescribed]
 
 
@@ -178,8 +190,7 @@ def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
     state = kernels.zeros(2)
     still = kernels.forward_dynamics(state, torque)[:, 0].copy()
-    # Friction that holds does not settle: runs lock a joint that sticks.
-    for i in np.flatnonzero(slope * c.free * (1.0 - c.holds)):
+    for i in np.flatnonzero(slope):
         torque[i] = 1.0
         rates.append(float(slope[i] * (kernels.forward_dynamics(state, torque)[i, 0] - still[i])))
         torque[i] = 0.0

@@ -24,6 +24,7 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
 from flexarm.control.design.loop_shaping import ShapedDesign, shaped_design
 from flexarm.control.design.posture_grid import Interpolated, PostureGrid
 from flexarm.control.laws.joint.follower import JointFollower
@@ -68,6 +69,11 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
         super().__post_init__()
         joints = self.arm.joints
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
+        # The property reads another attribute, which the design sets.
+        rate = typical_rate(self.arm, vars(self)["sample_time"])
+        self.bandwidth = (
+            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
+        )
         self._grid = PostureGrid(self.posture, self.schedule)
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._design_for(vars(self).pop("sample_time"))

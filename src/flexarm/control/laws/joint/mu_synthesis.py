@@ -33,6 +33,7 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
 from flexarm.control.design.loop_shaping import coprime_controller, sampled_growth
 from flexarm.control.design.uncertain_plant import UncertainPlant, uncertain_plant
 from flexarm.control.laws.joint.follower import JointFollower
@@ -91,6 +92,11 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         super().__post_init__()
         joints = self.arm.joints
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
+        # The property reads another attribute, which the design sets.
+        rate = typical_rate(self.arm, vars(self)["sample_time"])
+        self.bandwidth = (
+            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
+        )
         # The constructor leaves the number in the dictionary of the object, under the property.
         sample_time = vars(self).pop("sample_time")
         self._check_bandwidth(sample_time)
@@ -146,7 +152,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             self._frequencies(plant),
             iterations=self.iterations,
             order=self.scaling_order,
-            band=(0.1 * float(np.min(self.bandwidth)), 0.5 / self.sample_time),
+            band=(0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time),
             suboptimality=_SUBOPTIMALITY,
             start=coprime_controller(*plant.nominal, 1.1)[:4],
         )
@@ -184,7 +190,7 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
 
     def _frequencies(self, plant: UncertainPlant) -> FloatArray:
         """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""
-        low, fast = _LOW * float(np.min(self.bandwidth)), 2.0 / self.sample_time
+        low, fast = _LOW * float(np.min(np.asarray(self.bandwidth))), 2.0 / self.sample_time
         poles = np.linalg.eigvals(plant.nominal[0])
         near = np.abs(poles.imag)[:, None] + poles.real[:, None] * np.linspace(-2.0, 2.0, 5)
         parts = (

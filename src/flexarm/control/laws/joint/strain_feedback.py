@@ -24,6 +24,9 @@ from flexarm.control.hardware.instruments import filter_of
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.joint import StrainFeedbackParameters
 
+#: Default cutoff of the strain rates, relative to the sampling frequency.
+_CUTOFF = 0.1
+
 
 class StrainFeedback(JointFollower, StrainFeedbackParameters):
     """Proportional and derivative feedback of each joint angle, and of strains at gauges.
@@ -85,7 +88,8 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         torque = torque - _at_joints(self.strain, "strain", strain, torque.shape[-1])
         if memory:
             # Tustin's rule for s / (1 + s / (2 pi cutoff)), from rest.
-            decay, per_change = filter_of(self.rate_cutoff, self.sample_time)
+            cutoff = self.rate_cutoff or _CUTOFF / self.sample_time
+            decay, per_change = filter_of(cutoff, self.sample_time)
             rate = decay * memory["rate"] + per_change * (strain - memory["strain"])
             memory = {"strain": strain.copy(), "rate": rate}
             torque = torque - _at_joints(self.strain_rate, "strain_rate", rate, torque.shape[-1])

@@ -7,8 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import FloatArray
+from flexarm.control.design.default_requirements import TIP
 from flexarm.control.design.linear_design import (
     Design,
     bend_weight,
@@ -24,6 +26,9 @@ from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.drives.linear import CompositeParameters
 
+#: Default bandwidth, and acceptable rate of a deflection relative to the deflection, relative to
+#: `typical_rate`.
+_BANDWIDTH, _SPEED = 0.64, 1.6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 BENDING = (
     "strain",
@@ -79,9 +84,15 @@ class Composite(CompositeParameters, LQG):
         arm = self.arm
         if arm.dof == arm.joints:
             raise InputError(Problem("arm", "has no flexible links"))
-        weighted = self.acceptable or {"link_tip_deflection": 0.01, "link_tip_deflection_rate": 0.1}
-        self.acceptable = check_names("acceptable", weighted, BENDING, arm)
         super().__post_init__()
+
+    def _scale_defaults(self, rate: float) -> None:
+        """See `LQG`."""
+        if self.bandwidth is None:
+            self.bandwidth = np.full(self.arm.joints, _BANDWIDTH * rate)
+        bend = TIP * float(np.sum(self.arm.lengths))
+        usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": _SPEED * bend * rate}
+        self.acceptable = check_names("acceptable", self.acceptable or usual, BENDING, self.arm)
 
     def _regulated(self) -> None:
         """See `LQG`; the regulator of both parts replaces that of `LQG`."""
@@ -89,7 +100,8 @@ class Composite(CompositeParameters, LQG):
     @property
     def epsilon(self) -> float:
         """Largest bandwidth over the lowest frequency of the boundary layer; (C.33)."""
-        return float(np.max(self.bandwidth) / min(item.frequency[0] for item in self.fast_designs))
+        largest = np.max(np.asarray(self.bandwidth))
+        return float(largest / min(item.frequency[0] for item in self.fast_designs))
 
     def _design_all(self) -> tuple[Design, ...]:
         pairs = [self._both(item) for item in super()._design_all()]
@@ -121,7 +133,10 @@ class Composite(CompositeParameters, LQG):
         weighed[:k, :k] += bend_weight(
             self.design_requirements.rigidity_uncertainty, stiffness, energy
         )
-        gain, cost = regulator(A, B, weighed, price)
+        sizes = np.append(
+            coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm)
+        )
+        gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
@@ -137,7 +152,8 @@ class Composite(CompositeParameters, LQG):
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
         # The acceleration that the slow part requests bends the links, and this bending changes the
         # slow angles. Solve for both.
-        stiff, damped = self.bandwidth**2, 2.0 * self.damping_ratio * self.bandwidth
+        bandwidth = np.asarray(self.bandwidth)
+        stiff, damped = bandwidth**2, 2.0 * self.damping_ratio * bandwidth
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
         request = -stiff[:, None] * slow - damped[:, None] * rate

@@ -28,7 +28,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.default_requirements import design_requirements
+from flexarm.control.design.default_requirements import design_requirements, typical_rate
 from flexarm.control.design.flexible_model import FlexibleModel
 from flexarm.control.design.linear_design import (
     Design,
@@ -39,8 +39,9 @@ from flexarm.control.design.nominal import Nominal, PreviewedReference, Recorded
 from flexarm.control.design.posture_grid import Interpolated, PostureGrid
 from flexarm.model.drives.linear import LQGParameters
 
-#: Number of intervals of the preview.
-_NODES = 64
+#: Number of intervals of the preview, its most samples, which take a minute to compute, and its
+#: default span times `typical_rate` (rad).
+_NODES, _MOST_SAMPLES, _PREVIEWED = 64, 60_000, 3.2
 
 
 class LQG(LQGParameters, OfArm, Controller):
@@ -70,7 +71,10 @@ class LQG(LQGParameters, OfArm, Controller):
     def __post_init__(self) -> None:
         arm = self.arm
         self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
-        self.design_requirements = design_requirements(arm, self, self._regulated())
+        # The property reads another attribute, which the design sets.
+        rate = typical_rate(arm, vars(self)["sample_time"])
+        self._scale_defaults(rate)
+        self.design_requirements = design_requirements(arm, self, self._regulated(), rate)
         self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
         self._grid = PostureGrid(self.posture, self.schedule)
@@ -78,6 +82,12 @@ class LQG(LQGParameters, OfArm, Controller):
             # The constructor leaves the number in the dictionary of the object, under the property.
             self._design_for(vars(self).pop("sample_time"))
         warn_of_first(bent)
+
+    def _scale_defaults(self, rate: float) -> None:
+        """Set the defaults that depend on `typical_rate` (rad/s)."""
+        if self.preview is None:
+            longest = _MOST_SAMPLES * vars(self)["sample_time"]
+            self.preview = min(_PREVIEWED / rate, longest)
 
     def _regulated(self) -> Mapping[str, Any] | None:
         """Return the acceptable deviations that the regulator is designed for; None: defaults."""
@@ -117,7 +127,11 @@ class LQG(LQGParameters, OfArm, Controller):
         first = self.designs[0]
         self._states, self._outputs = len(first.A), len(first.C)
         self._integrals = len(first.integrated)
-        samples = round(self.preview / self._sample_time)
+        span = self.preview or 0.0
+        if span > _MOST_SAMPLES * self._sample_time:
+            rule = f"be at most {_MOST_SAMPLES} samples of {self._sample_time:g} s"
+            raise InputError(Problem("preview", rule, f"{span:g} s"))
+        samples = round(span / self._sample_time)
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])

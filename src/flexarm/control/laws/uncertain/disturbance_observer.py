@@ -17,8 +17,12 @@ from flexarm.control.contract.base import (
     Reference,
 )
 from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.default_requirements import lowest_frequency
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.model.drives.around import DisturbanceObserverParameters
+
+#: Largest default cutoff, relative to the sampling frequency.
+_MOST = 0.005
 
 
 class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
@@ -39,6 +43,9 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     inner: Controller
 
     def __post_init__(self) -> None:
+        if self.cutoff is None:
+            hertz = min(lowest_frequency(self.arm) / (4.0 * math.pi), _MOST / self.sample_time)
+            self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
 
     @property
@@ -50,7 +57,10 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         """Clear the state of the previous run, including the inner controller."""
         super().reset()
         self._taken = np.array(
-            [1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time) for hertz in self.cutoff]
+            [
+                1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time)
+                for hertz in np.asarray(self.cutoff)
+            ]
         )
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:

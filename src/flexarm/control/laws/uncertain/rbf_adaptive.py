@@ -69,7 +69,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
                 np.ones(1),
                 now.reference_acceleration,
                 now.reference_rate,
-                np.tanh(now.reference_rate / SIGN_RATE),
+                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
                 now.rate[first] * now.reference_rate[second],
             ]
         )
@@ -96,8 +96,8 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         return after, torque + rows[0] + rows[1]
 
 
-#: Rate over which the sign of a rate is smoothed, rad/s.
-SIGN_RATE = 0.05
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+_SIGN = 0.01
 
 
 def _grid(
@@ -110,6 +110,7 @@ def _grid(
     ]
     many = np.array(counts) > 1
     spacing = np.where(many, (upper - lower) / np.maximum(np.array(counts) - 1, 1), 1.0)
+    # Angles (rad) have no scale; spacings below 1e-9 are rounding.
     sharpness = np.where(many & (spacing > 0.0), 1.0 / np.maximum(spacing, 1e-9), 0.0)
     mesh = np.meshgrid(*axes, indexing="ij")
     return np.stack([axis.ravel() for axis in mesh], axis=1), sharpness

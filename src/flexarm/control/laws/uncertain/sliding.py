@@ -20,8 +20,9 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
 
-#: Cutoff (Hz) of the low-pass filter of the curvature, which limits noise in its rate.
-_NOISE_CUTOFF = 100.0
+#: Cutoff of the low-pass filter of the curvature, which limits noise in its rate, relative to the
+#: sampling frequency.
+_NOISE_CUTOFF = 0.1
 
 
 class Sliding(NamedTuple):
@@ -71,7 +72,7 @@ class SlidingVariable:
     def reset(self, sample_time: float) -> None:
         """Set the sample time (s)."""
         self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self.washout * sample_time)
-        self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF * sample_time)
+        self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF)
         self._sample_time = sample_time
 
     def initial_memory(self, readings: Measurement) -> Arrays:
