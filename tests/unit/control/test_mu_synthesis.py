@@ -196,9 +196,9 @@ def test_numerical_failures_are_reported_as_such(monkeypatch):
     [
         ({"bandwidth": 1e-6}, "0.01 to 500", r"10 to 5e\+05 s"),
         ({"bandwidth": [8.0, 1e6]}, "0.01 to 500", "differ too much"),
-        ({"sample_time": 1e-6}, r"10 to 5e\+05", "1.25e-06 to 0.0625 s"),
-        ({"sample_time": 0.0626}, "0.00016 to 7.99", "1.25e-06 to 0.0625 s"),
-        ({"sample_time": 1e6}, "1e-11 to 5e-07", "1.25e-06 to 0.0625 s"),
+        ({"bandwidth": 8.0, "sample_time": 1e-6}, r"10 to 5e\+05", "1.25e-06 to 0.0625 s"),
+        ({"bandwidth": 8.0, "sample_time": 0.0626}, "0.00016 to 7.99", "1.25e-06 to 0.0625 s"),
+        ({"bandwidth": 8.0, "sample_time": 1e6}, "1e-11 to 5e-07", "1.25e-06 to 0.0625 s"),
     ],
 )
 def test_bandwidth_that_does_not_fit_the_sample_time_is_refused(given, bandwidths, times):
