@@ -110,7 +110,7 @@ APPLICATIONS: dict[str, Area] = {
                 tests=("identification/test_frequency.py",),
             ),
             Group(
-                sources=("identification/planning/*.py",),
+                sources=("identification/assessment.py",),
                 tests=("identification/test_planning.py",),
             ),
             Group(

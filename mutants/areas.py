@@ -177,7 +177,7 @@ AREAS: dict[str, Area] = {
                 tests=("simulate/test_flexible_references.py", "unit/linear/test_modes.py"),
             ),
             Group(sources=("linear/**/tracking.py",), tests=("unit/linear/test_tracking.py",)),
-            Group(sources=("linear/**/transfer.py",), tests=("unit/linear/test_transfer.py",)),
+            Group(sources=("linear/**/state_space.py",), tests=("unit/linear/test_transfer.py",)),
             Group(sources=("linear/**/along.py",), tests=("unit/linear/test_linearize_along.py",)),
             Group(
                 sources=(

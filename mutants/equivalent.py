@@ -35,7 +35,7 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "while near < last and real(s) > knots[near + 1, 0]:",
         ): "at a knot both pieces of the spline have the same point, tangent and curvature",
     },
-    "eigen.py": {
+    "modal.py": {
         (
             _DAMPING.format(">"),
             _DAMPING.format(">="),
@@ -93,7 +93,7 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
     },
     "response.py": {
         (
-            "return Spectra(parts[0].frequency_hz, np.asarray(total), averages)",
+            "return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)",
             "return Spectra(parts[ -1].frequency_hz, np.asarray(total), averages)",
         ): "all records have the same rate, and their segments the same length",
     },
@@ -109,7 +109,7 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "curve=(curve * s.curve).reshape(self.intervals, STAGES, - 2),",
         ): "for NumPy any negative length is the unknown one",
     },
-    "schedule.py": {
+    "changes.py": {
         (
             "inner = np.unique(times[(times > 0.0) & (times < last)])",
             "inner = np.unique(times[(times > 0.0) & (times <= last)])",

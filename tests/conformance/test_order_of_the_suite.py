@@ -27,7 +27,10 @@ def test_every_file_of_the_list_exists() -> None:
 def test_slow_files_come_first_and_the_others_stay_in_order(suite: Any) -> None:
     names = ("bridges/b.py", SLOWEST[1], "cli/a.py", SLOWEST[0], SLOWEST[1], "cli/a.py")
     items: list[Any] = [
-        SimpleNamespace(path=TESTS / name, number=number) for number, name in enumerate(names)
+        SimpleNamespace(
+            path=TESTS / name, number=number, name="test", get_closest_marker=lambda marker: None
+        )
+        for number, name in enumerate(names)
     ]
     suite.pytest_collection_modifyitems(items)
     assert [item.number for item in items] == [3, 1, 4, 0, 2, 5]

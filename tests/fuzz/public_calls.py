@@ -94,12 +94,17 @@ def public_names() -> Iterator[str]:
             yield from (f"{name}.{method}" for method in methods_of(value))
 
 
+#: Parts of ``update``, which checks its arguments. They are called in every sample of a loop.
+_PARTS_OF_UPDATE = ("initial_memory", "planned", "step")
+
+
 def methods_of(kind: type) -> list[str]:
     """Return the names of the public methods of a class that the package defines."""
     return [
         method
         for method, member in inspect.getmembers(kind, callable)
         if str(getattr(member, "__module__", "")).startswith("flexarm") and method[0] != "_"
+        if not (issubclass(kind, fa.Controller) and method in _PARTS_OF_UPDATE)
     ]
 
 

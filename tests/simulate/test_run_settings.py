@@ -87,7 +87,7 @@ def test_contradictions_are_refused(arguments, message):
     [
         ({"rtol": 0.0}, "rtol must be greater than 0"),
         ({"integrator": "rk5"}, "integrator must be one of 'auto'"),
-        ({"stations": 1}, "stations must be a whole number from 2 to 1000"),
+        ({"stations": 1}, "stations must be 0, or at least 2 (root and tip)"),
         ({"breaks": "no"}, "breaks must be"),
         ({"torque_interpolation": "none"}, "torque_interpolation must be one of"),
         ({"progress": 3}, "progress must be True or False"),

@@ -48,6 +48,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import returns_to_surface
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.simulation.run.settings import relative_of_functions, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
 from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
@@ -126,7 +127,7 @@ class Lanes(ABC):
         Without a method, the relative tolerance is the requested error, if that is given.
         """
         horizon = self._shared.duration
-        relative, absolute, scale = self._settings.tolerance(arm, method)
+        relative, absolute, scale = tolerances_of(self._settings, arm, method)
         return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
@@ -141,7 +142,7 @@ class Lanes(ABC):
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                relative = self._settings.tolerance(run.arm, method)[0]
+                relative = tolerances_of(self._settings, run.arm, method)[0]
                 key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
@@ -207,7 +208,7 @@ class Lanes(ABC):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
         requested = self._settings.integrator, self._settings.step
-        by_accuracy = self._settings.request(run.arm) is not None
+        by_accuracy = request_of(self._settings, run.arm) is not None
         duration = self._shared.duration if by_accuracy else None
         return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
 
@@ -350,7 +351,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, self._settings.relative(arm))
+        history = self._alone.history(k, arm, state, relative_of_functions(self._settings, arm))
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 

@@ -52,7 +52,14 @@ from flexarm.simulation.calls.result import (
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.channels import CHANNELS, LIMITS
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings, replaced, settings_of
+from flexarm.simulation.run.settings import (
+    DEFAULTS,
+    RunSettings,
+    replaced,
+    request_of,
+    settings_of,
+    tolerances_of,
+)
 from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
@@ -400,11 +407,11 @@ def simulate_batch(
         "rate": checked.rate,
         "wall_seconds": time.perf_counter() - started,
     }
-    request = checked.request(first)
+    request = request_of(checked, first)
     if request is not None:
         attributes["accuracy"] = request * reach_of(first)
     else:
-        relative, absolute, scale = checked.tolerance(first)
+        relative, absolute, scale = tolerances_of(checked, first)
         attributes["rtol"] = relative
         if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
             attributes["atol"] = absolute * scale

@@ -44,6 +44,7 @@ from flexarm.simulation.run.settings import (
     AllSettings,
     RunSettings,
     SampleSettings,
+    relative_of_functions,
     replaced,
     settings_of,
 )
@@ -155,7 +156,8 @@ class Situation:
     def loads_of(self, arm: Arm, known: dict[tuple[int, ...], PiecewiseCubic]) -> LoadHistory:
         """Return the loads of a run of an arm without contacts; see ``load_history``."""
         settings = self.settings
-        given = self.duration, settings.relative(arm), None, settings.breaks, 1.0 / settings.rate
+        relative, spacing = relative_of_functions(settings, arm), 1.0 / settings.rate
+        given = self.duration, relative, None, settings.breaks, spacing
         return load_history(arm, self.environment, *given, known)
 
     def new_run(self, meter: Meter) -> Run:
@@ -306,7 +308,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
     if situation.controller is not None:
         sample_time = situation.controller.sample_time
         return RunLoop(run, sample_time, situation.hardware).run.choice
-    choose(run, situation.history_of(run)(situation.settings.relative(arm)))
+    choose(run, situation.history_of(run)(relative_of_functions(situation.settings, arm)))
     return run.choice
 
 

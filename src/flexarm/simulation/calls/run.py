@@ -193,7 +193,8 @@ def simulate(
     situation = situation_of(simulate, arm, duration, settings, arguments)
     simulated, initial = situation.simulated, situation.initial
     controller, reference, hardware = situation.controller, situation.reference, situation.hardware
-    angles = None if initial is None else simulated.joint_angles(initial)
+    begin = simulated.unpadded(situation.start[0])
+    angles = None if initial is None else begin[simulated.joint_index]
     driven = angles, controller, reference, hardware
     warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
     with Meter("simulating", situation.settings.progress) as meter:

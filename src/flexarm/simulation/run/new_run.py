@@ -23,7 +23,12 @@ from flexarm.simulation.run.event_search import Watch
 from flexarm.simulation.run.events import EventLog
 from flexarm.simulation.run.integrator_choice import choose_integrator
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import RunSettings
+from flexarm.simulation.run.settings import (
+    RunSettings,
+    relative_of_functions,
+    request_of,
+    tolerances_of,
+)
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import for_arm, tolerance_of, with_relative
 
@@ -58,8 +63,8 @@ def new_run(
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(arm, touching)
     horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
-    request = settings.request(arm)
-    tolerance = tolerance_of(arm, state, *settings.tolerance(arm), horizon)
+    request = request_of(settings, arm)
+    tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
     choice = choose_integrator(
         *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
         duration=None if request is None else horizon,
@@ -82,7 +87,7 @@ def new_run(
         horizon=horizon,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(settings.relative(arm)),
+        loads=loads_of(relative_of_functions(settings, arm)),
         loads_of=loads_of,
         meter=meter,
         prescribed=prescribed,

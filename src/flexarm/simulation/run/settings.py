@@ -143,27 +143,6 @@ class RunSettings:
             rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
             raise InputError(Problem("accuracy", rule))
 
-    def request(self, arm: Arm) -> float | None:
-        """Return the requested error over the reach of an arm; None if tolerances decide."""
-        return None if self.accuracy is None else self.accuracy / reach_of(arm)
-
-    def relative(self, arm: Arm) -> float:
-        """Return the relative tolerance of functions of time."""
-        request = self.request(arm)
-        return self.rtol if request is None else FUNCTIONS * request
-
-    def tolerance(self, arm: Arm, method: Integrator | None = None) -> tuple[float, float, float]:
-        """Return the relative and the absolute tolerance of a method, and the length of the latter.
-
-        Without a method, the relative one is the request.
-        """
-        request = self.request(arm)
-        if request is None:
-            relative = self.rtol
-        else:
-            relative = request if method is None else relative_tolerance(method, arm, request)
-        return (relative, *absolute_tolerance(arm, self.atol, relative))
-
 
 def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
     """Return settings with other values, which are checked as arguments of the present call."""
@@ -171,6 +150,32 @@ def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
     vars(own).update(vars(settings) | changed)
     own._check()
     return own
+
+
+def request_of(settings: RunSettings, arm: Arm) -> float | None:
+    """Return the requested error over the reach of an arm; None if tolerances decide."""
+    return None if settings.accuracy is None else settings.accuracy / reach_of(arm)
+
+
+def relative_of_functions(settings: RunSettings, arm: Arm) -> float:
+    """Return the relative tolerance of functions of time."""
+    request = request_of(settings, arm)
+    return settings.rtol if request is None else FUNCTIONS * request
+
+
+def tolerances_of(
+    settings: RunSettings, arm: Arm, method: Integrator | None = None
+) -> tuple[float, float, float]:
+    """Return the relative and the absolute tolerance of a method, and the length of the latter.
+
+    Without a method, the relative one is the request.
+    """
+    request = request_of(settings, arm)
+    if request is None:
+        relative = settings.rtol
+    else:
+        relative = request if method is None else relative_tolerance(method, arm, request)
+    return (relative, *absolute_tolerance(arm, settings.atol, relative))
 
 
 #: Default values of the settings.

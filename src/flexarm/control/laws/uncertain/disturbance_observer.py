@@ -47,6 +47,13 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
             hertz = min(lowest_frequency(self.arm) / (4.0 * math.pi), _MOST / self.sample_time)
             self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
+        self._taken = self._filtered()
+
+    def _filtered(self) -> FloatArray:
+        """Return the part of the new estimate that a sample takes over, (joints,)."""
+        # One by one, because the vector function rounds differently.
+        turns = [-2.0 * math.pi * hertz * self.sample_time for hertz in np.asarray(self.cutoff)]
+        return np.array([1.0 - math.exp(angle) for angle in turns])
 
     @property
     def estimate(self) -> FloatArray:
@@ -56,12 +63,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     def reset(self) -> None:
         """Clear the state of the previous run, including the inner controller."""
         super().reset()
-        self._taken = np.array(
-            [
-                1.0 - math.exp(-2.0 * math.pi * hertz * self.sample_time)
-                for hertz in np.asarray(self.cutoff)
-            ]
-        )
+        self._taken = self._filtered()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """See ``Controller.requirements``."""
