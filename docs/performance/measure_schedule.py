@@ -149,9 +149,10 @@ def laws_of(lqg, arm, motion, count):
     force[times > motion.end_time] = 0.0
     gains, added = [], []
     for k, angle in enumerate(motion.joint_angle(clipped[:count])):
-        gains.append(lqg._arrays.at(angle)[1].copy())
+        arrays = lqg._arrays.at(angle)
+        gains.append(arrays[1].copy())
         known = force[k : k + lqg._previewed + 1 : lqg._stride]
-        added.append(lqg._ahead[:, : known.size] @ known.ravel())
+        added.append(arrays[3][:, : known.size] @ known.ravel())
     return np.array(gains), np.array(added)
 
 
