@@ -66,6 +66,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mu_synthesis": lambda arm: fa.MuSynthesis(
         arm,
+        bandwidth=8.0,
         rigidity_uncertainty=0.0,
         payload_uncertainty=0.05,
         sensitivity=4.0,
