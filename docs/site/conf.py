@@ -41,7 +41,8 @@ smartquotes = False  # v'' is a derivative
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
-autodoc_preserve_defaults = True
+# Signatures of functions that take settings are made by a decorator, which autodoc cannot parse.
+autodoc_preserve_defaults = False
 python_maximum_signature_line_length = 88
 napoleon_numpy_docstring = False
 add_module_names = False

@@ -192,7 +192,7 @@ def test_modes_that_are_not_resolved_rest_in_the_simulation():
 
 @pytest.mark.thorough
 def test_a_missed_goal_is_reported(monkeypatch):
-    monkeypatch.setattr(optimal, "corrected", lambda task, plan: plan)
+    monkeypatch.setattr(optimal, "_corrected", lambda task, plan: plan)
     with pytest.warns(fa.AccuracyWarning, match=r"0\.0\d+ m from its goal.*Limit the torque_rate"):
         unresolved()
 
