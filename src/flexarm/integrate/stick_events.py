@@ -47,8 +47,9 @@ from flexarm.kernels.layout import Array
 #: Largest share of a step after the change. The corrected error is of its square, and that of the
 #: derivative of the time of the change of itself. A step within 1e-6 of a stop is extended to it.
 _LATE = 1e-5
-#: Shortest step to a change, in radians of the fastest vibration. In shorter ones, torques near the
-#: limit are rounding errors, and no step might reach the change.
+#: Shortest step to a change, in radians of the fastest vibration or, if it is faster, of the
+#: swing that a spring with the torque of the friction would cause. In shorter ones, torques near
+#: the limit are rounding errors, and no step might reach the change.
 _SHORTEST = 1e-6
 #: Intervals of a step that are searched for a zero of the rate, and bisections that locate it.
 _PARTS, _HALVINGS = 8, 50
@@ -89,8 +90,9 @@ def _turning_time(h: float, v0: float, a0: float, v1: float, a1: float, side: fl
 def _slip_time(system: System, i: int, t: float, h: float) -> float:
     """Return the time (s) in a step from t at which a locked joint slips; inf if it does not.
 
-    It is found by interpolation of the torques at the ends of the step. If that at the end can be
-    held, it is the time of the first stage whose torque cannot; a step to there will show.
+    It is found by interpolation of the torques at the ends of the step. If friction can hold the
+    torque at the end, it is the time of the first stage with a torque that it cannot: the step is
+    repeated to this time, and its end decides.
     """
     c = system.constants
     found: float = real(c.body[i, SLIP_TIME]) - t
