@@ -84,6 +84,17 @@ def test_later_set_overrides_and_missing_keys_are_added(good):
     np.testing.assert_allclose(reported["joint_angle"], [0.1, 0.2], rtol=0, atol=1e-9)
 
 
+def test_accuracy_is_requested_and_its_error_printed(good, tmp_path):
+    out = tmp_path / "run.nc"
+    outcome = invoke("run", good, "--accuracy", "1e-4", "--out", out)
+    assert outcome.exit_code == 0
+    assert "m of the integration" in outcome.stdout
+    assert 0.0 < fa.read_result(out).attrs["integration_error"] <= 1e-4
+    refused = invoke("run", good, "--accuracy", "1e-4", "--set", "run.rtol=1e-6")
+    assert refused.exit_code == 2
+    assert "run.accuracy cannot be combined with rtol" in refused.stderr
+
+
 def test_set_changes_an_arm_in_a_separate_file(tmp_path):
     assert invoke("init", tmp_path).exit_code == 0
     scenario = tmp_path / "scenario.yaml"

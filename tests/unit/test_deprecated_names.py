@@ -75,3 +75,16 @@ def test_former_method_of_a_controllers_requirements_works_and_warns():
         fa.simulate(arm, 0.1, controller=_Former())
     with pytest.warns(DeprecationWarning, match=r"use JointPD\.requirements"):
         assert fa.JointPD(1.0, 1.0).needs(arm, None) == fa.JointPD(1.0, 1.0).requirements(arm, None)
+
+
+def test_names_of_the_memory_of_an_update_have_no_effect_and_warn():
+    with pytest.warns(DeprecationWarning, match=r"The tuple Old\.memory is deprecated .* use step"):
+
+        class Old(fa.Controller):
+            sample_time = 0.01
+            memory = ("integral",)
+
+            def update(self, t, measurement, reference):
+                return [0.0]
+
+    assert Old().sample_time == 0.01

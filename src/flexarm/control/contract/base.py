@@ -144,6 +144,9 @@ class Controller(ABC):
     def __init_subclass__(cls, **options: Any) -> None:
         """Wrap the methods of built-in controllers with checks of their arguments."""
         super().__init_subclass__(**options)
+        if isinstance(vars(cls).get("memory"), tuple):
+            name = f"The tuple {cls.__name__}.memory"
+            warn_deprecated(name, "step and initial_memory, from which margins follow", "0.3")
         if cls.__module__.startswith("flexarm."):
             checks = (
                 ("update", _checked_update),

@@ -311,7 +311,7 @@ def simulate_batch(
         threads: number of threads, by default one for each core that this process may use.
             Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
-        settings: as in ``simulate``.
+        settings: as in ``simulate``; with an ``accuracy``, runs in lanes are not verified.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
 

@@ -24,14 +24,15 @@ def with_error(
     """Return the result of a run with its attribute ``integration_error`` (m), and a warning.
 
     If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
-    if a run reaches the accuracy.
+    if a run reaches the accuracy. ``evaluations`` and ``wall_seconds`` are those of all runs.
 
     Args:
         accuracy: requested error of the tip, m.
         executed: executes the run with another accuracy; returns None if that fails.
     """
-    used = accuracy
-    error = _error(result, executed(_LOOSER * used), _LOOSER)
+    used, looser = accuracy, executed(_LOOSER * accuracy)
+    runs = [result] if looser is None else [looser, result]
+    error = _error(result, looser, _LOOSER)
     for _ in range(_MOST_RUNS - 2):
         if not error > accuracy:
             break
@@ -39,9 +40,10 @@ def with_error(
         finer = executed(used / ratio)
         if finer is None:
             break
-        error = _error(finer, result, ratio)
-        result, used = finer, used / ratio
-    result = result.assign_attrs(accuracy=accuracy, integration_error=error)
+        error = _error(finer, runs[-1], ratio)
+        runs, used = [*runs, finer], used / ratio
+    work = {name: sum(run.attrs[name] for run in runs) for name in ("evaluations", "wall_seconds")}
+    result = runs[-1].assign_attrs(accuracy=accuracy, integration_error=error, **work)
     if error <= accuracy:
         return result, ""
     if math.isnan(error):

@@ -1,7 +1,9 @@
 """Tolerances of a run from the error of the tip that a user accepts.
 
-The factors were measured on 110 random arms with smooth and held torques, closed loops, friction,
-stops and contacts, of 1 to 4 links with 2 to 18 coordinates a link, over 1 to 8 s.
+With these factors and a request of 1e-5 of the reach, 88 runs of 1 s on random arms of 1 to 4 links
+(smooth and held torques, full meshes, rigid links, friction, stops, contacts, four closed loops) err
+by 0.03 of the request in the median, by 0.23 in nine of ten and by 5 at most; verified runs by 0.5
+at most. The method of order 8 is more accurate than requested, because stability limits its steps.
 """
 
 from __future__ import annotations
@@ -19,11 +21,9 @@ _LEAST, _LARGEST = 1e-13, 3e-2
 
 
 def relative_tolerance(method: Integrator, arm: Arm, request: float) -> float:
-    """Return the relative tolerance at which the error of a method is about a tenth of a request.
+    """Return the relative tolerance at which nine of ten errors of a method are below a request.
 
-    Nine of ten errors are below the request. The method of order 8 is limited by stability on an
-    arm that bends, and its errors are far smaller; a rigid arm has no fast vibrations that limit
-    its steps.
+    A rigid arm has no fast vibrations that limit the steps of order 8, so its factor is smaller.
 
     Args:
         request: accepted error of the tip over the reach.
