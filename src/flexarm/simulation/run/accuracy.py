@@ -2,7 +2,7 @@
 
 With these factors and a request of 1e-5 of the reach, 88 runs of 1 s on random arms of 1 to 4
 links (smooth and held torques, full meshes, rigid links, friction, stops, contacts, and four closed
-loops) err by 0.03 of the request in the median, by 0.23 in nine of ten, and by 20 in a closed loop;
+loops) err by 0.03 of the request in the median, by 0.24 in nine of ten, and by 20 in a closed loop;
 verified runs by 0.5 at most. Order 8 is more accurate than requested, because stability limits it.
 """
 
