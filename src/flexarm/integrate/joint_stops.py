@@ -59,7 +59,7 @@ def fix_stops(system: System, memory: Memory, begins: bool) -> bool:
     """
     sizes, work = system.sizes, system.work
     changed = False
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         for i in range(len(sizes.bodies)):
             stiffness = _stiffness(system, i)
             if stiffness <= 0.0:
@@ -88,7 +88,7 @@ def step_to_stop(system: System, memory: Memory, h: float) -> float:
     """
     sizes, work = system.sizes, system.work
     longest = h
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         for i in range(len(sizes.bodies)):
             stiffness = _stiffness(system, i)
             if stiffness <= 0.0:

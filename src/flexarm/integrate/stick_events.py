@@ -128,7 +128,7 @@ def judge_sticking(
     """
     c, clock = system.constants, memory.clock
     earliest, changed = math.inf, -1
-    for _ in range(len(system.sizes.joint_laws)):
+    if len(system.sizes.joint_laws) > 0:
         for i in range(len(system.sizes.bodies)):
             if not friction_holds(system, i):
                 continue

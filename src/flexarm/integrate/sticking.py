@@ -90,7 +90,7 @@ def _lock_inertia(system: System) -> float:
 def take_directions(system: System, state: Array) -> None:
     """Lock the joints that are at rest in a state (2, n, 1 + m), and set the sign of the others."""
     c = system.constants
-    for _ in range(len(system.sizes.joint_laws)):
+    if len(system.sizes.joint_laws) > 0:
         lock = _lock_inertia(system)
         for i in range(len(system.sizes.bodies)):
             if not friction_holds(system, i):
@@ -138,7 +138,7 @@ def watch_slips(system: System, t: float) -> None:
 @merged
 def begin_watch(system: System) -> None:
     """Forget the slips of the stages of the last step."""
-    for _ in range(len(system.sizes.joint_laws)):
+    if len(system.sizes.joint_laws) > 0:
         for i in range(len(system.sizes.bodies)):
             if sticks(system, i):
                 system.constants.body[i, SLIP_TIME] = math.inf
@@ -166,7 +166,7 @@ def settle_next(system: System, state: Array, changes: int) -> bool:
     Call it after ``take_directions`` and each evaluation, with the number of ``changes`` so far.
     """
     c = system.constants
-    for _ in range(len(system.sizes.joint_laws)):
+    if len(system.sizes.joint_laws) > 0:
         i = _violation(system, state)
         if i >= 0 and changes < _CHANGES:
             if sticks(system, i):

@@ -105,7 +105,7 @@ def rates_of(
         for j in range(1 + len(sizes.modes)):
             stages[stage, 0, i, j] = state[1, i, j]
             stages[stage, 1, i, j] = work.acceleration[i, j]
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         watch_slips(system, t)
         for i in range(len(sizes.bodies)):
             if sticks(system, i):

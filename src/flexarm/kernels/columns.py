@@ -116,7 +116,7 @@ WORK_BODY_COLUMNS = 76
     MEAN_Y,
     MEAN_W,
     MEAN_FX,
-    TRANSFER_XX,  # residual transfer from root to tip
+    TRANSFER_XX,  # residual transfer from root to tip, in the order of ``recursion.symmetric``
     TRANSFER_XY,
     TRANSFER_XW,
     TRANSFER_YX,
@@ -125,26 +125,26 @@ WORK_BODY_COLUMNS = 76
     TRANSFER_WX,
     TRANSFER_WY,
     TRANSFER_WW,
-    BENT_N_XX,  # N of the second-order theory
+    BENT_N_XX,  # N of the second-order theory, in the order of ``recursion.symmetric``
     BENT_N_XY,
-    BENT_N_XW,
     BENT_N_YY,
+    BENT_N_XW,
     BENT_N_YW,
     BENT_N_WW,
     DRIFT_X,  # tip acceleration at zero root acceleration and zero tip force
     DRIFT_Y,
     DRIFT_W,
-    GAIN_XX,  # tip force per root acceleration; K: at zero root acceleration
+    GAIN_XX,  # tip force per root acceleration
     GAIN_XY,
     GAIN_XW,
-    GAIN_XK,
     GAIN_YX,
     GAIN_YY,
     GAIN_YW,
-    GAIN_YK,
     GAIN_WX,
     GAIN_WY,
     GAIN_WW,
+    GAIN_XK,  # tip force at zero root acceleration
+    GAIN_YK,
     GAIN_WK,
     JOINT_UX,  # U: coefficients of the root acceleration in the joint's equation
     JOINT_UY,

@@ -153,7 +153,7 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
         work.body[i, ROOT_BIAS_X] = -2.0 * w * s_dot - w * w * first_moment - mu_rates
         work.body[i, ROOT_BIAS_Y] = -w * w * s + 2.0 * w * mu_dot
         work.body[i, ROOT_BIAS_W] = 2.0 * w * spread_dot
-        for _ in range(min(len(sizes.geometric), 1)):
+        if len(sizes.geometric) > 0:
             # The rigid lateral motion equivalent to the shortening, and its derivatives.
             m = c.body[i, MASS]
             mc = c.body[i, FIRST_MOMENT_X]

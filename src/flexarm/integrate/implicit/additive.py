@@ -75,7 +75,7 @@ class AdditiveRecord(NamedTuple):
 @merged
 def drag_at(system: System, softened: ArmConstants, state: Array) -> None:
     """Write the slopes of the friction of joints at a state (2, n, 1 + m) to ``softened``."""
-    for _ in range(len(system.sizes.joint_laws)):
+    if len(system.sizes.joint_laws) > 0:
         for i in range(len(system.sizes.bodies)):
             slope = friction_slope(system.sizes, system.constants, i, state[1, i, 0])
             softened.body[i, JOINT_DRAG] = slope
@@ -149,18 +149,18 @@ def additive_step(
             for j in range(1 + len(sizes.modes)):
                 known[0, i, j] += h * gamma * known[1, i, j]
         drive_at(system, t + c[k] * h, c[k] == 1.0, torque)
-        for _ in range(len(sizes.bristles)):
+        if len(sizes.bristles) > 0:
             hold_bristles(system, record.softened, state, smooth, known, torque, h * gamma)
         shift_forces(system, record.softened, smooth, known, torque)
         solve_implicit(sizes, record.softened, smooth, work.force, torque, system.drive.loads, work)
-        for _ in range(len(sizes.bristles)):
+        if len(sizes.bristles) > 0:
             bend_bristles(system, smooth, known, h * gamma)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 change = work.acceleration[i, j]
                 stages[k, 0, i, j] = known[1, i, j] + h * gamma * change
                 stages[k, 1, i, j] = change
-        for _ in range(len(sizes.joint_laws)):
+        if len(sizes.joint_laws) > 0:
             watch_slips(system, t + c[k] * h)
             for i in range(len(sizes.bodies)):
                 if sticks(system, i):

@@ -136,10 +136,10 @@ def passive_torque(
     torque = -c.body[i, JOINT_DAMPING] * rate - c.body[i, JOINT_STIFFNESS] * (
         angle - c.body[i, JOINT_REST]
     )
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         sign, level, viscous = _friction_terms(constants, i, rate)
         torque -= level * sign + viscous * rate
-        for _ in range(len(sizes.bristles)):
+        if len(sizes.bristles) > 0:
             decay = bristle_decay(c, i, rate)
             torque += c.body[i, BRISTLED] * level * sign  # instead of the function of the rate
             torque -= bristle_pull(c, i, decay) * state[1, i, len(sizes.modes)]
@@ -156,7 +156,7 @@ def friction_slope(sizes: Sizes, constants: ArmConstants, i: int, rate: Any) -> 
     bristles is ``bristle_slope``.
     """
     sign, level, viscous = _friction_terms(constants, i, rate)
-    for _ in range(len(sizes.bristles)):
+    if len(sizes.bristles) > 0:
         level *= 1.0 - constants.body[i, BRISTLED]
     return level * (1.0 - sign * sign) / constants.body[i, SMOOTHING_RATE] + viscous
 
@@ -177,7 +177,7 @@ def joint_energy(sizes: Sizes, constants: ArmConstants, i: int, angle: Any) -> A
     c = constants
     turned = angle - c.body[i, JOINT_REST]
     energy = 0.5 * c.body[i, JOINT_STIFFNESS] * turned * turned
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         below = positive_part(c.body[i, LOWER_STOP] - angle, CORNER)
         above = positive_part(angle - c.body[i, UPPER_STOP], CORNER)
         energy += 0.5 * c.body[i, STOP_STIFFNESS] * (below * below + above * above)
@@ -193,7 +193,7 @@ def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, re
     plus the gear ratio times that of the joint.
     """
     moment = 0.0 * relative
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         moment += constants.body[i, ROTOR_INERTIA] * (
             carrier + constants.body[i, GEAR_RATIO] * relative
         )
@@ -204,7 +204,7 @@ def rotor_moment(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, re
 def rotor_energy(sizes: Sizes, constants: ArmConstants, i: int, carrier: Any, relative: Any) -> Any:
     """Return the kinetic energy (J) of the rotor of body i's motor at angular rates in rad/s."""
     energy = 0.0 * relative
-    for _ in range(len(sizes.joint_laws)):
+    if len(sizes.joint_laws) > 0:
         rate = carrier + constants.body[i, GEAR_RATIO] * relative
         energy += 0.5 * constants.body[i, ROTOR_INERTIA] * rate * rate
     return energy

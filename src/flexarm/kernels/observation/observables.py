@@ -178,7 +178,7 @@ def energies(
             0.5 * turn * turn * (c.body[i, INERTIA] - c.body[i, HUB]) + turn * turning + 0.5 * modal
         )
         kinetic += 0.5 * w * w * (c.body[i, HUB] + spread)
-        for _ in range(len(sizes.bristles)):
+        if len(sizes.bristles) > 0:
             bent = 0.5 * state[1, i, len(sizes.modes)] * state[1, i, len(sizes.modes)]
             kinetic -= bent  # part of ``modal``
             strain += bent

@@ -39,6 +39,7 @@ from flexarm.kernels.columns import (
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
+from flexarm.kernels.recursion.symmetric import turned
 
 
 @compiled
@@ -49,12 +50,7 @@ def mass_matrix(
     c = constants
     link_terms(sizes, constants, state, work)
     last = len(sizes.bodies) - 1
-    Wxx = 0.0
-    Wxy = 0.0
-    Wyy = 0.0
-    Wxw = 0.0
-    Wyw = 0.0
-    Www = 0.0
+    Wxx, Wxy, Wyy, Wxw, Wyw, Www = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
         Wxx = Wxx + c.body[i, TIP_MASS]
@@ -75,7 +71,7 @@ def mass_matrix(
         # The rotor turns with its carrier, plus the gear ratio times the joint rate.
         rotor = 0.0
         geared = 0.0
-        for _ in range(len(sizes.joint_laws)):
+        if len(sizes.joint_laws) > 0:
             rotor = c.body[i, ROTOR_INERTIA]
             geared = c.body[i, ROTOR_INERTIA] * c.body[i, GEAR_RATIO]
         M[i, 0, i, 0] = free * (Hww + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
@@ -112,15 +108,8 @@ def mass_matrix(
                 M[i, 1 + k, i, 1 + j] += work.mode[i, k, FX] * px + mean * work.mode[i, j, D0_ETA]
             M[i, 1 + j, i, 1 + j] += 1.0
             _carry(sizes, c, work, M, i, 1 + j, bx, by, bw)
-        cosine = work.body[i, COSINE]
-        sine = work.body[i, SINE]
-        cross = 2.0 * cosine * sine * Hxy
-        Wxx = cosine * cosine * Hxx - cross + sine * sine * Hyy
-        Wyy = sine * sine * Hxx + cross + cosine * cosine * Hyy
-        Wxy = cosine * sine * (Hxx - Hyy) + (cosine * cosine - sine * sine) * Hxy
-        Wxw = cosine * Hxw - sine * Hyw
-        Wyw = sine * Hxw + cosine * Hyw
-        Www = Hww + rotor
+        H = (Hxx, Hxy, Hyy, Hxw, Hyw, Hww + rotor)
+        Wxx, Wxy, Wyy, Wxw, Wyw, Www = turned(H, work.body[i, COSINE], work.body[i, SINE])
 
 
 @merged

@@ -110,7 +110,7 @@ def body_wrench(
     rw += work.body[i, TIP_X] * ky - work.body[i, TIP_Y] * kx + kw
     rising = Ay
     turning = Aw
-    for _ in range(min(len(sizes.geometric), 1)):
+    if len(sizes.geometric) > 0:
         rising += work.body[i, ALPHA] * Aw
         turning += work.body[i, BETA] * Aw
     for j in range(len(sizes.modes)):

@@ -52,7 +52,7 @@ def outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace
         fw += work.body[i, GAIN_WK]
         rising = Ay
         turning = Aw
-        for _ in range(min(len(sizes.geometric), 1)):
+        if len(sizes.geometric) > 0:
             rising += work.body[i, ALPHA] * Aw
             turning += work.body[i, BETA] * Aw
         for j in range(len(sizes.modes)):
@@ -66,7 +66,7 @@ def outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace
         along = 0.0  # mean acceleration of the body along x, (R.45)
         Nxx, Nxy, Nxw = 0.0, 0.0, 0.0
         Nyy, Nyw, Nww = c.body[i, N_YY], c.body[i, N_YW], c.body[i, N_WW]
-        for _ in range(min(len(sizes.geometric), 1)):
+        if len(sizes.geometric) > 0:
             along = work.body[i, MEAN_Y] * Ay + work.body[i, MEAN_W] * Aw
             along += work.body[i, MEAN_FX] * fx
             along += work.body[i, TRANSFER_YX] * fy + work.body[i, TRANSFER_WX] * fw

@@ -1,0 +1,110 @@
+"""Symmetric 3 x 3 matrices of planar wrenches, as tuples (xx, xy, yy, xw, yw, ww), (R.8), (R.11).
+
+A full 3 x 3 matrix is a tuple of its rows, (xx, xy, xw, yx, yy, yw, wx, wy, ww).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexarm.kernels.compilation.cache import merged
+
+
+@merged
+def softened(W: Any, N: Any) -> Any:
+    """Return Y = (1 + W N)^-1 W for symmetric W and N; W may be singular.
+
+    If W is the inertia of the outboard chain without the springs of the modes, N, Y is the inertia
+    with them.
+    """
+    Wxx, Wxy, Wyy, Wxw, Wyw, Www = W
+    Nxx, Nxy, Nyy, Nxw, Nyw, Nww = N
+    axx = 1.0 + Wxx * Nxx + Wxy * Nxy + Wxw * Nxw
+    axy = Wxx * Nxy + Wxy * Nyy + Wxw * Nyw
+    axw = Wxx * Nxw + Wxy * Nyw + Wxw * Nww
+    ayx = Wxy * Nxx + Wyy * Nxy + Wyw * Nxw
+    ayy = 1.0 + Wxy * Nxy + Wyy * Nyy + Wyw * Nyw
+    ayw = Wxy * Nxw + Wyy * Nyw + Wyw * Nww
+    awx = Wxw * Nxx + Wyw * Nxy + Www * Nxw
+    awy = Wxw * Nxy + Wyw * Nyy + Www * Nyw
+    aww = 1.0 + Wxw * Nxw + Wyw * Nyw + Www * Nww
+    cxx = ayy * aww - ayw * awy
+    cxy = axw * awy - axy * aww
+    cxw = axy * ayw - axw * ayy
+    cyx = ayw * awx - ayx * aww
+    cyy = axx * aww - axw * awx
+    cyw = axw * ayx - axx * ayw
+    cwx = ayx * awy - ayy * awx
+    cwy = axy * awx - axx * awy
+    cww = axx * ayy - axy * ayx
+    d = 1.0 / (axx * cxx + axy * cyx + axw * cwx)
+    Yxx = d * (cxx * Wxx + cxy * Wxy + cxw * Wxw)
+    Yxy = d * (cxx * Wxy + cxy * Wyy + cxw * Wyw)
+    Yxw = d * (cxx * Wxw + cxy * Wyw + cxw * Www)
+    Yyy = d * (cyx * Wxy + cyy * Wyy + cyw * Wyw)
+    Yyw = d * (cyx * Wxw + cyy * Wyw + cyw * Www)
+    Yww = d * (cwx * Wxw + cwy * Wyw + cww * Www)
+    return Yxx, Yxy, Yyy, Yxw, Yyw, Yww
+
+
+@merged
+def product(Y: Any, T: Any) -> Any:
+    """Return the full matrix Y T of a symmetric Y and a full T."""
+    Yxx, Yxy, Yyy, Yxw, Yyw, Yww = Y
+    Txx, Txy, Txw, Tyx, Tyy, Tyw, Twx, Twy, Tww = T
+    return (
+        Yxx * Txx + Yxy * Tyx + Yxw * Twx,
+        Yxx * Txy + Yxy * Tyy + Yxw * Twy,
+        Yxx * Txw + Yxy * Tyw + Yxw * Tww,
+        Yxy * Txx + Yyy * Tyx + Yyw * Twx,
+        Yxy * Txy + Yyy * Tyy + Yyw * Twy,
+        Yxy * Txw + Yyy * Tyw + Yyw * Tww,
+        Yxw * Txx + Yyw * Tyx + Yww * Twx,
+        Yxw * Txy + Yyw * Tyy + Yww * Twy,
+        Yxw * Txw + Yyw * Tyw + Yww * Tww,
+    )
+
+
+@merged
+def transformed(H: Any, T: Any, g: Any) -> Any:
+    """Return the symmetric H + T' g, where g = Y T for a symmetric Y."""
+    Hxx, Hxy, Hyy, Hxw, Hyw, Hww = H
+    Txx, Txy, Txw, Tyx, Tyy, Tyw, Twx, Twy, Tww = T
+    gxx, gxy, gxw, gyx, gyy, gyw, gwx, gwy, gww = g
+    Hxx += Txx * gxx + Tyx * gyx + Twx * gwx
+    Hxy += Txx * gxy + Tyx * gyy + Twx * gwy
+    Hyy += Txy * gxy + Tyy * gyy + Twy * gwy
+    Hxw += Txx * gxw + Tyx * gyw + Twx * gww
+    Hyw += Txy * gxw + Tyy * gyw + Twy * gww
+    Hww += Txw * gxw + Tyw * gyw + Tww * gww
+    return Hxx, Hxy, Hyy, Hxw, Hyw, Hww
+
+
+@merged
+def turned(R: Any, cosine: Any, sine: Any) -> Any:
+    """Return a symmetric matrix R in axes turned back by the angle of the cosine and sine."""
+    Rxx, Rxy, Ryy, Rxw, Ryw, Rww = R
+    cross = 2.0 * cosine * sine * Rxy
+    Wxx = cosine * cosine * Rxx - cross + sine * sine * Ryy
+    Wyy = sine * sine * Rxx + cross + cosine * cosine * Ryy
+    Wxy = cosine * sine * (Rxx - Ryy) + (cosine * cosine - sine * sine) * Rxy
+    Wxw = cosine * Rxw - sine * Ryw
+    Wyw = sine * Rxw + cosine * Ryw
+    return Wxx, Wxy, Wyy, Wxw, Wyw, Rww
+
+
+@merged
+def write_symmetric(columns: Any, i: int, first: int, N: Any) -> None:
+    """Write a symmetric matrix into the six columns from ``first`` on of row i."""
+    Nxx, Nxy, Nyy, Nxw, Nyw, Nww = N
+    columns[i, first], columns[i, first + 1], columns[i, first + 2] = Nxx, Nxy, Nyy
+    columns[i, first + 3], columns[i, first + 4], columns[i, first + 5] = Nxw, Nyw, Nww
+
+
+@merged
+def write_full(columns: Any, i: int, first: int, T: Any) -> None:
+    """Write a full matrix into the nine columns from ``first`` on of row i."""
+    Txx, Txy, Txw, Tyx, Tyy, Tyw, Twx, Twy, Tww = T
+    columns[i, first], columns[i, first + 1], columns[i, first + 2] = Txx, Txy, Txw
+    columns[i, first + 3], columns[i, first + 4], columns[i, first + 5] = Tyx, Tyy, Tyw
+    columns[i, first + 6], columns[i, first + 7], columns[i, first + 8] = Twx, Twy, Tww
