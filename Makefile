@@ -24,7 +24,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all suite conformance interpreted test-lowest test-pythons dist docs lint format browser bench fuzz kills mutants peers gallery clean
+.PHONY: help demo test test-all suite conformance interpreted test-lowest test-pythons test-numba dist docs lint format browser bench fuzz kills mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -48,7 +48,7 @@ $(VENV)/.ready-peers: $(VENV)/.ready-dev
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 	$(BIN)/flexarm paper --out out/paper
 
-test: lint suite ## lint, and the tests of every feature, without the thorough ones: 6 minutes on two cores
+test: lint suite ## lint, and the tests of every feature, without the thorough ones: a quarter of an hour on two cores
 
 test-all: lint ## lint, and all tests, also long ones: pages, browsers, compilers, statistics, all parameters
 	$(MAKE) suite ALL=1
@@ -70,6 +70,11 @@ test-pythons: ## the same with every Python at hand, and with the lowest version
 		$(MAKE) suite PYTHON=$$python VENV=.venv-$$(basename $$python) || exit 1; \
 	done
 	$(MAKE) test-lowest PYTHON=$(firstword $(PYTHONS))
+
+test-numba: ## the same with the next Numba, pre-releases included, whatever pyproject.toml allows
+	$(MAKE) .venv-numba/.ready-dev VENV=.venv-numba
+	.venv-numba/bin/python -m pip install --quiet --disable-pip-version-check --pre --upgrade --no-deps numba llvmlite
+	$(MAKE) suite VENV=.venv-numba
 
 dist: $(VENV)/.ready-dev ## build the wheel and the source archive into dist
 	$(BIN)/python -m hatchling build --clean
