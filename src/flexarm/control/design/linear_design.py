@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -341,15 +342,28 @@ def _riccati(
 ) -> FloatArray:
     from scipy.linalg import solve_discrete_are
 
-    # The callers balance the equation. The balancing of SciPy fails for some strong noise, and
-    # without it some strong weights.
-    for balanced in (True, False):
+    P = riccati_solution(solve_discrete_are, A, B, Q, R)
+    if P is None:
+        raise InputError(_unsolvable(argument))
+    return P
+
+
+def riccati_solution(
+    solve: Callable[..., FloatArray], A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
+) -> FloatArray | None:
+    """Return the symmetric solution of a Riccati equation by one of SciPy's functions, or None.
+
+    The callers balance the equation. The balancing of SciPy fails for some strong noise, and
+    without it some strong weights. Its ordering of eigenvalues fails, by rounding, for some
+    equations that are well posed; a multiple of the equation has the multiple as its solution.
+    """
+    for multiple, balanced in product((1.0, 1e-2, 1e2), (True, False)):
         try:
-            P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
+            P = solve(A, B * multiple**-0.5, Q * multiple, R, balanced=balanced)
         except (np.linalg.LinAlgError, ValueError):
             continue
-        return (P + P.T) / 2.0
-    raise InputError(_unsolvable(argument))
+        return (P + P.T) / (2.0 * multiple)
+    return None
 
 
 def _check_stable(argument: str, loop: FloatArray) -> None:

@@ -178,7 +178,7 @@ def _learn(
     """Carry out the trials."""
     T = law.contraction(P)
     rate, bound = float(np.max(np.abs(np.linalg.eigvals(T)))), float(np.linalg.norm(T, 2))
-    if rate >= 1.0:
+    if rate >= 1.0 - 1e-9:  # changes that are never learned have an eigenvalue of one, rounded
         text = (
             f"The learning is predicted to diverge: after many trials the change of torque grows "
             f"by a factor of {rate:.3g} in each. Reduce the gains or the cutoff, or change the "
