@@ -89,31 +89,50 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
     return "\n".join(lines)
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    theirs, ours = shown_values(row)
-    difference = f"{row.difference:.1e}"
-    return row.quantity, row.unit, row.source.cite, theirs, ours, difference, shown_digits(row)
+def _table(rows: Sequence[Row], reasons: Sequence[str]) -> str:
+    """The table of a case; sources and reasons have a column if they differ between rows."""
+    cited, explained = len({row.source.cite for row in rows}) > 1, len(reasons) > 1
+    head = ["quantity", "reference", "flexarm", "difference", "digits"]
+    head += ["source"] * cited + ["reason"] * explained
+    lines = [table_row(head), table_row(["---"] * len(head))]
+    for row in rows:
+        cells = [
+            quantity_with_unit(row),
+            *shown_values(row),
+            f"{row.difference:.1e}",
+            shown_digits(row),
+        ]
+        cells += [row.source.cite] * cited + [str(reasons.index(row.reason) + 1)] * explained
+        lines.append(table_row(cells))
+    return "\n".join(lines)
+
+
+def quantity_with_unit(row: Row) -> str:
+    """Name of a quantity, with its unit in brackets unless it is a pure number."""
+    return row.quantity if row.unit == "1" else f"{row.quantity} [{row.unit}]"
+
+
+def _list(title: str, items: Sequence[str], numbered: bool) -> str:
+    """A list under its title, or one line for a single item."""
+    if len(items) == 1:
+        return f"**{title}**: {items[0]}"
+    marks = (f"{k}." if numbered else "-" for k in range(1, len(items) + 1))
+    return f"**{title}**\n\n" + "\n".join(f"{m} {x}" for m, x in zip(marks, items, strict=True))
 
 
 def case_text(case: Case, rows: Sequence[Row]) -> str:
     """The section of one case."""
     reasons = list(dict.fromkeys(row.reason for row in rows))
-    head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "reason")
-    lines = [table_row(head), table_row(["---"] * len(head))]
-    lines += [table_row((*_cells(row), f"({reasons.index(row.reason) + 1})")) for row in rows]
-    why = [f"{k}. {reason}" for k, reason in enumerate(reasons, start=1)]
-    sources = dict.fromkeys(row.source for row in rows)
+    sources = [f"{s.cite}: {s.full}" for s in dict.fromkeys(row.source for row in rows)]
     parts = [
         f"## {case.title}",
         case.physics.strip(),
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
-        "\n".join(lines),
-        "**Reasons for the number of digits**",
-        "\n".join(why),
-        "**Sources**",
-        "\n".join(f"- {source.cite}: {source.full}" for source in sources),
-        f"The case in code: [`{case.module}`](../../{case.module}).",
+        _table(rows, reasons),
+        _list("Reasons for the digits", reasons, numbered=True),
+        _list("Sources", sources, numbered=False),
+        f"Code: [`{case.module}`](../../{case.module}).",
     ]
     return "\n\n".join(parts) + "\n"
 
