@@ -15,6 +15,7 @@ from page_scripts import script
 PAGE = "docs/performance/controllers.md"
 PARTS = {
     "measure_changing_arms": ("changes", "faults"),
+    "measure_damping": ("damping",),
     "measure_uncertain_arms": ("uncertain",),
     "measure_which_controller": ("study",),
 }
@@ -22,7 +23,7 @@ PARTS = {
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", PARTS)
-def test_script_gives_a_sample_of_the_table(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_script_gives_the_table_or_a_sample_of_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fa, "compare", SampledComparison())
     tables = dict(script(name).tables())
     assert tuple(tables) == PARTS[name]
@@ -31,4 +32,5 @@ def test_script_gives_a_sample_of_the_table(name: str, monkeypatch: pytest.Monke
         assert shown is not None
         block = re.fullmatch(r"```text\n(.*)\n```", shown[1], flags=re.DOTALL)
         assert block is not None
-        assert fits_sample(text, block[1]), f"{part} differs:\n{text}"
+        fits = fits_sample(text, block[1]) if "nan" in text else text == block[1]
+        assert fits, f"{part} differs:\n{text}"
