@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm.view.plot.style import Sheet, styled
-from gallery.case import Case, Page, Row
+from gallery.case import Case, Page, Row, Source
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
@@ -89,22 +89,23 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
     return "\n".join(lines)
 
 
-def _table(rows: Sequence[Row], reasons: Sequence[str]) -> str:
+def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
     """The table of a case; sources and reasons have a column if they differ between rows."""
-    cited, explained = len({row.source.cite for row in rows}) > 1, len(reasons) > 1
+    cited, explained = several_cites(rows), len(reasons) > 1
     head = ["quantity", "reference", "flexarm", "difference", "digits"]
     head += ["source"] * cited + ["reason"] * explained
     lines = [table_row(head), table_row(["---"] * len(head))]
     for row in rows:
-        cells = [
-            quantity_with_unit(row),
-            *shown_values(row),
-            f"{row.difference:.1e}",
-            shown_digits(row),
-        ]
-        cells += [row.source.cite] * cited + [str(reasons.index(row.reason) + 1)] * explained
-        lines.append(table_row(cells))
+        values = *shown_values(row), f"{row.difference:.1e}", shown_digits(row)
+        notes = [str(sources.index(row.source) + 1)] * cited
+        notes += [str(reasons.index(row.reason) + 1)] * explained
+        lines.append(table_row([quantity_with_unit(row), *values, *notes]))
     return "\n".join(lines)
+
+
+def several_cites(rows: Sequence[Row]) -> bool:
+    """Whether the rows of a case have sources of more than one kind."""
+    return len({row.source.cite for row in rows}) > 1
 
 
 def quantity_with_unit(row: Row) -> str:
@@ -123,15 +124,16 @@ def _list(title: str, items: Sequence[str], numbered: bool) -> str:
 def case_text(case: Case, rows: Sequence[Row]) -> str:
     """The section of one case."""
     reasons = list(dict.fromkeys(row.reason for row in rows))
-    sources = [f"{s.cite}: {s.full}" for s in dict.fromkeys(row.source for row in rows)]
+    sources = list(dict.fromkeys(row.source for row in rows))
+    cites = [f"{source.cite}: {source.full}" for source in sources]
     parts = [
         f"## {case.title}",
         case.physics.strip(),
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
-        _table(rows, reasons),
+        _table(rows, sources, reasons),
         _list("Reasons for the digits", reasons, numbered=True),
-        _list("Sources", sources, numbered=False),
+        _list("Sources", cites, numbered=several_cites(rows)),
         f"Code: [`{case.module}`](../../{case.module}).",
     ]
     return "\n\n".join(parts) + "\n"
