@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexarm.view.plot.style import Sheet, styled
-from gallery.case import Case, Page, Row
+from gallery.case import Case, Page, Row, Source
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
@@ -89,31 +89,52 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
     return "\n".join(lines)
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    theirs, ours = shown_values(row)
-    difference = f"{row.difference:.1e}"
-    return row.quantity, row.unit, row.source.cite, theirs, ours, difference, shown_digits(row)
+def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
+    """The table of a case; sources and reasons have a column if they differ between rows."""
+    cited, explained = several_cites(rows), len(reasons) > 1
+    head = ["quantity", "reference", "flexarm", "difference", "digits"]
+    head += ["source"] * cited + ["reason"] * explained
+    lines = [table_row(head), table_row(["---"] * len(head))]
+    for row in rows:
+        values = *shown_values(row), f"{row.difference:.1e}", shown_digits(row)
+        notes = [str(sources.index(row.source) + 1)] * cited
+        notes += [str(reasons.index(row.reason) + 1)] * explained
+        lines.append(table_row([quantity_with_unit(row), *values, *notes]))
+    return "\n".join(lines)
+
+
+def several_cites(rows: Sequence[Row]) -> bool:
+    """Whether the rows of a case have sources of more than one kind."""
+    return len({row.source.cite for row in rows}) > 1
+
+
+def quantity_with_unit(row: Row) -> str:
+    """Name of a quantity, with its unit in brackets unless it is a pure number."""
+    return row.quantity if row.unit == "1" else f"{row.quantity} [{row.unit}]"
+
+
+def _list(title: str, items: Sequence[str], numbered: bool) -> str:
+    """A list under its title, or one line for a single item."""
+    if len(items) == 1:
+        return f"**{title}**: {items[0]}"
+    marks = (f"{k}." if numbered else "-" for k in range(1, len(items) + 1))
+    return f"**{title}**\n\n" + "\n".join(f"{m} {x}" for m, x in zip(marks, items, strict=True))
 
 
 def case_text(case: Case, rows: Sequence[Row]) -> str:
     """The section of one case."""
     reasons = list(dict.fromkeys(row.reason for row in rows))
-    head = ("quantity", "unit", "source", "reference", "flexarm", "difference", "digits", "reason")
-    lines = [table_row(head), table_row(["---"] * len(head))]
-    lines += [table_row((*_cells(row), f"({reasons.index(row.reason) + 1})")) for row in rows]
-    why = [f"{k}. {reason}" for k, reason in enumerate(reasons, start=1)]
-    sources = dict.fromkeys(row.source for row in rows)
+    sources = list(dict.fromkeys(row.source for row in rows))
+    cites = [f"{source.cite}: {source.full}" for source in sources]
     parts = [
         f"## {case.title}",
         case.physics.strip(),
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
-        "\n".join(lines),
-        "**Reasons for the number of digits**",
-        "\n".join(why),
-        "**Sources**",
-        "\n".join(f"- {source.cite}: {source.full}" for source in sources),
-        f"The case in code: [`{case.module}`](../../{case.module}).",
+        _table(rows, sources, reasons),
+        _list("Reasons for the digits", reasons, numbered=True),
+        _list("Sources", cites, numbered=several_cites(rows)),
+        f"Code: [`{case.module}`](../../{case.module}).",
     ]
     return "\n\n".join(parts) + "\n"
 

@@ -1,4 +1,4 @@
-"""Rows of the page "Which controller?" that the page itself does not compute.
+"""Rows of the page "Which controller?", and its study in docs/performance/controllers.md.
 
 python docs/performance/measure_which_controller.py
 """
@@ -24,6 +24,53 @@ PLANTS = {
     "model": ARM,
     "both": fa.varied(ARM, payload_factor=2.0, flexural_rigidity_factor=0.7),
 }
+STUDIED = {
+    "as believed": ARM,
+    "payload x 2": fa.varied(ARM, payload_factor=2.0),
+    "EI - 30 %": fa.varied(ARM, flexural_rigidity_factor=0.7),
+    "both": PLANTS["both"],
+    "friction": fa.varied(ARM, friction=fa.Friction(coulomb=0.05, viscous=0.1)),
+}
+
+
+def studied():
+    """Return the controllers of the study with their references."""
+    gains = {"proportional": [40.0, 10.0], "derivative": [20.0, 3.0]}
+    rigid = fa.rigid_torque(ARM, LINE)
+    static = fa.quasi_static_reference(ARM, LINE)
+    inverse = fa.tip_inversion(ARM, LINE, pre_actuation=0.5, post_actuation=0.5)
+    names = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
+    tip = {"acceptable": {"tip": 0.01, "joint_rate": 0.1}, "schedule": [None, [-1.2, -0.9, -0.6]]}
+    wrong = dict.fromkeys(names, 0.1)
+    sliding = {"reaching": [0.3, 0.1], "damping": [6.0, 1.5]}
+    return {
+        "joint PD": (fa.JointPD(**gains), LINE),
+        "PD + rigid torque": (fa.JointPD(**gains, feedforward=rigid), LINE),
+        "PD + quasi-static": (fa.JointPD(**gains, feedforward=static.torque), static),
+        "PD + inversion": (fa.JointPD(**gains, feedforward=inverse.torque), inverse.reference),
+        "LQG": (fa.LQG(ARM, **tip), LINE),
+        "adaptive": (
+            fa.Adaptive(ARM, 3.0, [6.0, 1.5], [0.05, 0.2, 0.2], names, leakage=0.02),
+            LINE,
+        ),
+        "sliding mode": (fa.SlidingMode(ARM, 3.0, 0.3, wrong, **sliding), LINE),
+    }
+
+
+def tables():
+    """Return the table of the study by the name of its part of the page."""
+    lines = [f"{'tip RMS / residual, mm':24}" + "".join(f"{plant:>17}" for plant in STUDIED)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.LargeDeflectionWarning)  # the softer links bend far
+        for name, (controller, reference) in studied().items():
+            found = fa.compare(
+                ARM, {name: controller}, 5.0, {"line": reference}, STUDIED, settling=0.5, rate=200.0
+            )
+            rms = 1e3 * found.tip_error_rms.values.ravel()
+            swing = 1e3 * found.residual_vibration.values.ravel()
+            cells = (f"{a:.1f} / {b:.1f}" for a, b in zip(rms, swing, strict=True))
+            lines.append(f"{name:24}" + "".join(f"{cell:>17}" for cell in cells))
+    yield "study", "\n".join(lines)
 
 
 def controllers():
@@ -60,7 +107,7 @@ def learning(plant):
 
 
 def main():
-    """Print the rows."""
+    """Print the rows and the study."""
     warnings.simplefilter("ignore", fa.LargeDeflectionWarning)  # the softer links bend far
     for name, controller, reference in controllers():
         model, both = errors(controller, reference)
@@ -68,6 +115,8 @@ def main():
     for name, plant in PLANTS.items():
         found = learning(plant)
         print(f"learning, {name:14}", np.array2string(found, precision=3, suppress_small=True))
+    for _, text in tables():
+        print(text)
 
 
 if __name__ == "__main__":

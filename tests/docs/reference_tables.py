@@ -19,7 +19,7 @@ from flexarm.simulation.run.channels import CHANNELS, LIMITS, Channel
 
 FILE_FORMAT = "docs/reference/file-format.md"
 PYTHON = "docs/reference/python-api.md"
-RESULT = "docs/how-to/read-the-result.md"
+RESULT = "docs/reference/channels.md"
 
 _SHORT = {word.lower(): word for word in ("PD", "PID", "LQG", "MPC", "RBF")}
 

@@ -1,8 +1,8 @@
 """Controllers for uncertain arms keep their accuracy if payload and stiffness are both wrong.
 
-The arm, the motion and the settings of docs/how-to/control-uncertain.md, with twice the payload and
-links 30 % softer. Joint PD, and controllers based on it, would pass as well, because their error is
-large on any arm. So the errors on the believed arm have to be small, too.
+The arm, the motion and the settings of docs/performance/measure_uncertain_arms.py, with twice the
+payload and links 30 % softer. Joint PD, and controllers based on it, would pass as well, because
+their error is large on any arm. So the errors on the believed arm have to be small, too.
 """
 
 import numpy as np
