@@ -17,10 +17,14 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.bridges.c_code.model_functions import dynamics_of_columns, runge_kutta
-from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.c_code.model_functions import (
+    NamedFunction,
+    dynamics_of_columns,
+    named,
+    runge_kutta,
+)
 from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.kernel_calls import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
 from flexarm.control.filters.extended_kalman import ITERATIONS, ExtendedKalmanFilter
 from flexarm.control.filters.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance

@@ -13,10 +13,9 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
-from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.bridges.c_code.traced_law import TracedController, gain_table, refusal
-from flexarm.bridges.c_code.traced_plans import around
+from flexarm.bridges.c_code.source import Exported
+from flexarm.bridges.c_code.traced_law import TracedController, around, gain_table, refusal
 from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter

@@ -28,9 +28,8 @@ from flexarm.base.arguments import check_choice
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
-from flexarm.bridges.c_code.exported import Exported, origin
-from flexarm.bridges.c_code.named_function import NamedFunction
-from flexarm.bridges.c_code.source import array
+from flexarm.bridges.c_code.model_functions import NamedFunction
+from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
@@ -107,8 +106,7 @@ def export_fmu(
 
 
 def _archive(export: Exported, variables: _Variables, fmi: str) -> bytes:
-    from flexarm.bridges.c_code.header import header
-    from flexarm.bridges.c_code.source import source
+    from flexarm.bridges.c_code.source import header, source
 
     name, glue = export.name, f"fmi{fmi[0]}"
     own = files("flexarm.bridges.fmu") / "c"
