@@ -23,7 +23,7 @@ import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 from flexarm.simulation.histories.functions import function_history
 from flexarm.view.plot.line_labels import label_lines
-from flexarm.view.plot.palette import series_colors
+from flexarm.view.plot.selection import series_colors
 from flexarm.view.plot.style import Sheet, styled
 
 FIGURE = Path(__file__).with_name("integrators.png")

@@ -36,10 +36,9 @@ from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
-from flexarm.model.arm.plausibility import implausible
-from flexarm.model.arm.variation import varied_spec
-from flexarm.model.help_text import signature_of
-from flexarm.model.plausible import warn_of
+from flexarm.model.arm.spec import varied_spec
+from flexarm.model.checks import signature_of
+from flexarm.model.plausible import implausible, warn_of
 
 #: Relative error of a frequency by the points of a table that is worth a warning.
 _COARSE = 0.005

@@ -14,8 +14,13 @@ from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
 from flexarm.base.notebook import html_table
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
-from flexarm.identification.labels import MEASURED
-from flexarm.identification.record import MeasuredRecord, Records, check_inputs, check_some_records
+from flexarm.identification.record import (
+    MEASURED,
+    MeasuredRecord,
+    Records,
+    check_inputs,
+    check_some_records,
+)
 from flexarm.identification.result import aligned, number_of
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Slot, Space, check_free, in_words
@@ -31,7 +36,7 @@ from flexarm.identification.statistics import (
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
-from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification import FreeParameter
 
 #: Distance from a bound at which an estimate counts as being at it, as a fraction of its scale.
 _AT_BOUND = 1e-4

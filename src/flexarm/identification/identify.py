@@ -62,8 +62,7 @@ from flexarm.identification.space import Space, check_free
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
-from flexarm.model.identification.parameters import FreeParameter
-from flexarm.model.identification.study import locate_identification
+from flexarm.model.identification import FreeParameter, locate_identification
 from flexarm.model.wording import path_of
 from flexarm.simulation.run.settings import (
     MethodSettings,

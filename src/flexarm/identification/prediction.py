@@ -17,8 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem, Watch
-from flexarm.identification.labels import place_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import MeasuredRecord, place_of
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray

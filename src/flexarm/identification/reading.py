@@ -23,21 +23,22 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.identification.filtering import without_phase
-from flexarm.identification.labels import (
+from flexarm.identification.record import (
+    FEWEST,
     MEASURED,
     Label,
+    MeasuredRecord,
     check_label,
     dataset_of,
     factor_of,
     label_of,
     split_unit,
+    without_phase,
 )
-from flexarm.identification.record import FEWEST, MeasuredRecord
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
-from flexarm.model.identification.records import Column, RecordFile, RecordSettings
+from flexarm.model.identification import Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
 #: Interval, in typical ones, from which samples are missing.

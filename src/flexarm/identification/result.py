@@ -17,8 +17,7 @@ from flexarm.base.notebook import html_table
 from flexarm.base.writing.places import AnyPath
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
-from flexarm.model.file_format.content import content_of
-from flexarm.model.file_format.files import arm_spec_of_text, file_text
+from flexarm.model.file_format.files import arm_spec_of_text, content_of, file_text
 from flexarm.simulation.calls.result import package_version
 
 #: Probability below which a test of residuals fails.

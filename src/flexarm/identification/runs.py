@@ -18,9 +18,14 @@ from flexarm.base.errors import (
     SimulationError,
     warn_caller,
 )
-from flexarm.identification.filtering import Path, without_phase
-from flexarm.identification.labels import Label, columns_of, place_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import (
+    Label,
+    MeasuredRecord,
+    Path,
+    columns_of,
+    place_of,
+    without_phase,
+)
 from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes

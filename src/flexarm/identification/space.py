@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, problems_of, shown
-from flexarm.identification.labels import Label, columns_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import Label, MeasuredRecord, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Motors
-from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification import FreeParameter
 from flexarm.model.paths import number_at, parts_of, with_number
 
 #: Modes of each link whose initial values are estimated.

@@ -3,11 +3,6 @@
 This package imports no numerics and no NumPy.
 """
 
-from flexarm.model.arm.joints import Friction as Friction
-from flexarm.model.arm.joints import Joint as Joint
-from flexarm.model.arm.joints import JointLimits as JointLimits
-from flexarm.model.arm.joints import Payload as Payload
-from flexarm.model.arm.joints import Winding as Winding
 from flexarm.model.arm.links import Gauge as Gauge
 from flexarm.model.arm.links import Link as Link
 from flexarm.model.arm.links import ModalDamping as ModalDamping
@@ -20,6 +15,11 @@ from flexarm.model.arm.sections import Rectangle as Rectangle
 from flexarm.model.arm.sections import SectionTable as SectionTable
 from flexarm.model.arm.sections import Tube as Tube
 from flexarm.model.arm.spec import ArmSpec as ArmSpec
+from flexarm.model.arm.spec import Friction as Friction
+from flexarm.model.arm.spec import Joint as Joint
+from flexarm.model.arm.spec import JointLimits as JointLimits
+from flexarm.model.arm.spec import Payload as Payload
+from flexarm.model.arm.spec import Winding as Winding
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
@@ -29,11 +29,12 @@ from flexarm.model.environment.contacts import RoundWall as RoundWall
 from flexarm.model.environment.contacts import Surface as Surface
 from flexarm.model.environment.contacts import SurfaceTable as SurfaceTable
 from flexarm.model.environment.contacts import Wall as Wall
+from flexarm.model.environment.loads import AccelerationTable as AccelerationTable
+from flexarm.model.environment.loads import FactorTable as FactorTable
 from flexarm.model.environment.loads import Load as Load
-from flexarm.model.environment.tables import AccelerationTable as AccelerationTable
-from flexarm.model.environment.tables import FactorTable as FactorTable
 from flexarm.model.file_format.files import arm_spec_of_text as arm_spec_of_text
 from flexarm.model.file_format.files import file_text as file_text
+from flexarm.model.file_format.files import json_schema as json_schema
 from flexarm.model.file_format.files import load_arm_spec as load_arm_spec
 from flexarm.model.file_format.files import load_scenario as load_scenario
 from flexarm.model.file_format.files import locate_scenario as locate_scenario
@@ -41,24 +42,23 @@ from flexarm.model.file_format.files import locate_study as locate_study
 from flexarm.model.file_format.files import save_arm_spec as save_arm_spec
 from flexarm.model.file_format.files import save_scenario as save_scenario
 from flexarm.model.file_format.files import scenario_of_text as scenario_of_text
-from flexarm.model.file_format.schema import json_schema as json_schema
 from flexarm.model.hardware import Hardware as Hardware
 from flexarm.model.hardware import Instrument as Instrument
 from flexarm.model.hardware import InstrumentFault as InstrumentFault
 from flexarm.model.hardware import Motors as Motors
-from flexarm.model.identification.parameters import FreeParameter as FreeParameter
-from flexarm.model.identification.records import Filter as Filter
-from flexarm.model.scenarios.events import EventSpec as EventSpec
-from flexarm.model.scenarios.events import JointEvent as JointEvent
-from flexarm.model.scenarios.events import TipEvent as TipEvent
+from flexarm.model.hardware import Sensor as Sensor
+from flexarm.model.identification import Filter as Filter
+from flexarm.model.identification import FreeParameter as FreeParameter
 from flexarm.model.scenarios.motions import JointMotionSpec as JointMotionSpec
 from flexarm.model.scenarios.motions import LineMotionSpec as LineMotionSpec
+from flexarm.model.scenarios.scenario import EventSpec as EventSpec
 from flexarm.model.scenarios.scenario import FollowingJoint as FollowingJoint
 from flexarm.model.scenarios.scenario import HeldJoint as HeldJoint
 from flexarm.model.scenarios.scenario import InitialState as InitialState
+from flexarm.model.scenarios.scenario import JointEvent as JointEvent
 from flexarm.model.scenarios.scenario import RunSpec as RunSpec
 from flexarm.model.scenarios.scenario import Scenario as Scenario
 from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
+from flexarm.model.scenarios.scenario import TipEvent as TipEvent
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
 from flexarm.model.scenarios.study import StudySpec as StudySpec
-from flexarm.model.sensors import Sensor as Sensor

@@ -34,9 +34,8 @@ def check(
     from flexarm.cases.scenario.study import PreparedStudy
     from flexarm.cases.scenario.summary import about_arm, about_run
     from flexarm.model import load_arm_spec, locate_scenario, locate_study
-    from flexarm.model.arm.plausibility import implausible
     from flexarm.model.file_format.files import describes_arm_only
-    from flexarm.model.plausible import warn_of
+    from flexarm.model.plausible import implausible, warn_of
 
     document = changed_document(file, sets)
     if "records" in document.value:

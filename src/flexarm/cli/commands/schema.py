@@ -27,7 +27,7 @@ def schema(
     import json
 
     from flexarm.base.writing.places import check_place, write_text
-    from flexarm.model.file_format.schema import json_schema
+    from flexarm.model.file_format.files import json_schema
 
     text = json.dumps(json_schema(kind.value), indent=2) + "\n"
     if out is None:

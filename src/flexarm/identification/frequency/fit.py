@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, few, public_call
 from flexarm.base.notebook import html_table
-from flexarm.identification.labels import Label, place_of
+from flexarm.identification.record import Label, place_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import Modes, linearize
 

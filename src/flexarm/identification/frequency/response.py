@@ -24,10 +24,15 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.identification.filtering import coefficients
 from flexarm.identification.frequency.fit import MeasuredModes, fitted
-from flexarm.identification.labels import MEASURED, Label
-from flexarm.identification.record import MeasuredRecord, Records, check_some_records
+from flexarm.identification.record import (
+    MEASURED,
+    Label,
+    MeasuredRecord,
+    Records,
+    check_some_records,
+    coefficients,
+)
 from flexarm.integrate.base import FloatArray
 
 #: Least power of an input at a frequency, as a fraction of its largest one, and least ratio of the

@@ -11,7 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 from flexarm.base.errors import InputError, shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.environment.tables import TimeTable, is_table
+from flexarm.model.environment.loads import TimeTable, is_table
 from flexarm.model.paths import number_at, with_number, with_numbers
 from flexarm.model.quantities import Listed, NonNegative, Number, Pair, Positive, Word, plain
 from flexarm.model.wording import Fault, path_of

@@ -1,4 +1,4 @@
-"""Arm, scenario and study files: strict reading with the line of each problem, atomic writing."""
+"""Arm, scenario and study files: strict reading with the line of each problem, writing, schemas."""
 
 from __future__ import annotations
 
@@ -19,13 +19,34 @@ from pydantic import ValidationError
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text
+from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
-from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
+from flexarm.model.units import QUANTITY_PATTERN, unit_of
 from flexarm.model.wording import Path, suggestion
+
+
+def content_of(value: Any) -> Any:
+    """Return the content of a file for a value of a record, without defaults."""
+    if isinstance(value, Material) and value in MATERIALS.values():
+        return next(name for name, preset in MATERIALS.items() if preset == value)
+    if isinstance(value, Record):
+        fields = type(value).model_fields
+        reported = {
+            name: content_of(part)
+            for name, part in value
+            if name in value.model_fields_set
+            and (part != fields[name].default or name in value._written)
+        }
+        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
+        return {**kind, **reported}
+    if isinstance(value, dict):
+        return {name: content_of(part) for name, part in value.items()}
+    return [content_of(part) for part in value] if isinstance(value, tuple) else value
+
 
 FILE_VERSION = 1
 
@@ -445,3 +466,63 @@ def _read(descriptor: int, most: int, pipe: bool) -> bytes:
         else:
             time.sleep(0.02)
     return b"".join(parts)
+
+
+_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": StudySpec}
+
+
+@public_call
+def json_schema(kind: str = "scenario") -> dict[str, Any]:
+    """Return the JSON schema of a kind of file.
+
+    Args:
+        kind: ``"scenario"``, which is valid for arm files too (only `flexarm` and `arm` are
+            required), ``"arm"``, which permits no other keys, or ``"study"``.
+
+    Raises:
+        ModelError: if there is no such kind of file.
+    """
+    if kind not in _KINDS:
+        rule = f"be one of {', '.join(map(repr, _KINDS))}"
+        hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
+        raise ModelError(Problem("kind", rule, shown(kind), hint))
+    whole = (StudySpec if kind == "study" else Scenario).model_json_schema()
+    definitions = whole["$defs"]
+    for definition in definitions.values():
+        if "const" in definition.get("properties", {}).get("kind", {}):
+            # The field has a default, so pydantic lists it as optional, but files require it.
+            definition["required"] = ["kind", *definition.get("required", [])]
+        for name, field in definition.get("properties", {}).items():
+            if unit_of(field.get("description", "")):
+                definition["properties"][name] = _with_quantities(field)
+    material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
+    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before validation
+    properties: dict[str, Any] = whole["properties"]
+    parts = ["arm"] if kind == "arm" else list(properties)
+    arm = properties["arm"]
+    file = {"type": "string", "description": "An arm file, relative to this file."}
+    properties["arm"] = {"description": arm.pop("description", ""), "anyOf": [arm, file]}
+    version = {"const": FILE_VERSION, "description": "Version of the file format."}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"flexarm {kind} file",
+        "type": "object",
+        "properties": {"flexarm": version, **{part: properties[part] for part in parts}},
+        "required": ["flexarm", *(whole["required"] if kind == "study" else ["arm"])],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }
+
+
+def _with_quantities(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a field with a unit, whose numbers may be text with a unit."""
+    if schema.get("type") == "number":
+        return {**schema, "type": ["number", "string"], "pattern": QUANTITY_PATTERN}
+    changed = dict(schema)
+    for key in ("anyOf", "oneOf", "prefixItems"):
+        if key in schema:
+            changed[key] = [_with_quantities(member) for member in schema[key]]
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            changed[key] = _with_quantities(schema[key])
+    return changed

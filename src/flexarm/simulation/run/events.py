@@ -19,7 +19,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact, EventSpec, JointEvent
-from flexarm.model.scenarios.events import DURATION, FAILURE, event_names
+from flexarm.model.scenarios.scenario import DURATION, FAILURE, event_names
 
 #: Function of t (s), q (dof,) and qd (dof,) that returns a number.
 EventFunction = Callable[[Any, Any, Any], Any]

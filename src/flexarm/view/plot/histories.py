@@ -12,8 +12,14 @@ from matplotlib.lines import Line2D
 
 from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.selection import Signals, named_results, readable_unit, several, signals_of
+from flexarm.view.plot.selection import (
+    Signals,
+    named_results,
+    readable_unit,
+    series_colors,
+    several,
+    signals_of,
+)
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,

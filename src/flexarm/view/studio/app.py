@@ -23,12 +23,19 @@ from flexarm.model.checks import Record
 from flexarm.model.wording import Path, path_text
 from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot.animation.scene import player_function, style
-from flexarm.view.studio.compute import Failure, Margins, Part, Picture, Report, Request, parts_of
+from flexarm.view.studio.compute import (
+    Failure,
+    Margins,
+    Part,
+    Picture,
+    Report,
+    Request,
+    Worker,
+    parts_of,
+)
 from flexarm.view.studio.guard import Guard, is_loopback
 from flexarm.view.studio.panel import Panel
-from flexarm.view.studio.state import History, Project, open_bytes
-from flexarm.view.studio.values.edits import shown_by
-from flexarm.view.studio.worker import Worker
+from flexarm.view.studio.state import History, Project, open_bytes, shown_by
 
 _TAB = "flexarm_history"
 #: Time (s) for which the state of a closed or reloaded tab is kept.

@@ -9,11 +9,10 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from flexarm.base.errors import InputError
-from flexarm.model.file_format.content import content_of
+from flexarm.model.file_format.files import content_of
 from flexarm.model.file_format.yaml_text import change_of, flow_text
 from flexarm.model.wording import Path
-from flexarm.view.studio.state import ORIGIN, STUDIED, Choice, Project
-from flexarm.view.studio.values.edits import FORM
+from flexarm.view.studio.state import FORM, ORIGIN, STUDIED, Choice, Project
 from flexarm.view.studio.values.fields import Field, Group, Part, alike, fields_in, groups_of
 
 #: Groups that are open when a window opens; the others of many links would fill the screen.

@@ -22,8 +22,7 @@ from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference
 from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, scenario_of, shapes_of
-from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.selection import Signals
+from flexarm.view.plot.selection import Signals, series_colors
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.places import AnyPath, check_place
-from flexarm.view.plot.palette import GREY, INK, SERIES
+from flexarm.view.plot.selection import GREY, INK, SERIES
 
 if TYPE_CHECKING:
     from flexarm.view.plot.animation.frames import Picture

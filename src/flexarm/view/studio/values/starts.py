@@ -17,19 +17,23 @@ from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.motions import motion_of
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
-from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
+from flexarm.model.arm.spec import Friction, JointLimits, Winding
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES, TorqueDrive
 from flexarm.model.environment.changes import PAYLOAD_MASS, Change, ValueTable
 from flexarm.model.environment.contacts import Contact, RoundWall, SurfaceTable, Wall
-from flexarm.model.environment.loads import Load
-from flexarm.model.environment.tables import AccelerationTable, FactorTable
-from flexarm.model.file_format.content import content_of
-from flexarm.model.scenarios.events import JointEvent, TipEvent
+from flexarm.model.environment.loads import AccelerationTable, FactorTable, Load
+from flexarm.model.file_format.files import content_of
 from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
-from flexarm.model.scenarios.scenario import FollowingJoint, HeldJoint, TabulatedJoint
+from flexarm.model.scenarios.scenario import (
+    FollowingJoint,
+    HeldJoint,
+    JointEvent,
+    TabulatedJoint,
+    TipEvent,
+)
 from flexarm.model.wording import Path
 from flexarm.motion import Motion, rigid_torque
 from flexarm.view.studio.values.forms import Form, Forms, forms_of, kind_of
