@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, table_error
 from flexarm.arm.dynamics import Dynamics
 from flexarm.arm.stations import (

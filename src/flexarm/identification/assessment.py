@@ -21,18 +21,19 @@ from flexarm.identification.record import (
     check_inputs,
     check_some_records,
 )
-from flexarm.identification.result import aligned, number_of
-from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Slot, Space, check_free, in_words
-from flexarm.identification.statistics import (
+from flexarm.identification.result import (
     Column,
+    aligned,
     covariance_of,
     fit_percent,
     independence,
+    number_of,
     own_information,
     undetermined,
     whiteness,
 )
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Slot, Space, check_free, in_words
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from flexarm.arm.actions.loads import place_loads, tip_load
+from flexarm.arm.actions import place_loads, tip_load
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import check_joint

@@ -48,7 +48,7 @@ def paper(
 
     check_folder("--out", out)
     if report:
-        from flexarm.view.reporting.document import template_engine
+        from flexarm.view.reporting import template_engine
 
         template_engine()
     with Drawing() as drawing:

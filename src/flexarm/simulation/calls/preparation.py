@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import (
     about_degrees,

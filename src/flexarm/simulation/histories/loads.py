@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
-from flexarm.arm.actions.loads import parts_of
+from flexarm.arm.actions import Environment, parts_of
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_function
 from flexarm.base.errors import InputError

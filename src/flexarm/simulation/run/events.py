@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.arm.observe import contact_values, tips_of

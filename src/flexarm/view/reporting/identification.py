@@ -12,11 +12,13 @@ from flexarm.cases.scenario.summary import about_arm
 from flexarm.identification.result import (
     FIT_HEADS,
     HEADS,
+    LAGS,
     SIGNIFICANT,
     Identification,
+    correlation_of,
+    cross_correlation,
     fit_rows,
 )
-from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot.animation.scene import style
@@ -27,7 +29,7 @@ from flexarm.view.plot.fits import (
     fit_picture,
     matrix_picture,
 )
-from flexarm.view.reporting.document import Table, clean, file_item, number, text_of
+from flexarm.view.reporting import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
 _BAND = 2.576

@@ -31,8 +31,7 @@ from flexarm.simulation.calls.compare import warnings_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
 from flexarm.view.plot.drawn_arm import rigid_result
 from flexarm.view.plot.selection import Signals, several
-from flexarm.view.reporting import clock, report
-from flexarm.view.reporting.document import error_panel, few_lines
+from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arm.actions.contacts import arc_of, pieces_of
+from flexarm.arm.actions import arc_of, pieces_of
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
