@@ -133,7 +133,7 @@ class Exported:
 
     def _array(self, name: str, size: int) -> str:
         macros = {key: self.macro(key) for key in self.sizes}
-        return f"double {name}[{_SIZES.get(name, str(size)).format_map(macros)}]"
+        return f"double {name}[{_EXTENTS.get(name, str(size)).format_map(macros)}]"
 
 
 def prototype(name: str, arguments: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.bridges.symbolic.kernel_calls import symbolic
-from flexarm.bridges.symbolic.scalars import Scalar, SymbolError, choose, plain
+from flexarm.bridges.symbolic.scalars import FUNCTIONS, Scalar, SymbolError, choose, plain
 from flexarm.kernels.layout import ArmConstants, Workspace
 
 
@@ -118,11 +118,6 @@ def _sign(value: Any) -> Any:
     return Scalar(value.library.sign(value.value), value.library)
 
 
-#: Functions of numbers that are also methods of `Scalar`.
-_METHODS = (
-    *(np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan),
-    *(np.sinh, np.cosh, np.tanh, np.arctanh, np.exp, np.log, np.sqrt),
-)
 _NUMBERS: dict[str, Callable[[Any, Any], Any]] = {
     "fmin": min,
     "fmax": max,
@@ -146,7 +141,7 @@ _ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "bitwise_and": _of_library("logic_and"),
     "arctan2": _of_library("arctan2"),
     "sign": _sign,
-    **{function.__name__: function for function in _METHODS},
+    **{name: getattr(np, name) for name in FUNCTIONS},
 }
 
 
