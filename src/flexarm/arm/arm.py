@@ -305,11 +305,7 @@ def _copy_of(spec: ArmSpec) -> Arm:
 
 
 def described_arm(spec: ArmSpec) -> Arm:
-    """Return the arm of a description by the user, such as that of a file.
-
-    Warns:
-        ImplausibleValueWarning: see ``Arm``.
-    """
+    """Return the arm of a description by the user, such as that of a file, with its warnings."""
     arm = Arm(spec)
     warn_of(implausible(spec))  # an arm that cannot be assembled raises
     return arm

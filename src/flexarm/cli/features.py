@@ -190,11 +190,7 @@ FEATURES: dict[str, Callable[[], None]] = {
 
 
 def compile_feature(name: str) -> tuple[float, str]:
-    """Compile or load the kernels of a feature.
-
-    Returns:
-        Compilation time in s, and why the machine code could not be stored; empty if it was.
-    """
+    """Compile the kernels of a feature; return its time, s, and why no code could be stored."""
     notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():

@@ -206,10 +206,7 @@ class RecordType(ModelMetaclass):
         return docstring_of(cls, text) if getattr(cls, "model_fields", None) else text
 
     def __dir__(cls) -> list[str]:
-        """List the attributes of a record without those of pydantic and of every class.
-
-        ``help`` then ends with the methods of the record.
-        """
+        """List the attributes of a record without those of pydantic and of every class."""
         return [n for n in super().__dir__() if n not in _INTERNAL and not n.startswith("__")]
 
 
@@ -348,11 +345,7 @@ class Record(BaseModel, metaclass=RecordType):
 
 
 def checked_arguments(kind: type[R], **values: Any) -> R:
-    """Return the arguments of a function as the record that describes the same in files.
-
-    Raises:
-        InputError: if arguments are invalid; lists all problems, which `public_call` completes.
-    """
+    """Return the arguments of a function as the record of files; InputError lists all problems."""
     try:
         return kind.model_validate(values)
     except ValidationError as error:

@@ -394,11 +394,7 @@ def instrument_faults(arm: ArmSpec, hardware: Hardware, contacts: bool) -> Itera
 def channel_faults(
     arm: ArmSpec, hardware: Hardware | None, contacts: float = math.inf
 ) -> Iterator[Fault]:
-    """Yield the faults of instruments at channels that their signals do not have.
-
-    Args:
-        contacts: number of contacts; infinity if it is not known.
-    """
+    """Yield the faults of instruments at channels that their signals do not have."""
     for k, item in enumerate((hardware and hardware.instruments) or ()):
         count = _readings(arm, str(item.signal), contacts)
         for j, one in enumerate(item.faults):

@@ -272,9 +272,5 @@ class IdentificationStudy(Record):
 def locate_identification(
     path: AnyPath | Document,
 ) -> tuple[IdentificationStudy, Callable[[Path], str]]:
-    """Read the file of an identification; return it with a function from key path to line.
-
-    Raises:
-        ModelError: if the file or its arm file is invalid; lists all problems with lines.
-    """
+    """Read the file of an identification; return it with a function from key path to line."""
     return _located(IdentificationStudy, path)

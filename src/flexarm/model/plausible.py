@@ -129,11 +129,7 @@ def _short(ratio: float) -> str:
 
 
 def warn_of(findings: Sequence[str]) -> None:
-    """Warn once of all implausible numbers of a call.
-
-    Warns:
-        ImplausibleValueWarning: if there are any.
-    """
+    """Warn once, with an `ImplausibleValueWarning`, of all implausible numbers of a call."""
     if not findings:
         return
     shown = " ".join(findings[:_MOST_FINDINGS])

@@ -179,11 +179,7 @@ def _number(text: str, unit: str, path: Path, faults: dict[Path, Fault]) -> Any:
 
 @lru_cache(maxsize=1000)
 def factor_to(named: str, unit: str) -> float | str:
-    """Return the factor from a unit to another one.
-
-    Returns:
-        If the units are of different kinds, an empty text; if one is not known, its name.
-    """
+    """Return the factor between units; empty text for other kinds, the name of an unknown one."""
     pint, parse = _parser()
     try:
         text = f"1{named}" if named.startswith("/") else named

@@ -86,11 +86,7 @@ def export_c(
 
 
 def check_prefix(argument: str, name: object) -> str:
-    """Return a prefix of C functions.
-
-    Raises:
-        InputError: if it is not one.
-    """
+    """Return a prefix of C functions; InputError if it is not one."""
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name.startswith("casadi"):
         rule = "be at most 32 lower-case letters, digits and underscores, the first a letter"
         raise InputError(Problem(argument, rule, shown(name)))

@@ -47,13 +47,7 @@ _Array = Callable[..., Any]
 
 
 def plan_over_symbols(law: Any, arm: Arm, array: _Array) -> Arrays | None:
-    """Return the planned inputs of a symbolic law from the reference; None if they are symbols.
-
-    Args:
-        law: law of symbols; its plans are replaced at the first call.
-        arm: the arm.
-        array: function that returns an array of symbols for a name and a shape.
-    """
+    """Return planned inputs of a symbolic law, its plans replaced; None if they are symbols."""
     parts = list(around(law))
     presses = any(isinstance(part, TaskController) for part in parts)
     if not presses and not any(isinstance(part, StrainDamping) for part in parts):
@@ -269,11 +263,7 @@ class _Inputs:
 
 
 def traced_controller(arm: Arm, controller: Controller) -> TracedController:
-    """Return the functions of a controller of an arm.
-
-    Raises:
-        InputError: if the controller does not belong to the arm, or its law cannot be exported.
-    """
+    """Return the functions of a controller of an arm; InputError if it cannot be exported."""
     readings = _readings(arm, controller)
     law: Any = deepcopy(controller)
     # A reset and plans compute with numbers, so they come first.
@@ -403,11 +393,7 @@ def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
 def _functions(
     controller: Controller, inputs: _Inputs, results: list[dict[str, Any]]
 ) -> tuple[NamedFunction, ...]:
-    """Create the functions; inputs on which no function depends are left out.
-
-    Raises:
-        InputError: if results depend on other symbols: those of an earlier evaluation.
-    """
+    """Create the functions, without unused inputs; InputError if they depend on other symbols."""
     used = set()
     given = casadi.vertcat(*inputs.symbols.values())
     known = {one.element_hash() for one in casadi.symvar(given)}  # by identity, as names repeat

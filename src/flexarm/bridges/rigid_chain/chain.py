@@ -50,11 +50,7 @@ class RigidChain:
 
 
 def rigid_chain(arm: Arm, count: int) -> RigidChain:
-    """Replace every flexible link by rigid bars on ``count`` virtual joints.
-
-    Raises:
-        InputError: if a joint has friction, limits or a rotor.
-    """
+    """Replace flexible links by rigid bars on virtual joints; InputError for friction, stops."""
     problems = [
         Problem(f"joints[{k}].{name}", "is not supported")
         for k, joint in enumerate(arm.spec.joints)
@@ -193,11 +189,7 @@ class Body(NamedTuple):
 
 
 def bodies(chain: RigidChain) -> list[Body]:
-    """Return the bodies from the base to the tip: bars, then a payload with an offset.
-
-    Raises:
-        InputError: if a body has no mass or no inertia, which simulators refuse.
-    """
+    """Return bars, then a payload with an offset; InputError for a body without mass or inertia."""
     arm, constants = chain.arm, chain.arm.assembly.constants
     numbers = {place: number for number, place in enumerate(chain.driven, 1)}
     link, bar, found, offset = 0, 0, [], 0.0

@@ -104,12 +104,7 @@ def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
 def _about_vibration(
     arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
 ) -> Rows:
-    """Return the lowest frequencies with locked joints, and the sample time that suits them.
-
-    Args:
-        angles: posture (joints,), rad; zero by default.
-        sample_time: of the controller, s.
-    """
+    """Return the frequencies with locked joints at ``angles``, rad, and suitable sample times."""
     from flexarm.control.analysis.sample_time import (
         PHASE,
         controlled_modes,

@@ -287,11 +287,7 @@ class ArmSpec(Record):
 def place_faults(
     arm: ArmSpec, link: int, furthest: float | None, name: str = "station"
 ) -> Iterator[Fault]:
-    """Yield a fault if an arm has no such link, or a distance (m) from its root is beyond its tip.
-
-    Args:
-        name: name of the distance.
-    """
+    """Yield a fault if an arm has no such link, or its distance ``name`` (m) is beyond the tip."""
     links = arm.links
     if not 1 <= link <= len(links):
         yield Fault(("link",), f"be the number of a link, 1 to {len(links)}", shown(link))
@@ -341,11 +337,7 @@ def varied_spec(
     mass_factor: float | Sequence[float] = 1.0,
     friction: Friction | Sequence[Friction | None] | None = None,
 ) -> ArmSpec:
-    """Return a description with changed parameters; arguments as in ``flexarm.varied``.
-
-    Raises:
-        InputError: if a factor is negative or not a number, or a list has the wrong length.
-    """
+    """Return a description with changed parameters; arguments and errors as `flexarm.varied`."""
     problems: list[Problem] = []
     rigidity = _each(problems, "flexural_rigidity_factor", flexural_rigidity_factor, spec.links)
     mass = _each(problems, "mass_factor", mass_factor, spec.links)

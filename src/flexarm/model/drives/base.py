@@ -126,13 +126,7 @@ def parameters_of(kind: type[Parameters]) -> dict[str, Declared]:
 def record_of(
     name: str, doc: str, declared: Mapping[str, Declared], base: type[Record] = Record, **more: Any
 ) -> Any:
-    """Return a class of records with parameters as fields, after ``more`` fields.
-
-    Args:
-        name: name of the class. doc: its docstring. base: its base class.
-        declared: the parameters.
-        more: type and default of each further field.
-    """
+    """Return a record class of parameters, after ``more`` fields: type and default of each."""
     fields = {
         key: (item.annotation, ... if item.given is REQUIRED else item.given)
         for key, item in declared.items()

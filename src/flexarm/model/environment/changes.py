@@ -104,11 +104,7 @@ class Change(Record, kw_only=False):
 
 
 def original_number(arm: ArmSpec, change: Change) -> float:
-    """Return the number of an arm that a change is about.
-
-    Raises:
-        InputError: if the arm has no number at the path, or it determines the shape of the arm.
-    """
+    """Return the number of an arm that a change is about; InputError if it cannot change."""
     found = number_at("path", arm, change.path)
     if change.path.endswith((".length", ".hub_radius", ".station", ".distance")):
         rule = "be a number that may change during a run"
@@ -130,11 +126,7 @@ def numbers_of(change: Change, original: float) -> list[float]:
 def change_faults(
     arm: ArmSpec, changes: Sequence[Change], events: Sequence[str]
 ) -> Iterator[Fault]:
-    """Yield the faults of changes that do not fit an arm, or refer to unknown events.
-
-    Args:
-        events: names of the events of the run.
-    """
+    """Yield the faults of changes that do not fit an arm, or refer to no event of ``events``."""
     for k, change in enumerate(changes):
         if isinstance(change.at, str) and change.at not in events:
             known = ", ".join(map(repr, events)) or "there are none"
@@ -155,11 +147,7 @@ def change_faults(
 
 
 def check_possible(arm: ArmSpec, changes: Sequence[Change], path: str, number: float) -> None:
-    """Raise if a number of a change is possible neither alone nor with the last ones of the others.
-
-    Raises:
-        InputError: for the number alone.
-    """
+    """Raise if a number is possible neither alone nor with the last ones of other changes."""
     try:
         with_number(arm, path, number)
     except InputError as error:

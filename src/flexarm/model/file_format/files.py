@@ -56,23 +56,13 @@ R = TypeVar("R", bound=Record)
 
 
 def load_document(path: AnyPath) -> Document:
-    """Read a YAML file whose content is a mapping; other functions accept it in place of a path.
-
-    This permits reading a pipe, which can be read only once.
-
-    Raises:
-        ModelError: if the file cannot be read or is not a mapping in YAML.
-    """
+    """Read a YAML file, once, as of a pipe; ModelError if it cannot be read or is not a mapping."""
     file = FilePath(path)
     return _parsed(file, _text(file))
 
 
 def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
-    """Read the arm of an arm file, or of a scenario or study file, whose other keys are ignored.
-
-    Raises:
-        ModelError: if the file cannot be read or has no valid arm; lists all problems with lines.
-    """
+    """Read the arm of an arm, scenario or study file; ModelError lists all problems with lines."""
     problems: list[Problem] = []
     document = path if isinstance(path, Document) else load_document(path)
     holder = _holder_of_arm(document, problems, ())
@@ -95,20 +85,12 @@ def load_scenario(path: AnyPath) -> Scenario:
 
 
 def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
-    """Read a scenario file, and return the scenario with a function from key path to line.
-
-    The function returns ``file:line``, for problems that are found after reading. See
-    `load_scenario`.
-    """
+    """Read a scenario file; return it with a function from key path to ``file:line``."""
     return _located(Scenario, path)
 
 
 def locate_study(path: AnyPath | Document) -> tuple[StudySpec, Callable[[Path], str]]:
-    """Read a study file, and return the study with a function from key path to line.
-
-    Raises:
-        ModelError: if the file or its arm file is invalid; lists all problems with lines.
-    """
+    """Read a study file; return it with a function from key path to ``file:line``."""
     return _located(StudySpec, path)
 
 
@@ -175,23 +157,12 @@ _WORDS: dict[Any, Any] = {Scenario: ("scenario", "run"), StudySpec: ("study", "c
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
-    """Write an arm file; `load_arm_spec` returns an equal arm.
-
-    Values equal to their defaults are omitted. The file is written completely or not at all;
-    missing folders are created.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
+    """Write an arm file, completely or not at all; InputError if it cannot be written."""
     write_text(file_text(spec), path)
 
 
 def save_scenario(scenario: Scenario, path: AnyPath) -> None:
-    """Write a scenario file that contains the arm; see `save_arm_spec`.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
+    """Write a scenario file that contains the arm, completely or not at all."""
     write_text(file_text(scenario), path)
 
 
@@ -203,11 +174,7 @@ def file_text(record: ArmSpec | Scenario | StudySpec) -> str:
 
 
 def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
-    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`.
-
-    Raises:
-        ModelError: if the file cannot be read or is invalid; lists all problems with lines.
-    """
+    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`."""
     document = path if isinstance(path, Document) else load_document(path)
     if "drives" in document.value:
         return locate_study(document)[0]
@@ -217,32 +184,17 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
 
 
 def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | StudySpec:
-    """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
-
-    Raises:
-        ModelError: if the content is too long, is not text or describes none of them.
-    """
+    """Return the arm, scenario or study of the content of a file that names no other file."""
     return load_any(_whole(_decoded(FilePath(file), raw), file))
 
 
 def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
-    """Return the arm of the text of an arm or scenario file that names no other file.
-
-    Args:
-        text: as `file_text` writes it. file: where it comes from, for messages.
-
-    Raises:
-        ModelError: the text describes no arm.
-    """
+    """Return the arm of a text of `file_text` from ``file``; ModelError if it describes none."""
     return load_arm_spec(_whole(text, file))
 
 
 def scenario_of_text(text: str, file: AnyPath) -> Scenario:
-    """Return the scenario of a text; see `arm_spec_of_text`.
-
-    Raises:
-        ModelError: the text describes no scenario.
-    """
+    """Return the scenario of a text of `file_text`; ModelError if it describes none."""
     return locate_scenario(_whole(text, file))[0]
 
 
@@ -264,10 +216,7 @@ def _checked(
     problems: list[Problem],
     reported: Path = (),
 ) -> R | None:
-    """Return a record of the value at the path `inside`, and add its faults to `problems`.
-
-    Problems at the path `reported` have been reported before and are omitted.
-    """
+    """Return a record of the value at `inside`; add faults that are not `reported` to `problems`."""
     try:
         return kind.model_validate(value)
     except ValidationError as error:
@@ -317,10 +266,7 @@ def _holder_of_arm(
 
 
 def _head_problems(document: Document, kind: type[Record] | None) -> list[Problem]:
-    """Return the problems of the version and of the names of the top-level keys.
-
-    If only the arm is read, the file may be of any kind.
-    """
+    """Return the problems of the version and of top-level keys; without ``kind``, of any kind."""
     if kind is None:
         kind = StudySpec if "drives" in document.value else Scenario
     keys = ("flexarm", *kind.model_fields)

@@ -145,10 +145,7 @@ class Document:
         return other
 
     def where(self, path: Path) -> str:
-        """Return ``file:line`` of the value at a path, or of the nearest container of it.
-
-        For a value that was replaced, return the change.
-        """
+        """Return ``file:line`` of a path or its nearest container; the change of a new value."""
         for change in reversed(self.changes):
             if path[: len(change.path)] == change.path:
                 return change.origin
@@ -239,15 +236,7 @@ class Document:
 
 
 def parse(file: FilePath, text: str) -> Document:
-    """Read YAML text.
-
-    Args:
-        file: path of the file, for messages.
-        text: one YAML document.
-
-    Raises:
-        ModelError: if the text is not YAML, is empty, or contains too many values.
-    """
+    """Read YAML text of a file; ModelError if it is not YAML, is empty, or has too many values."""
     try:
         root = _composed(text)
         if root is None:
@@ -324,14 +313,7 @@ class Change:
 
 
 def change_of(option: str, text: str) -> Change:
-    """Return the change that an option requests as ``PATH=VALUE``, with the value in YAML.
-
-    Args:
-        option: name of the option, for messages.
-
-    Raises:
-        InputError: if the text does not have this form, or the value is not YAML.
-    """
+    """Return the change of an option ``PATH=VALUE``, the value in YAML, or raise InputError."""
     name, given, value = text.partition("=")
     path = tuple(parts_of(name.strip()))
     if not given or not path:

@@ -99,11 +99,7 @@ EventSpec = Annotated[JointEvent | TipEvent, Field(discriminator="kind")]
 
 
 def event_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
-    """Yield the faults of events whose name is not unique or that do not fit the arm.
-
-    Args:
-        turning: numbers of the joints that turn; empty if they are unknown.
-    """
+    """Yield the faults of events: names that repeat, joints that are not ``turning``, stops."""
     if not given.has("events"):
         return
     names: list[str] = []
@@ -178,11 +174,7 @@ PrescribedJoint = Annotated[
 
 
 def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
-    """Yield the faults between the prescribed joints of a scenario and its other parts.
-
-    Args:
-        turning: numbers of the joints that turn; empty if they are unknown.
-    """
+    """Yield the faults between prescribed joints and a scenario, whose joints are ``turning``."""
     if not given.has("prescribed") or not given.prescribed:
         return
     kind = look(given.raw("drive"), "kind")

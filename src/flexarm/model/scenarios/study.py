@@ -370,10 +370,6 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
-    """Return the description of a simulated arm, without its loads and changes.
-
-    Raises:
-        InputError: if a list does not fit the links, or the arm has no payload to change.
-    """
+    """Return the description of a simulated arm, without loads and changes, or raise InputError."""
     factors = [name for name in PlantSpec.model_fields if name not in _NOT_OF_ARM]
     return varied_spec(arm, **{name: getattr(plant, name) for name in factors})
