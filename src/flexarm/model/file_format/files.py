@@ -216,7 +216,7 @@ def _checked(
     problems: list[Problem],
     reported: Path = (),
 ) -> R | None:
-    """Return a record of the value at `inside`; add faults that are not `reported` to `problems`."""
+    """Return a record of the value at `inside`; add faults other than `reported` to `problems`."""
     try:
         return kind.model_validate(value)
     except ValidationError as error:
