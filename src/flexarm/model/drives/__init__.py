@@ -11,7 +11,7 @@ from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives.around import AROUND, FilterSpec
 from flexarm.model.drives.base import ControllerDrive
-from flexarm.model.drives.registry import GROUPS, one_of
+from flexarm.model.drives.controllers import GROUPS, one_of
 from flexarm.model.quantities import Listed, Number, Positive, length_of
 from flexarm.model.wording import Fault
 

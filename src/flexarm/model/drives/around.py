@@ -16,7 +16,7 @@ from flexarm.model.drives.base import (
     parameters_of,
     record_of,
 )
-from flexarm.model.drives.registry import ALONE, GROUPS, one_of
+from flexarm.model.drives.controllers import ALONE, GROUPS, one_of
 from flexarm.model.hardware import Instrument
 from flexarm.model.quantities import (
     Count,

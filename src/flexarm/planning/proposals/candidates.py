@@ -22,7 +22,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Contact, Hardware, Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.model.drives.base import ControllerParameters, parameters_of
-from flexarm.model.drives.force import HybridForceParameters, ImpedanceParameters
+from flexarm.model.drives.controllers import HybridForceParameters, ImpedanceParameters
 from flexarm.motion import inverse_kinematics
 from flexarm.planning.proposals.requirements import Requirements, rounded
 
