@@ -54,8 +54,8 @@ def paper(
     with Drawing() as drawing:
         # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.cases.results import write_result
-        from flexarm.view.paper import FAST, SLOW, PaperCase
-        from flexarm.view.plot.paper.paper_data import FIGURE_NAMES, histories
+        from flexarm.view.paper import FAST, SLOW, PaperCase, histories
+        from flexarm.view.plot.paper.paper_data import FIGURE_NAMES
 
         slow, fast = PaperCase(SLOW), PaperCase(FAST)
         shown = histories(slow)
