@@ -38,26 +38,17 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Slot:
-    """One number of the vector.
+    """One number of the vector; start, bounds and prior are in its unit."""
 
-    Attributes:
-        path: of a number of the arm, ``motors.torque_constant``, or ``initial.q[0]``.
-        record: index of the record whose value it is; None: shared by all.
-        name: unique name in results.
-        start, lower, upper: in the unit of the number.
-        scale: magnitude of a large change, positive.
-        prior, prior_deviation: expected value; an infinite deviation for none.
-    """
-
-    path: str
-    record: int | None
-    name: str
+    path: str  # of a number of the arm, ``motors.torque_constant``, or ``initial.q[0]``
+    record: int | None  # index of the record whose value it is; None: shared by all
+    name: str  # unique in results
     start: float
     lower: float
     upper: float
-    scale: float
-    prior: float
-    prior_deviation: float
+    scale: float  # magnitude of a large change, positive
+    prior: float  # expected value
+    prior_deviation: float  # infinite without a prior
 
     @property
     def initial(self) -> bool:

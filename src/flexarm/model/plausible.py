@@ -44,17 +44,12 @@ _MOST_FINDINGS = 5
 
 
 class Number(NamedTuple):
-    """A number that may be wrong.
-
-    Attributes:
-        path: its path. value: in SI units. unit: its SI unit.
-        power: exponent with which a ratio depends on it.
-    """
+    """A number that may be wrong."""
 
     path: str
-    value: float
-    unit: str
-    power: float = 1.0
+    value: float  # in SI units
+    unit: str  # its SI unit
+    power: float = 1.0  # exponent with which a ratio depends on it
 
 
 class Range(NamedTuple):

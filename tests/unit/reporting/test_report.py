@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.plot.selection import Signals
+from flexarm.view.plot.drawn_result import Signals
 from flexarm.view.reporting import (
     clock,
     energies,

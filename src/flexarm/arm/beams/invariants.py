@@ -19,8 +19,7 @@ from flexarm.arm.beams.assembly import (
     product_integral,
     shear_parameters,
 )
-from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, beam_quadrature
-from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.properties import BeamQuadrature, BeamTable, FloatArray, beam_quadrature
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.

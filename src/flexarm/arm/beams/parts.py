@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.beams.hermite import FloatArray, beam_quadrature
 from flexarm.arm.beams.invariants import LinkConstants
+from flexarm.arm.beams.properties import FloatArray, beam_quadrature
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,16 +20,11 @@ from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
 
 @dataclass(frozen=True, eq=False)
 class NamedFunction:
-    """Function of the exported code.
+    """Function of the exported code."""
 
-    Attributes:
-        name: name in C, without the prefix of the arm.
-        summary: first sentence of its comment.
-        function: of CasADi, with dense outputs. Matrices are transposed, because C stores rows.
-    """
-
-    name: str
-    summary: str
+    name: str  # in C, without the prefix of the arm
+    summary: str  # first sentence of its comment
+    #: With dense outputs. Matrices are transposed, because C stores rows.
     function: casadi.Function
 
     @property

@@ -47,15 +47,10 @@ _REFUSED: dict[type[Any], str] = {
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """Functions of a filter.
+    """Functions of a filter."""
 
-    Attributes:
-        filter: a copy of the filter at its start.
-        functions: ``observer_start`` and ``observer_update``.
-    """
-
-    filter: ExtendedKalmanFilter
-    functions: tuple[NamedFunction, ...]
+    filter: ExtendedKalmanFilter  # a copy at its start
+    functions: tuple[NamedFunction, ...]  # ``observer_start`` and ``observer_update``
 
     @property
     def sample_time(self) -> float:

@@ -62,19 +62,13 @@ _FAST = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Recorded run.
+    """Recorded run."""
 
-    Attributes:
-        step: s, of the run.
-        inputs: (samples, size) by the name of the argument.
-        expected: (samples, size) by the name of the function, all its results in one row.
-        tolerance: (size,) by the name of the function.
-    """
-
-    step: float
-    inputs: dict[str, FloatArray]
+    step: float  # s, of the run
+    inputs: dict[str, FloatArray]  # (samples, size) by the name of the argument
+    #: (samples, size) by the name of the function, all its results in one row.
     expected: dict[str, FloatArray]
-    tolerance: dict[str, FloatArray]
+    tolerance: dict[str, FloatArray]  # (size,) by the name of the function
 
 
 def record(export: Exported) -> Recording:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import chain
-from typing import NamedTuple
 
 import casadi
 
@@ -28,15 +27,8 @@ _HELPER = re.compile(r"^(casadi_real|casadi_int|void) (casadi_\w+\()", re.MULTIL
 _EXPORTED = re.compile(r"int (\w+)\(const casadi_real\*\* arg[^{]*\{\s*return (casadi_f\d+)\(")
 
 
-class Source(NamedTuple):
-    """Static functions in C, and the name of each function among them."""
-
-    text: str
-    names: dict[str, str]
-
-
-def casadi_source(functions: Sequence[casadi.Function]) -> Source:
-    """Return the bodies of functions, as static functions without state.
+def casadi_source(functions: Sequence[casadi.Function]) -> tuple[str, dict[str, str]]:
+    """Return the bodies of functions as static ones without state, and their names by function.
 
     A function gets pointers to its inputs and outputs, and its scratch from the caller: integers
     ``iw`` and numbers ``w`` of the sizes ``sz_iw`` and ``sz_w``. It allocates nothing.
@@ -53,7 +45,7 @@ def casadi_source(functions: Sequence[casadi.Function]) -> Source:
     # Names are private to the file, and unused arguments are no warnings.
     text = _HELPER.sub(r"static \1 \2", text)
     text = _HEAD.sub(r"\1  (void)arg; (void)res; (void)iw; (void)w; (void)mem;\n", text)
-    return Source(text + "\n", {function.name(): names[function.name()] for function in functions})
+    return text + "\n", {function.name(): names[function.name()] for function in functions}
 
 
 #: Size of an argument in terms of macros; that of others is written as a number.
@@ -80,26 +72,16 @@ _EXTENTS = {
 
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """Arm and controller of an export.
+    """Arm of an export with its functions, and the controller and the observer with theirs."""
 
-    Attributes:
-        name: prefix of all names in C, and name of the files.
-        arm: the arm.
-        parameters: paths of the parameters. nominal: their values in the arm.
-        functions: of the arm.
-        controller: the controller with its functions, or None.
-        observer: the observer with its functions, or None.
-        largest_step: longest stable step about straight links, s.
-    """
-
-    name: str
+    name: str  # prefix of all names in C, and name of the files
     arm: Arm
-    parameters: Sequence[str]
-    nominal: FloatArray
-    functions: Sequence[NamedFunction]
+    parameters: Sequence[str]  # their paths
+    nominal: FloatArray  # values of the parameters in the arm
+    functions: Sequence[NamedFunction]  # of the arm
     controller: TracedController | None
     observer: Observer | None
-    largest_step: float
+    largest_step: float  # longest stable step about straight links, s
 
     @property
     def all_functions(self) -> list[NamedFunction]:
@@ -225,18 +207,15 @@ def header(export: Exported) -> str:
     lines += [f"#define {export.macro('LARGEST_STEP')} {export.largest_step!r}", ""]
     if export.parameters:
         lines += _parameters(export)
-    for function in export.functions:
-        lines += [_comment(export, function), _declared(export, function), ""]
+    lines += _declarations(export, export.functions)
     if export.controller:
         lines += ["/* Time from one call of the controller to the next, s. */"]
         lines += [f"#define {export.macro('SAMPLE_TIME')} {export.controller.sample_time!r}", ""]
-        for function in export.controller.functions:
-            lines += [_comment(export, function), _declared(export, function), ""]
+        lines += _declarations(export, export.controller.functions)
     if export.observer:
         lines += [_of_observer(export, export.observer)]
         lines += [f"#define {export.macro('OBSERVER_TIME')} {export.observer.sample_time!r}", ""]
-        for function in export.observer.functions:
-            lines += [_comment(export, function), _declared(export, function), ""]
+        lines += _declarations(export, export.observer.functions)
     lines += ["#ifdef __cplusplus", "}", "#endif", "", "#endif", ""]
     return "\n".join(lines)
 
@@ -285,21 +264,23 @@ def _comment(export: Exported, function: NamedFunction) -> str:
     return "\n".join([f"/* {function.summary}{count}", " *", *rows, " */"])
 
 
-def _declared(export: Exported, function: NamedFunction) -> str:
-    return prototype(f"{export.name}_{function.name}", export.arguments(function)) + ";"
+def _declarations(export: Exported, functions: Iterable[NamedFunction]) -> Iterator[str]:
+    for function in functions:
+        declared = prototype(f"{export.name}_{function.name}", export.arguments(function)) + ";"
+        yield from (_comment(export, function), declared, "")
 
 
 def source(export: Exported) -> str:
     """Return the text of the source file."""
-    found = casadi_source([one.function for one in export.all_functions])
+    text, names = casadi_source([function.function for function in export.all_functions])
     parts = [origin(f"{export.name}.c", f"see {export.name}.h") + " */"]
-    parts += [f'#include "{export.name}.h"\n', found.text]
+    parts += [f'#include "{export.name}.h"\n', text]
     if export.parameters:
         parts.append(array(f"const double {export.name}_nominal", export.nominal))
     for name, values in (export.controller.defaults if export.controller else {}).items():
         parts.append(array(f"static const double {name}_at_rest", values))
     for function in export.all_functions:
-        parts.append(_wrapper(export, function, found.names[function.function.name()]))
+        parts.append(_wrapper(export, function, names[function.function.name()]))
     return "\n".join(parts)
 
 

@@ -120,12 +120,7 @@ class PressedInputs(ReferenceInputs):
 
 
 class StaticBending:
-    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance.
-
-    Args:
-        planned: the nominal motion in advance.
-        correction: symbols of ``StrainDamping.strain_correction``.
-    """
+    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance."""
 
     def __init__(self, planned: Any, correction: Any) -> None:
         self._planned, self._correction = planned, correction
@@ -228,19 +223,13 @@ _MOST_MEMORY = 500
 
 @dataclass(frozen=True, eq=False)
 class TracedController:
-    """Functions of a controller.
+    """Functions of a controller."""
 
-    Attributes:
-        controller: the controller, which is not modified.
-        functions: ``controller_start`` and ``controller_update``; only the latter without memory.
-        memory: size of the memory between samples.
-        defaults: values of inputs whose pointer is NULL, by name.
-    """
-
-    controller: Controller
+    controller: Controller  # not modified
+    #: ``controller_start`` and ``controller_update``; only the latter without memory.
     functions: tuple[NamedFunction, ...]
-    memory: int
-    defaults: Mapping[str, FloatArray]
+    memory: int  # its size between samples
+    defaults: Mapping[str, FloatArray]  # values of inputs whose pointer is NULL, by name
 
     @property
     def sample_time(self) -> float:

@@ -447,9 +447,9 @@ _OTHER_INPUTS = {
 class _Variable:
     """Variable of an FMU; its value reference is its place in the list of all variables."""
 
-    name: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
-    unit: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
-    description: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
+    name: str  # as in ``flexarm.simulation.run.channels``
+    unit: str  # likewise; may be empty
+    description: str  # likewise
     causality: str  # "independent", "input", "parameter", "output" or "local"
     variability: str = "continuous"  # "continuous", "discrete" or "fixed"
     start: float | None = None  # initial value; None for computed variables

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -307,8 +307,6 @@ class _Spectra(NamedTuple):
 
 def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _Spectra:
     """Return the spectra of whole periods (s) of a record, without a drift between periods."""
-    from scipy.signal import csd
-
     rate, values = record.rate, _signals(record)
     size = round(period * rate)
     if size < _FEWEST or abs(period * rate - size) > _WHOLE:
@@ -326,17 +324,19 @@ def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _S
         slope = ends / ((count - 1) * size)
         values = values - slope[:, None] * np.arange(count * size)
         _warn_of_other_period(values[: len(record.inputs)], count, period)
-    frequency, found = csd(
-        values[:, None],
-        values[None],
-        fs=rate,
-        window="boxcar",
-        nperseg=size,
-        noverlap=0,
-        detrend=False,
-        scaling="spectrum",
-    )
-    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), float(count))
+    transform = {"window": "boxcar", "nperseg": size, "noverlap": 0, "detrend": False}
+    return _Spectra(*_cross_spectra(values, rate, transform), float(count))
+
+
+def _cross_spectra(
+    values: FloatArray, rate: float, transform: dict[str, Any]
+) -> tuple[FloatArray, _ComplexArray]:
+    """Return frequencies (F,) Hz and the spectra (F, n, n) of signals (n, samples)."""
+    from scipy.signal import csd
+
+    pairs = values[:, None], values[None]
+    frequency, spectra = csd(*pairs, fs=rate, scaling="spectrum", **transform)
+    return frequency, np.moveaxis(spectra, -1, 0).transpose(0, 2, 1)
 
 
 def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None:
@@ -353,8 +353,6 @@ def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None
 
 def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float) -> _Spectra:
     """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch)."""
-    from scipy.signal import csd
-
     rate = record.rate
     values = _signals(record)[:, int(np.ceil(start * rate - _WHOLE)) :]
     length = values.shape[1]
@@ -365,19 +363,10 @@ def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float
     if not _FEWEST <= size <= length:
         rule = f"have {_FEWEST} to {length} samples"
         raise InputError(Problem("segment", rule, shown(size)))
-    frequency, found = csd(
-        values[:, None],
-        values[None],
-        fs=rate,
-        window="hann",
-        nperseg=size,
-        noverlap=size // 2,
-        detrend="linear",
-        scaling="spectrum",
-    )
+    transform = {"window": "hann", "nperseg": size, "noverlap": size // 2, "detrend": "linear"}
     count = (length - size // 2) // (size - size // 2)
     averages = count / (1.0 + 2.0 * _OVERLAP**2 * (1.0 - 1.0 / count))
-    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), averages)
+    return _Spectra(*_cross_spectra(values, rate, transform), averages)
 
 
 def _signals(record: MeasuredRecord) -> FloatArray:

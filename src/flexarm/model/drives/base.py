@@ -28,23 +28,15 @@ REQUIRED = Parameter.empty
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """One parameter of a class.
-
-    Attributes:
-        name: its name.
-        annotation: type, with bounds. source: the type in the source code.
-        given: default, a field, or ``REQUIRED``.
-        keyword_only: whether it is a keyword argument.
-        owner: class that declares it. inherited: its declaration in a base of that class.
-    """
+    """One parameter of a class."""
 
     name: str
-    annotation: Any
-    source: str
-    given: Any
+    annotation: Any  # type, with bounds
+    source: str  # the type in the source code
+    given: Any  # default, a field, or ``REQUIRED``
     keyword_only: bool
-    owner: type
-    inherited: Declared | None
+    owner: type  # class that declares it
+    inherited: Declared | None  # its declaration in a base of that class
 
     @cached_property
     def field(self) -> FieldInfo:

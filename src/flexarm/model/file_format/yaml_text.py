@@ -299,17 +299,11 @@ _TAGS = {*_SCALARS, *(_TAG + name for name in ("str", "seq", "map", "merge"))}
 
 @dataclass(frozen=True)
 class Change:
-    """A value at a key path of a file.
+    """A value at a key path of a file."""
 
-    Attributes:
-        origin: the option with its value, in place of the line of the file in messages.
-        path: the key path.
-        value: plain value in place of the one of the file.
-    """
-
-    origin: str
+    origin: str  # the option with its value, in place of the line of the file in messages
     path: Path
-    value: Any
+    value: Any  # plain value in place of the one of the file
 
 
 def change_of(option: str, text: str) -> Change:

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
-from flexarm.view.plot.drawn_arm import (
+from flexarm.view.plot.drawn_result import (
     STATIONS,
     FloatArray,
     arm_of,
@@ -19,11 +18,12 @@ from flexarm.view.plot.drawn_arm import (
     check_drawable,
     check_magnify,
     deflections,
+    readable_unit,
     rigid_result,
     shapes_of,
 )
-from flexarm.view.plot.selection import readable_unit
 from flexarm.view.plot.style import (
+    AGES,
     BLUE,
     GREY,
     INK,
@@ -39,8 +39,6 @@ from flexarm.view.plot.style import (
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Colours by time: early postures light, late ones dark.
-AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 _MOST = 200
 _SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.selection import (
+from flexarm.view.plot.drawn_result import (
     Signals,
     named_results,
     readable_unit,
@@ -306,20 +306,17 @@ def signals_figure(result: xr.Dataset) -> Sheet:
         grid = sheet.add_gridspec(rows, 2)
         margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
         _draw_tip_path(sheet.add_subplot(grid[0, 0]), result)
-        _draw_channel(sheet.add_subplot(grid[0, 1]), result, "joint_angle")
-        _draw_channel(sheet.add_subplot(grid[1, 0]), result, "link_tip_deflection")
-        _draw_channel(sheet.add_subplot(grid[1, 1]), result, "joint_rate")
-        _draw_energies(sheet.add_subplot(grid[2, 0]), result)
-        _draw_channel(sheet.add_subplot(grid[2, 1]), result, "torque")
-        if "strain" in result:
-            _draw_channel(sheet.add_subplot(grid[3, :]), result, "strain")
+        places = {"joint_angle": grid[0, 1], "link_tip_deflection": grid[1, 0]}
+        places |= {"joint_rate": grid[1, 1], "energy": grid[2, 0], "torque": grid[2, 1]}
+        for name, place in (places | ({"strain": grid[3, :]} if rows == 4 else {})).items():
+            axes = sheet.add_subplot(place)
+            if name == "energy":
+                _draw_energies(axes, result)
+            else:
+                draw_signals(axes, signals_of("result", result, name))
         for axes in sheet.axes:
             place_labels(axes)
     return sheet
-
-
-def _draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
-    draw_signals(axes, signals_of("result", result, name))
 
 
 def draw_signals(axes: Axes, signals: Signals) -> None:

@@ -15,20 +15,21 @@ import numpy as np
 from cycler import cycler
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.selection import BLUE as BLUE
-from flexarm.view.plot.selection import GREEN as GREEN
-from flexarm.view.plot.selection import GREY as GREY
-from flexarm.view.plot.selection import INK as INK
-from flexarm.view.plot.selection import ORANGE as ORANGE
-from flexarm.view.plot.selection import PURPLE as PURPLE
-from flexarm.view.plot.selection import SERIES as SERIES
-from flexarm.view.plot.selection import SKY as SKY
-from flexarm.view.plot.selection import VERMILLION as VERMILLION
+from flexarm.view.plot.drawn_result import BLUE as BLUE
+from flexarm.view.plot.drawn_result import GREEN as GREEN
+from flexarm.view.plot.drawn_result import GREY as GREY
+from flexarm.view.plot.drawn_result import INK as INK
+from flexarm.view.plot.drawn_result import ORANGE as ORANGE
+from flexarm.view.plot.drawn_result import PURPLE as PURPLE
+from flexarm.view.plot.drawn_result import SERIES as SERIES
+from flexarm.view.plot.drawn_result import SKY as SKY
+from flexarm.view.plot.drawn_result import VERMILLION as VERMILLION
 
 #: Lines of the flexible arm, the rigid arm (dashed, as in the paper) and the second-order theory.
 FLEXIBLE: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "label": "flexible"}
@@ -40,6 +41,8 @@ RIGID: dict[str, Any] = {
 }
 SECOND_ORDER: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "label": "second order"}
 
+#: Colours by time: early postures light, late ones dark.
+AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 #: Dots per inch of bitmaps, sufficient for print at the width of a column.
 DPI = 200
 #: Dots per inch of windows and notebooks.

@@ -37,14 +37,18 @@ from flexarm.view.plot.animation.scene import (
     surroundings,
     thin,
 )
-from flexarm.view.plot.drawn_arm import (
+from flexarm.view.plot.drawn_result import (
+    USUAL,
+    Signals,
     arm_of,
     check_drawable,
     check_magnify,
+    readable_unit,
     rigid_result,
     scenario_of,
+    several,
+    signals_of,
 )
-from flexarm.view.plot.selection import USUAL, Signals, readable_unit, several, signals_of
 
 #: Longest file that is shown in full, and longest link to save one, characters. Tables of torques
 #: may take megabytes.

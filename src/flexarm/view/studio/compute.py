@@ -29,8 +29,7 @@ from flexarm.model import PlantSpec
 from flexarm.model.plausible import implausible
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
-from flexarm.view.plot.drawn_arm import rigid_result
-from flexarm.view.plot.selection import Signals, several
+from flexarm.view.plot.drawn_result import Signals, rigid_result, several
 from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
 

@@ -32,8 +32,17 @@ from flexarm.view.plot.animation.scene import (
     surroundings,
     thin,
 )
-from flexarm.view.plot.drawn_arm import arm_of, check_drawable, check_magnify, rigid_result
-from flexarm.view.plot.selection import GREY, INK, SERIES, named_results, several
+from flexarm.view.plot.drawn_result import (
+    GREY,
+    INK,
+    SERIES,
+    arm_of,
+    check_drawable,
+    check_magnify,
+    named_results,
+    rigid_result,
+    several,
+)
 
 if TYPE_CHECKING:
     import xarray as xr

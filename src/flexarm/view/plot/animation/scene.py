@@ -21,8 +21,15 @@ from flexarm.cases.scenario.motions import motion_of
 from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference
-from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, scenario_of, shapes_of
-from flexarm.view.plot.selection import Signals, series_colors
+from flexarm.view.plot.drawn_result import (
+    FloatArray,
+    RigidMotion,
+    Signals,
+    at_times,
+    scenario_of,
+    series_colors,
+    shapes_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
