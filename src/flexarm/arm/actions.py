@@ -304,16 +304,11 @@ class Environment:
 
     Public functions take them as separate arguments and combine them at once with ``of``; all
     other functions pass the environment on.
-
-    Attributes:
-        loads: forces and moments, including the force at the tip.
-        base_acceleration: acceleration of the base; None for a base at rest.
-        contacts: contacts of points of the arm with surfaces.
     """
 
-    loads: Sequence[Load] = ()
-    base_acceleration: BaseAcceleration | None = None
-    contacts: Sequence[Contact] = ()
+    loads: Sequence[Load] = ()  # forces and moments, including the force at the tip
+    base_acceleration: BaseAcceleration | None = None  # None for a base at rest
+    contacts: Sequence[Contact] = ()  # of points of the arm with surfaces
 
     @classmethod
     def of(

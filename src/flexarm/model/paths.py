@@ -18,14 +18,10 @@ _PART = re.compile(r"\.?([A-Za-z_](?:\w| (?=\w))*)|\[(\d{1,6})\]")
 
 
 def number_at(name: str, record: Record, path: object, whole: str = "arm") -> float:
-    """Return the number at a path.
-
-    Args:
-        name: name of the argument, and whole: name of the record, for messages.
+    """Return the number at a path; ``name`` is the argument, ``whole`` the record, for messages.
 
     Raises:
-        InputError: if the record has no such path, or its value is not a floating-point number but
-            None, an integer, a boolean or text.
+        InputError: if the record has no such path, or its value is not a floating-point number.
     """
     rule = f"be the path of a number of the {whole}"
     if not isinstance(path, str):

@@ -106,15 +106,10 @@ def maps_names(annotation: Any) -> bool:
 def in_si(
     data: Mapping[str, Any], unit_of_field: Callable[[str], tuple[str, bool]]
 ) -> tuple[Mapping[str, Any], dict[Path, Fault]]:
-    """Convert the numbers with units in the raw input of a record.
+    """Return the raw input of a record with plain numbers, and the faults of units by their paths.
 
-    Args:
-        unit_of_field: returns the unit of a field, empty if it has none, and whether its value
-            maps names to numbers; called for values that contain a number with a unit.
-
-    Returns:
-        The input with plain numbers, and the faults of units by their paths; text with a fault is
-        unchanged.
+    ``unit_of_field`` returns the unit of a field, empty if it has none, and whether its value maps
+    names to numbers. Text with a fault is unchanged.
     """
     faults: dict[Path, Fault] = {}
     changed = {}

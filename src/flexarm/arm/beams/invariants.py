@@ -35,55 +35,37 @@ class LinkConstants:
     tangent. mu is the mass per length, rho I the rotary inertia per length. Over these shapes the
     mass matrix of the link is the identity and its stiffness diag(w2). Arrays are read-only.
 
-    Attributes:
-        length: L (m).
-        mass: integral of mu (kg).
-        first_moment: integral of mu x (kg m).
-        inertia: integral of mu x^2 + rho I (kg m^2), about the root.
-        S: (m,) integral of mu Phi.
-        a: (m,) integral of mu x Phi + rho I Psi.
-        P: (m,) Phi at the tip.
-        dP: (m,) Psi at the tip.
-        w2: (m,) stiffness (rad^2/s^2), increasing.
-        rotary: (m, m) integral of rho I Psi Psi^T, contained in the identity above.
-        D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
-        D1: (m, m) integral of mu x g(x).
-        residual_inertia: (3,) inertia of the residuals of a rigid translation and rotation about
-            the root, after subtracting their best approximation by the shapes: translation,
-            coupling, rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
-        residual_tip: (2, 2) tip deflection and rotation (rows) of the residuals of a unit
-            translation and rotation (columns).
-        G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
-        basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
-            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is omitted.
-        projector: (m, 2 * elements) `basis^T M`, the mass-orthogonal projection of nodal values.
-        shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
-        interior: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0.
-        table: section properties along the link, from which the constants are computed.
-
     A rigid link has m = 0 and the same arrays, which are then empty.
     """
 
-    length: float
-    mass: float
-    first_moment: float
-    inertia: float
-    S: FloatArray
-    a: FloatArray
-    P: FloatArray
-    dP: FloatArray
-    w2: FloatArray
-    rotary: FloatArray
+    length: float  # L (m)
+    mass: float  # integral of mu (kg)
+    first_moment: float  # integral of mu x (kg m)
+    inertia: float  # integral of mu x^2 + rho I (kg m^2), about the root
+    S: FloatArray  # (m,) integral of mu Phi
+    a: FloatArray  # (m,) integral of mu x Phi + rho I Psi
+    P: FloatArray  # (m,) Phi at the tip
+    dP: FloatArray  # (m,) Psi at the tip
+    w2: FloatArray  # (m,) stiffness (rad^2/s^2), increasing
+    rotary: FloatArray  # (m, m) integral of rho I Psi Psi^T, contained in the identity above
+    #: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x
     D0: FloatArray
-    D1: FloatArray
-    G: FloatArray
+    D1: FloatArray  # (m, m) integral of mu x g(x)
+    G: FloatArray  # (m, m) g(L): a bent link is shorter by eta^T G eta / 2 along its root tangent
+    #: (3,) inertia of the residuals of a rigid translation and rotation about the root, after
+    #: subtracting their best approximation by the shapes: translation, coupling, rotation (kg,
+    #: kg m, kg m^2); theory page "recursion", (R.6)
     residual_inertia: FloatArray
+    #: (2, 2) tip deflection and rotation (rows) of the residuals of a unit translation and rotation
     residual_tip: FloatArray
+    #: (2 * elements, m) shapes at the nodes: `basis @ eta` is `[v_2, phi_2, v_3, phi_3, ...]`
+    #: (m, rad); the clamped root is omitted
     basis: FloatArray
-    projector: FloatArray
-    shear_parameter: FloatArray
+    projector: FloatArray  # (m, 2 * elements) `basis^T M`, mass-orthogonal, of nodal values
+    shear_parameter: FloatArray  # (elements,) 12 EI / (k G A h^2) of each element; 0 without shear
+    #: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0
     interior: FloatArray
-    table: BeamTable
+    table: BeamTable  # from which the constants are computed
 
     def __post_init__(self) -> None:
         m = self.w2.size

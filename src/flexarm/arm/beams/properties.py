@@ -96,21 +96,15 @@ class BeamTable:
     """Section properties at stations from the root (0) to the tip, linear in between.
 
     The conditions are those of `model.arm.links.Link`, which checks them.
-
-    Attributes:
-        x: (p,) stations (m), p >= 2, from 0, strictly increasing; the last one is the length.
-        flexural_rigidity: (p,) EI (N m^2), positive.
-        mass_per_length: (p,) mu (kg/m), not negative; positive somewhere unless it may be massless.
-        rotary_inertia_per_length: (p,) rho I (kg m), not negative; without shear, zero is
-            an Euler-Bernoulli beam, otherwise a Rayleigh beam.
-        shear_rigidity: (p,) k G A (N), positive: Timoshenko beam; None: sections stay normal to
-            the axis.
     """
 
-    x: FloatArray
-    flexural_rigidity: FloatArray
-    mass_per_length: FloatArray
+    x: FloatArray  # (p,) stations (m), p >= 2, from 0, strictly increasing to the length
+    flexural_rigidity: FloatArray  # (p,) EI (N m^2), positive
+    mass_per_length: FloatArray  # (p,) mu (kg/m), not negative; only a massless link has none
+    #: (p,) rho I (kg m), not negative; without shear, zero is an Euler-Bernoulli beam, otherwise a
+    #: Rayleigh beam
     rotary_inertia_per_length: FloatArray
+    #: (p,) k G A (N), positive: Timoshenko beam; None: sections stay normal to the axis
     shear_rigidity: FloatArray | None = None
 
     @property

@@ -274,17 +274,10 @@ def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
 def replay(
     arm: Arm, traced: TracedController, readings: dict[str, FloatArray]
 ) -> tuple[dict[str, FloatArray], FloatArray]:
-    """Update a controller with recorded readings, along a motion of all joints.
+    """Return inputs (samples, size) by name and torques (samples, joints) of recorded readings.
 
     The motion passes the grid of postures of a controller with a schedule, and the recorded angles
-    are moved with it.
-
-    Returns:
-        The inputs of the exported function (samples, size) by name, and the torques (samples,
-        joints).
-
-    Raises:
-        InputError: if the step depends on attributes that it changes.
+    are moved with it. InputError if the step depends on attributes that it changes.
     """
     mine: Any = deepcopy(traced.controller)
     mine.reset()
@@ -332,9 +325,7 @@ def replay(
 class SlowRun:
     """Reference that passes a grid of postures in few samples, at the torques of a slow motion.
 
-    Args:
-        arm: the arm. ends: (2, joints) rad, the first and the last posture of the grid.
-        duration: s, from before the first posture until after the last one.
+    ``ends`` (2, joints) rad are the first and the last posture; the ``duration`` (s) includes both.
     """
 
     vectorized = True
@@ -392,12 +383,7 @@ def contact_readings(controller: object, count: int) -> FloatArray:
 class PressedRun:
     """Reference with a motion of the joints, and with and without a force and a surface.
 
-    Args:
-        motion: motion of the joints.
-        controller: controller of the tip, whose nominal force and speed are exceeded.
-        count: number of samples.
-        bent: factor of the joint motion.
-        friction: coefficient of friction of the motion.
+    Nominal force and speed of the controller are exceeded; ``bent`` is a factor of the motion.
     """
 
     def __init__(

@@ -276,11 +276,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
 
 
 def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, int]:
-    """Evaluate a law over symbols, along all paths through its conditions.
-
-    Returns:
-        The symbols; results of the first sample and of later ones; the size of the memory.
-    """
+    """Return symbols, results of the first sample and of later ones, and the size of the memory."""
     symbols, sizes = _Inputs(), reading_sizes(arm)
     first_inputs = _planned_shapes(law, arm)
     table = gain_table(law)
@@ -433,14 +429,8 @@ class GainTable:
     """Gains at the nodes of a grid of postures, which exported code interpolates in a loop.
 
     The traced step has symbols for the gains at its posture, the ``view``, and returns this posture
-    as ``stored``.
-
-    Args:
-        depth: number of controllers around the one with the table.
-        table: the table.
-
-    Attributes:
-        ends: (2, joints) rad, the first and the last posture of the grid.
+    as ``stored``. ``depth`` controllers are around the one with the table; ``ends`` (2, joints) rad
+    are the first and the last posture of the grid.
     """
 
     def __init__(self, depth: int, table: Interpolated) -> None:

@@ -209,18 +209,10 @@ def branched(evaluate: Callable[[], Mapping[str, Any]]) -> dict[str, Any]:
     """Evaluate a function along all paths through its conditions, and merge the results.
 
     Each evaluation follows one path. A result that is NaN on one side of a condition has no effect
-    on the other. The built-in functions ``min`` and ``max`` of symbols are not conditions.
-
-    Args:
-        evaluate: function that returns CasADi columns by name. It uses the same symbols in each
-            call, and has no other effect.
-
-    Returns:
-        The merged columns, by name.
-
-    Raises:
-        SymbolError: if there are more than `MOST_PATHS` paths, or the sizes of the results differ
-            between paths, or two evaluations have different conditions after the same decisions.
+    on the other. The built-in functions ``min`` and ``max`` of symbols are not conditions. The
+    function returns CasADi columns by name, uses the same symbols in each call, and has no other
+    effect. SymbolError if there are more than `MOST_PATHS` paths, sizes of results differ between
+    paths, or two evaluations have different conditions after the same decisions.
     """
     found: list[tuple[_Decisions, Mapping[str, Any]]] = []
     given: Sequence[bool] | None = ()
