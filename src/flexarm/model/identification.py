@@ -30,6 +30,11 @@ from flexarm.model.quantities import (
 from flexarm.model.wording import Fault, Path
 
 
+def _by_key(key: str) -> Callable[[Any], Any]:
+    """Return a function that converts text to the mapping of the key for which it stands."""
+    return lambda value: {key: value} if isinstance(value, str) else value
+
+
 class FreeParameter(Record, kw_only=False):
     """A number of an arm or of its motors that is estimated from measured records.
 
@@ -117,11 +122,6 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
-def _column(value: Any) -> Any:
-    """Convert the name of a column to the mapping that it stands for."""
-    return {"column": value} if isinstance(value, str) else value
-
-
 class Column(Record, kw_only=False):
     """A column of a file of measurements; its values become ``gain * value + offset``."""
 
@@ -135,12 +135,11 @@ class Column(Record, kw_only=False):
     """Constant added after the factor."""
 
 
-def _filters(value: Any) -> Any:
-    """Convert a single filter to a list of filters."""
-    return [value] if isinstance(value, dict | Filter) else value
-
-
-Filters = Annotated[Listed[Filter], BeforeValidator(_filters)]
+#: A list of filters, or a single one.
+Filters = Annotated[
+    Listed[Filter],
+    BeforeValidator(lambda value: [value] if isinstance(value, dict | Filter) else value),
+]
 
 
 class RecordSettings(Record):
@@ -178,7 +177,7 @@ class RecordFile(RecordSettings):
 
     file: Word
     """Path of the .csv, .mat, .nc or .parquet file, relative to this file."""
-    channels: Mapped[Annotated[Column, BeforeValidator(_column)]] = Field(
+    channels: Mapped[Annotated[Column, BeforeValidator(_by_key("column"))]] = Field(
         default={}, validate_default=True
     )
     """Columns by channel, such as joint_angle_1 or tip_x; by default the columns whose names are
@@ -238,11 +237,6 @@ class FitSettings(Record):
     """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
 
 
-def _parameter(value: Any) -> Any:
-    """Convert the path of a parameter to the mapping that it stands for."""
-    return {"path": value} if isinstance(value, str) else value
-
-
 class IdentificationStudy(Record):
     """Estimation of parameters of an arm from measured records."""
 
@@ -254,7 +248,7 @@ class IdentificationStudy(Record):
     """Records that are fitted, by name."""
     validation: Mapped[RecordFile] = Field(default={}, validate_default=True)
     """Records that are predicted with the estimates and not fitted, by name."""
-    free: Listed[Annotated[FreeParameter, BeforeValidator(_parameter)]]
+    free: Listed[Annotated[FreeParameter, BeforeValidator(_by_key("path"))]]
     """Parameters to estimate: their paths, or mappings with a path."""
     fit: FitSettings = FitSettings()
     """Settings of the fit."""

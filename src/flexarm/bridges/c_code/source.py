@@ -315,7 +315,8 @@ def _wrapper(export: Exported, function: NamedFunction, body: str) -> str:
         lines.append(f"    double memory_next[{export.macro(memory)}];")
         lines.append("    int k;")
     lines += _scratch(function, given, written)
-    lines.append(f"    (void){body}(arg, res, {_iw(function)}, {_w(function)}, 0);")
+    scratch = ("iw" if own.sz_iw() else "0", "w" if own.sz_w() else "0")
+    lines.append(f"    (void){body}(arg, res, {', '.join(scratch)}, 0);")
     if memory:
         lines.append(f"    for (k = 0; k < {export.macro(memory)}; ++k) {{")
         lines += [f"        {memory}[k] = memory_next[k];", "    }"]
@@ -344,11 +345,3 @@ def _scratch(function: NamedFunction, given: Iterable[str], written: Iterable[st
     if own.sz_w():
         lines.append(f"    double w[{own.sz_w()}];")
     return lines
-
-
-def _iw(function: NamedFunction) -> str:
-    return "iw" if function.function.sz_iw() else "0"
-
-
-def _w(function: NamedFunction) -> str:
-    return "w" if function.function.sz_w() else "0"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
 
-from flexarm.base.errors import InputError, shown
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.environment.loads import TimeTable, is_table
@@ -33,10 +33,6 @@ def _course(value: Any) -> str:
     return "<table>" if isinstance(plain(value), dict | ValueTable) else "<number>"
 
 
-def _time_or_event(value: Any) -> str:
-    return "<event>" if isinstance(value, str) else "<time>"
-
-
 if TYPE_CHECKING:
     Course = float | ValueTable | Callable[[float], float] | tuple[Any, Any]
     TimeOrEvent = float | str
@@ -49,7 +45,7 @@ else:
     ]
     TimeOrEvent = Annotated[
         Annotated[NonNegative, Tag("<time>")] | Annotated[Word, Tag("<event>")],
-        Discriminator(_time_or_event),
+        Discriminator(lambda value: "<event>" if isinstance(value, str) else "<time>"),
     ]
 
 
@@ -108,12 +104,8 @@ def original_number(arm: ArmSpec, change: Change) -> float:
     found = number_at("path", arm, change.path)
     if change.path.endswith((".length", ".hub_radius", ".station", ".distance")):
         rule = "be a number that may change during a run"
-        raise InputError(_problem("path", rule, change.path))
+        raise InputError(Problem("path", rule, shown(change.path)))
     return found
-
-
-def _problem(name: str, rule: str, value: object) -> Any:
-    return Fault((name,), rule, shown(value)).problem()
 
 
 def numbers_of(change: Change, original: float) -> list[float]:

@@ -77,17 +77,13 @@ def _is_function(value: Any) -> bool:
     return callable(value) and not isinstance(value, type)
 
 
-def _table_or_function(value: Any) -> str:
-    return "<function>" if _is_function(value) else "<table>"
-
-
 if TYPE_CHECKING:
     Factor = FactorTable | Callable[[float], float] | tuple[Any, Any]
 else:
     Factor = Annotated[
         Annotated[FactorTable, Tag("<table>")]
         | Annotated[SkipJsonSchema[Callable[[float], float]], Tag("<function>")],
-        Discriminator(_table_or_function),
+        Discriminator(lambda value: "<function>" if _is_function(value) else "<table>"),
     ]
 
 

@@ -307,7 +307,9 @@ def style() -> str:
 def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None) -> str:
     """Return the player, with ``beside`` histories beside the arm, for pages with `style`."""
     # A title may contain "</script>", so write "<" as an escape sequence.
-    text = _as_json(player_data(scenes, fps, speed, beside)).replace("<", "\\u003c")
+    content = player_data(scenes, fps, speed, beside)
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False, default=_listed)
+    text = text.replace("<", "\\u003c")
     place = "document.currentScript.previousElementSibling"
     data = f"JSON.parse({place}.textContent)"
     return (
@@ -341,12 +343,8 @@ def player_data(
     }
 
 
-def _as_json(data: Any) -> str:
-    """Return data as JSON in its shortest form, with null for numbers that are not finite."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False, default=_listed)
-
-
 def _listed(values: FloatArray) -> Any:
+    """Return numbers for JSON, with null for those that are not finite."""
     if np.isfinite(values).all():
         return values.tolist()
     found = values.astype(object)

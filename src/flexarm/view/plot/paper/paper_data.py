@@ -45,12 +45,11 @@ PANELS = (
 )
 
 
-def _file_name(panel: Panel) -> str:
-    return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
-
-
 #: Figures 5 to 16 by file name.
-HISTORY_NAMES = {_file_name(panel): panel for panel in PANELS}
+HISTORY_NAMES = {
+    f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}": panel
+    for panel in PANELS
+}
 #: Names of all the paper's figures.
 FIGURE_NAMES = ("fig03_path", "fig04_torques", *HISTORY_NAMES)
 
