@@ -6,7 +6,7 @@ import time
 import pytest
 from studio_jobs import failure, spelled
 
-from flexarm.view.studio.compute import Worker
+from flexarm.view.studio.worker import Worker
 
 
 class Inbox:

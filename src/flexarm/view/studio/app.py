@@ -28,18 +28,10 @@ from flexarm.model.checks import Record
 from flexarm.model.wording import Path, path_text
 from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot.animation.scene import player_function, style
-from flexarm.view.studio.compute import (
-    Failure,
-    Margins,
-    Part,
-    Picture,
-    Report,
-    Request,
-    Worker,
-    parts_of,
-)
+from flexarm.view.studio.compute import Failure, Margins, Part, Picture, Report, Request, parts_of
 from flexarm.view.studio.panel import Panel
 from flexarm.view.studio.state import History, Project, open_bytes, shown_by
+from flexarm.view.studio.worker import Worker
 
 
 def is_loopback(host: str) -> bool:
