@@ -423,10 +423,7 @@ def report(
     place = None if path is None else check_place("path", path, (".html",))
     wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
     times, fps, speed = clock(result, arm.links)
-    start = float(result["time"].values[0])
-    scene = scene_of(
-        "", arm, result, start + times, wishes, ghost, desired, touched, fitted(histories)
-    )
+    scene = scene_of("", arm, result, times, wishes, ghost, desired, touched, fitted(histories))
     player = fragment([scene], fps, speed, _BESIDE)
     text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
     if place is not None:

@@ -118,7 +118,7 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
         "",
         arm,
         result,
-        float(result["time"].values[0]) + times,
+        times,
         wishes,
         rigid_result(True, arm, result),
         reference,
@@ -128,9 +128,8 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
     texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
-    found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
-    spent = time.perf_counter() - began
-    return Picture(data, texts, found, spent)
+    lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
+    return Picture(data, texts, lowest, time.perf_counter() - began)
 
 
 def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:

@@ -289,7 +289,7 @@ def animate(
                 name,
                 arm,
                 result,
-                float(result["time"].values[0]) + times,
+                times,
                 options,
                 rigid_result(rigid, arm, result),
                 desired,

@@ -91,9 +91,9 @@ def scene_of(
     contacts: Sequence[Contact],
     histories: Sequence[Signals],
 ) -> Scene:
-    """Create the scene of a result at times (F,) s, which may exceed those of the result."""
+    """Create the scene of a result at times (F,) s from its start, also beyond its end."""
     time = result["time"].values
-    now = np.clip(times, time[0], time[-1])
+    now = np.clip(float(time[0]) + times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
     links = shapes_of(arm, q, options.magnify, stations_of(arm.links))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
