@@ -302,5 +302,5 @@ class _Jacobian(KernelView):
     def fill(self, state: FloatArray, torque: FloatArray, placed: Loads) -> None:
         """Compute ``by_state`` and ``by_torque``."""
         self._state[...], self._torque[...] = state, torque
-        found = self.by_state, self.by_torque
-        self.call(forward_jacobian, self._state, self._torque, placed, self.work, *found)
+        jacobians = self.by_state, self.by_torque
+        self.call(forward_jacobian, self._state, self._torque, placed, self.work, *jacobians)

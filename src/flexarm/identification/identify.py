@@ -199,13 +199,13 @@ def identify(
     problem.restore(best)
     table, initial, indistinct = parameters_of(problem, best)
     shared = space.case(None, best.vector)
-    found = Arm(shared.spec)
+    estimated = Arm(shared.spec)
     predicted = [
-        _predicted(run, found, shared.motors, parameters, best, iterations) for run in others
+        _predicted(run, estimated, shared.motors, parameters, best, iterations) for run in others
     ]
     fit = fits_of(runs, best.outputs)
     result = Identification(
-        arm=found,
+        arm=estimated,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
         motors=shared.motors,
         parameters=table,
@@ -401,11 +401,11 @@ class PreparedIdentification:
         self._validation = self._read("validation")
 
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
-        found = {}
+        measured = {}
         for name, description in getattr(self.study, key).items():
             with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
-                found[name] = record_of_file(description, self._folder / description.file)
-        return found
+                measured[name] = record_of_file(description, self._folder / description.file)
+        return measured
 
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""

@@ -253,13 +253,13 @@ def _uniform(
         raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
     count = int(samples)
     grid = times[0] + np.arange(count) / rate
-    found = {}
+    resampled = {}
     for label, column in columns.items():
         values = column[inside]
         if rate * typical < 1.0 / _GAP:
             values = _without_fast(values, times, rate)
-        found[label] = _interpolated(grid, times, values, typical)
-    return grid - times[0], found
+        resampled[label] = _interpolated(grid, times, values, typical)
+    return grid - times[0], resampled
 
 
 def _rounded(rate: float) -> float:

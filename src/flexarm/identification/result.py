@@ -382,13 +382,13 @@ class Identification:
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Return the table of parameters: path, start, estimate, standard deviation, remark."""
-        found = []
+        table = []
         for name in self.parameters["parameter"].values.tolist():
             one = self.parameters.sel(parameter=name)
             numbers = (float(one[k]) for k in ("start", "estimate", "standard_deviation"))
             remark = "at its bound" if bool(one["at_bound"]) else ""
-            found.append((name, *(f"{value:.5g}" for value in numbers), remark))
-        return found
+            table.append((name, *(f"{value:.5g}" for value in numbers), remark))
+        return table
 
     @property
     def remarks(self) -> list[str]:
@@ -428,7 +428,7 @@ _TESTS = ("whiteness", "independence")
 
 def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
     """Return the table of a fit: record, channel, percent, RMS, and both tests."""
-    found = []
+    table = []
     for record in fits["record"].values.tolist():
         for channel in fits["channel"].values.tolist():
             one = fits.sel(record=record, channel=channel)
@@ -436,8 +436,8 @@ def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:
                 continue
             tests = (_verdict(float(one[k])) for k in _TESTS)
             numbers = f"{float(one['fit']):.2f}", f"{float(one['rms']):.3g}"
-            found.append((record, channel, *numbers, *tests))
-    return found
+            table.append((record, channel, *numbers, *tests))
+    return table
 
 
 def _verdict(probability: float) -> str:

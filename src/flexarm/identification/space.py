@@ -77,8 +77,8 @@ class Space:
                 problems.append(Problem(name, f"repeats {parameter.path}"))
                 continue
             seen.add(parameter.path)
-            found = problems_of(self._number, name, parameter.path)
-            problems += found or self._start_problems(name, parameter)
+            refusals = problems_of(self._number, name, parameter.path)
+            problems += refusals or self._start_problems(name, parameter)
             if not problems:
                 slots += self._slots_of(parameter)
         if problems:
@@ -147,8 +147,8 @@ class Space:
 
     def acting_on(self, record: int) -> NDArray[np.intp]:
         """Return the places in the vector that have an effect on a record."""
-        found = [k for k, slot in enumerate(self.slots) if slot.record in (None, record)]
-        return np.array(found, dtype=np.intp)
+        places = [k for k, slot in enumerate(self.slots) if slot.record in (None, record)]
+        return np.array(places, dtype=np.intp)
 
     def case(self, record: int | None, vector: FloatArray) -> Case:
         """Return the meaning of a vector for a record; None: without values of single records."""
@@ -208,7 +208,7 @@ def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> l
 
 def _modes(arm: Arm) -> list[tuple[int, float, float]]:
     """Return place in q, frequency (rad/s) and amplitude of equal energy of the lowest modes."""
-    found = []
+    lowest = []
     for piece in arm.assembly.pieces:
         shapes = piece.shapes
         if not shapes.w2.size:
@@ -217,8 +217,8 @@ def _modes(arm: Arm) -> list[tuple[int, float, float]]:
         first = _BENT * shapes.length / abs(shapes.P[0])
         for k, frequency in enumerate(frequencies.tolist()):
             amplitude = float(first * frequencies[0] / frequency)
-            found.append((piece.first + k, amplitude, frequency))
-    return found
+            lowest.append((piece.first + k, amplitude, frequency))
+    return lowest
 
 
 def in_words(path: str) -> str:

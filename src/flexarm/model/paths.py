@@ -42,8 +42,8 @@ def number_at(name: str, record: Record, path: object, whole: str = "arm") -> fl
         walked = _joined(walked, part)
     if isinstance(value, float):
         return value
-    found = "nothing" if value is None else shown(value)
-    hint = f"It is {found} there." if parts else "An example is 'links[0].flexural_rigidity'."
+    content = "nothing" if value is None else shown(value)
+    hint = f"It is {content} there." if parts else "An example is 'links[0].flexural_rigidity'."
     raise InputError(Problem(name, rule, shown(path), hint))
 
 

@@ -36,8 +36,8 @@ class NamedFunction:
     @property
     def memory(self) -> str | None:
         """Name of the array that the caller keeps between samples, or None."""
-        found = [name for name in self.function.name_out() if name.endswith("memory_out")]
-        return found[0].removesuffix("_out") if found else None
+        names = [name for name in self.function.name_out() if name.endswith("memory_out")]
+        return names[0].removesuffix("_out") if names else None
 
     @property
     def given(self) -> list[str]:
@@ -76,16 +76,16 @@ _STEP_INPUTS = ("q", "qd", "torque", "tip_force", "step", "parameters")
 
 def model_functions(model: CasadiModel) -> list[NamedFunction]:
     """Return all functions of an arm; ``strain`` only if it has gauges."""
-    found = []
+    functions = []
     for name, (output, summary) in _FUNCTIONS.items():
         if name != "strain" or model.arm.gauges:
-            found.append(_of_model(name, output, summary, getattr(model, name)))
+            functions.append(_of_model(name, output, summary, getattr(model, name)))
     q, parameters = _symbol("q", model.tip), _symbol("parameters", model.tip)
     inputs = {"q": q, "parameters": parameters}
     jacobian = casadi.jacobian(model.tip(q, parameters), q)
     summary = "Derivative of the tip by the coordinates: rows x, y, angle."
-    found.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
-    return [*found, _step(model), _step_jacobian(model)]
+    functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
+    return [*functions, _step(model), _step_jacobian(model)]
 
 
 def _symbol(name: str, function: Any) -> Any:

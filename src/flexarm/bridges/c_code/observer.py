@@ -176,11 +176,11 @@ class _Writer:
         nothing = casadi.DM.zeros(self.arm.dof)
         if not any(self.arm.spec.gravity):
             return straight, nothing
-        found, more = self._at_rest(straight, self.nominal), self.filter.payload_deviation
+        bent, more = self._at_rest(straight, self.nominal), self.filter.payload_deviation
         if more == 0.0:
-            return found, nothing
+            return bent, nothing
         more *= SAG_DIFFERENCE
-        return found, (self._at_rest(straight, self.nominal + more) - found) / more
+        return bent, (self._at_rest(straight, self.nominal + more) - bent) / more
 
     def _at_rest(self, q: Any, mass: float) -> Any:
         """Return the coordinates at rest with locked joints."""
@@ -194,8 +194,8 @@ class _Writer:
 
     def _free(self) -> list[int]:
         """Return the places of coordinates that are not joint angles."""
-        found: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
-        return found
+        places: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
+        return places
 
     def _static(self) -> tuple[Any, Any]:
         """Return static force and stiffness of bending, functions of q and payload."""
@@ -203,19 +203,19 @@ class _Writer:
         force = self.model.bias_force(q, casadi.DM.zeros(self.arm.dof), mass)[free]
         slope = casadi.densify(casadi.jacobian(force, q)[:, free])
         functions = ("force", force), ("stiffness", slope)
-        found = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
-        return found[0], found[1]
+        pair = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
+        return pair[0], pair[1]
 
     def _first_variance(self, straight: Any) -> Any:
         """Return the variances (states,) before the first reading; the mass has its own."""
         rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
-        found = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
+        variance = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
         free = self._free()
         if free:
             stiffness = casadi.diag(self._static()[1](straight, self.nominal))
             least = LEAST_STIFFNESS * casadi.mmax(stiffness)
-            found[free] /= casadi.fmax(stiffness, least)
-        return found
+            variance[free] /= casadi.fmax(stiffness, least)
+        return variance
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
         """Return mean, covariance, and its part with the torque error, after a sample time."""
@@ -319,5 +319,5 @@ def _solved(A: Any, B: Any) -> Any:
     """Return the solution of a small symmetric positive definite system by Cholesky's method."""
     a, b = casadi.SX.sym("a", *A.shape), casadi.SX.sym("b", *B.shape)
     root = casadi.chol(a)
-    found = casadi.solve(root, casadi.solve(root.T, b))
-    return casadi.Function("solved", [a, b], [casadi.densify(found)])(A, B)
+    solution = casadi.solve(root, casadi.solve(root.T, b))
+    return casadi.Function("solved", [a, b], [casadi.densify(solution)])(A, B)

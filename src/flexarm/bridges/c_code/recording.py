@@ -92,10 +92,10 @@ def record(export: Exported) -> Recording:
     at = np.arange(SAMPLES) * _STRIDE
     q, qd = run.q.values, run.qd.values
     push = 0.1 * np.sin(np.arange(SAMPLES)[:, None] + np.arange(3.0))
-    found = Recording(
+    recording = Recording(
         step, {"q": q[at], "qd": qd[at], "torque": torque[at], "tip_force": push}, {}, {}
     )
-    _record_arm(found, export, np.hstack([q[at + 1], qd[at + 1]]))
+    _record_arm(recording, export, np.hstack([q[at + 1], qd[at + 1]]))
     if export.controller:
         readings = {
             "joint_angle": run.joint_angle.values[at],
@@ -104,10 +104,10 @@ def record(export: Exported) -> Recording:
             "tip": np.array([arm.tip(one)[:2] for one in q[at]]),
             "contact_force": contact_readings(export.controller.controller, SAMPLES),
         }
-        _record_controller(found, export, readings)
+        _record_controller(recording, export, readings)
     if export.observer:
-        _record_observer(found, export.observer)
-    return found
+        _record_observer(recording, export.observer)
+    return recording
 
 
 def _smoothed(arm: Arm) -> Arm:
@@ -444,12 +444,12 @@ class PressedRun:
 
 def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str, FloatArray]:
     """Return the inputs of an exported controller of the tip at t (s), by name."""
-    found = {
+    inputs = {
         "reference_force": [reference.contact_force(t)],
         "reference_normal": reference.normal(t),
     }
     for prefix, motion in {"reference": reference, "rougher": reference.rougher}.items():
-        found |= {
+        inputs |= {
             f"{prefix}_angle": motion.joint_angle(t),
             f"{prefix}_rate": motion.joint_rate(t),
             f"{prefix}_acceleration": motion.joint_acceleration(t),
@@ -458,9 +458,9 @@ def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str
         }
     if "surface" in planned:
         *path, speed, force_rate = planned["surface"]
-        found |= {
+        inputs |= {
             "path_position": path,
             "path_speed": [speed],
             "reference_force_rate": [force_rate],
         }
-    return {name: np.array(value, dtype=np.float64) for name, value in found.items()}
+    return {name: np.array(value, dtype=np.float64) for name, value in inputs.items()}

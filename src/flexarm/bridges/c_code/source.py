@@ -92,11 +92,11 @@ class Exported:
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes by the names of their macros, without the prefix."""
-        found = {"DOF": self.arm.dof, "JOINTS": self.arm.joints, "GAUGES": len(self.arm.gauges)}
-        found["PARAMETERS"] = len(self.parameters)
+        macros = {"DOF": self.arm.dof, "JOINTS": self.arm.joints, "GAUGES": len(self.arm.gauges)}
+        macros["PARAMETERS"] = len(self.parameters)
         if self.controller:
-            found["MEMORY"] = self.controller.memory
-        return found | (self.observer.sizes if self.observer else {})
+            macros["MEMORY"] = self.controller.memory
+        return macros | (self.observer.sizes if self.observer else {})
 
     def macro(self, name: str) -> str:
         """Return a macro or constant with the prefix."""

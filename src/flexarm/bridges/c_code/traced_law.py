@@ -127,8 +127,8 @@ class StaticBending:
 
     def at(self, t: float, reference: Any) -> Nominal:
         parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
-        found = self._planned.along(*(part(t)[None] for part in parts))
-        static = Nominal(*(rows[0] for rows in found))
+        rows_of_plan = self._planned.along(*(part(t)[None] for part in parts))
+        static = Nominal(*(rows[0] for rows in rows_of_plan))
         return static._replace(shown=static.shown + self._correction)
 
 
@@ -383,9 +383,9 @@ def _functions(
     given = casadi.vertcat(*inputs.symbols.values())
     known = {one.element_hash() for one in casadi.symvar(given)}  # by identity, as names repeat
     for outputs in results:
-        found = casadi.vertcat(*outputs.values())
-        used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(found, s)}
-        if not {one.element_hash() for one in casadi.symvar(found)} <= known:
+        column = casadi.vertcat(*outputs.values())
+        used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(column, s)}
+        if not {one.element_hash() for one in casadi.symvar(column)} <= known:
             raise refusal(controller, "Its step changes attributes of the controller.")
     kind = type(controller).__name__
     summaries = {
@@ -462,10 +462,10 @@ class GainTable:
         none = casadi.MX.zeros(self._lookup.numel_out())
         angles = casadi.vertsplit(posture(**symbols, view=none)["stored"].T)
         places = [_place(*pair) for pair in zip(angles, self._grids, strict=True)]
-        found = inner(**symbols, view=self._lookup(casadi.vertcat(*reversed(places))))
+        outputs = inner(**symbols, view=self._lookup(casadi.vertcat(*reversed(places))))
         kept = [name for name in inner.name_out() if name != "stored"]
         # Functions of C return columns as rows.
-        return named(core.name, core.summary, symbols, {name: found[name].T for name in kept})
+        return named(core.name, core.summary, symbols, {name: outputs[name].T for name in kept})
 
 
 def _place(angle: Any, values: Any) -> Any:

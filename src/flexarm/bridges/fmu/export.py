@@ -272,24 +272,24 @@ def _initial(variable: _Variable) -> str:
 
 
 def _attributes(place: int, variable: _Variable) -> dict[str, str]:
-    found = {"name": variable.name, "valueReference": str(place)}
-    found |= {"description": variable.description, "causality": variable.causality}
-    found["variability"] = variable.variability
+    attributes = {"name": variable.name, "valueReference": str(place)}
+    attributes |= {"description": variable.description, "causality": variable.causality}
+    attributes["variability"] = variable.variability
     if _initial(variable):
-        found["initial"] = _initial(variable)
-    return found
+        attributes["initial"] = _initial(variable)
+    return attributes
 
 
 def _numbers(variable: _Variable, first: int) -> dict[str, str]:
     """Return the attributes of a number; states are counted from ``first``."""
-    found = {"unit": variable.unit} if variable.unit else {}
+    attributes = {"unit": variable.unit} if variable.unit else {}
     if variable.start is not None:
-        found["start"] = repr(variable.start)
+        attributes["start"] = repr(variable.start)
     if variable.nominal is not None:
-        found["nominal"] = repr(variable.nominal)
+        attributes["nominal"] = repr(variable.nominal)
     if variable.state is not None:
-        found["derivative"] = str(variable.state + first)
-    return found
+        attributes["derivative"] = str(variable.state + first)
+    return attributes
 
 
 def _add_structure(root: XML.Element, two: bool, variables: list[_Variable]) -> None:

@@ -255,8 +255,8 @@ def _is_exact(arm: Arm, path: str) -> bool:
         places = arm.assembly.coordinates, changed.assembly.coordinates
         exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
         return np.array_equal(*places) and all(
-            _agree(found.astype(np.float64), expected)
-            for found, expected in zip((*constants, rows), exact, strict=True)
+            _agree(formula.astype(np.float64), expected)
+            for formula, expected in zip((*constants, rows), exact, strict=True)
         )
     return False
 

@@ -37,13 +37,13 @@ class SymbolArray(np.ndarray):
         bases = [one.view(np.ndarray) if isinstance(one, SymbolArray) else one for one in inputs]
         own = _ELEMENTWISE.get(ufunc.__name__) if method == "__call__" else None
         if own is not None:
-            found = np.frompyfunc(own, ufunc.nin, 1)(*bases)
+            result = np.frompyfunc(own, ufunc.nin, 1)(*bases)
         else:
-            found = getattr(ufunc, method)(*bases, **options)
+            result = getattr(ufunc, method)(*bases, **options)
         if out is not None:
-            out[0][...] = found
+            out[0][...] = result
             return out[0]
-        return symbol_array(found) if isinstance(found, np.ndarray) else found
+        return symbol_array(result) if isinstance(result, np.ndarray) else result
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
         # ``where`` would use the truth values of the condition.
@@ -214,16 +214,16 @@ def branched(evaluate: Callable[[], Mapping[str, Any]]) -> dict[str, Any]:
     effect. SymbolError if there are more than `MOST_PATHS` paths, sizes of results differ between
     paths, or two evaluations have different conditions after the same decisions.
     """
-    found: list[tuple[_Decisions, Mapping[str, Any]]] = []
+    evaluations: list[tuple[_Decisions, Mapping[str, Any]]] = []
     given: Sequence[bool] | None = ()
     while given is not None:
-        if len(found) == MOST_PATHS:
+        if len(evaluations) == MOST_PATHS:
             raise SymbolError(f"has more than {MOST_PATHS} paths through its conditions")
         decisions = _Decisions(given)
         with _ONE_AT_A_TIME, _deciding(decisions.decide):
-            found.append((decisions, evaluate()))
+            evaluations.append((decisions, evaluate()))
         given = _next(decisions.taken)
-    return dict(found[0][1]) if len(found) == 1 else _merged(found)
+    return dict(evaluations[0][1]) if len(evaluations) == 1 else _merged(evaluations)
 
 
 def _next(taken: Sequence[bool]) -> list[bool] | None:

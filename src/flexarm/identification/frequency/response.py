@@ -107,11 +107,11 @@ class FrequencyResponse:
             rule = f"contain at least {2 * count + _SPARE} frequencies for {count} modes"
             raise InputError(Problem("band", rule, shown(int(np.count_nonzero(inside)))))
         rates = np.array([MEASURED[one.channel].unit.endswith("/s") for one in self._labels])
-        found = fitted(
+        fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        self._warn_of_poor_fits(found.fit)
-        return MeasuredModes(*found, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
+        self._warn_of_poor_fits(fit.fit)
+        return MeasuredModes(*fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
     def _warn_of_poor_fits(self, fit: FloatArray) -> None:
         poor = [
@@ -389,19 +389,19 @@ def _instrument_response(record: MeasuredRecord, label: Label, hertz: FloatArray
     from scipy.signal import freqz
 
     settings, rate = record.settings, record.rate
-    found = np.exp(-2j * np.pi * hertz * settings.delays.get(label.channel, 0.0))
+    response = np.exp(-2j * np.pi * hertz * settings.delays.get(label.channel, 0.0))
     if label in record.inputs:
         hold = np.sinc(hertz / rate)
         if record.interpolation == "hold":
-            found = found * hold * np.exp(-1j * np.pi * hertz / rate)
+            response = response * hold * np.exp(-1j * np.pi * hertz / rate)
         elif record.interpolation == "linear":
-            found = found * hold**2
+            response = response * hold**2
     for item in settings.filters.get(label.channel, ()):
         if not item.recorded or item.kind == "remove_mean":
             continue
         if item.kind == "gain":
             assert item.factor is not None
-            found = found * item.factor
+            response = response * item.factor
             continue
-        found = found * freqz(*coefficients(item, rate), worN=hertz, fs=rate)[1]
-    return np.asarray(found)
+        response = response * freqz(*coefficients(item, rate), worN=hertz, fs=rate)[1]
+    return np.asarray(response)

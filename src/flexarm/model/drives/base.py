@@ -70,8 +70,8 @@ class Declared:
 def _marker(annotation: Any) -> PerJoint | None:
     if isinstance(annotation, PerJoint):
         return annotation
-    found = [*get_args(annotation), *getattr(annotation, "__metadata__", ())]
-    return next(filter(None, map(_marker, found)), None)
+    parts = [*get_args(annotation), *getattr(annotation, "__metadata__", ())]
+    return next(filter(None, map(_marker, parts)), None)
 
 
 @dataclass_transform(eq_default=False, field_specifiers=(Field,))

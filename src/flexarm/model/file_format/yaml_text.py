@@ -152,10 +152,10 @@ class Document:
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):
-                found = self._entries_of(node).get(str(part))
-                if found is None:
+                entry = self._entries_of(node).get(str(part))
+                if entry is None:
                     break
-                line, node = found[0].start_mark.line, found[1]
+                line, node = entry[0].start_mark.line, entry[1]
             elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
                 node = node.value[part]
                 line = node.start_mark.line

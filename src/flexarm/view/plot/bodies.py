@@ -143,13 +143,13 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     result = check_drawable("result", result)
     count = check_count("count", count, 1, _MOST)
     arm = arm_of("result", result)
-    found = deflections(arm, result)
-    scale, unit = readable_unit("m", found)
-    chosen = np.linspace(0, len(found) - 1, count).round().astype(int)
+    bent = deflections(arm, result)
+    scale, unit = readable_unit("m", bent)
+    chosen = np.linspace(0, len(bent) - 1, count).round().astype(int)
     shown_times = np.linspace(result["time"].values[0], result["time"].values[-1], count)
     along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
     with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
-        low, high = scale * found.min(axis=0), scale * found.max(axis=0)
+        low, high = scale * bent.min(axis=0), scale * bent.max(axis=0)
         for link in range(arm.links):
             label = "range of the run" if link == 0 else "_"
             panel.fill_between(along[link], low[link], high[link], label=label, **_SPAN)
@@ -159,7 +159,7 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
                 named = link == 0 and k in (chosen[0], chosen[-1])
                 label = f"{time:.3g} s" if named else "_"
                 look = {"color": AGES(age), "linewidth": 1.1, "label": label}
-                panel.plot(along[link], scale * found[k, link], **look)
+                panel.plot(along[link], scale * bent[k, link], **look)
         _finish_along(panel, arm, "Deflection from the root tangent", f"deflection [{unit}]")
     return panel
 

@@ -70,18 +70,18 @@ def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
         if plain in CHANNELS:
             hint = _missing_hint(plain)
         raise InputError(Problem(name, "be a channel of the result", shown(channel), hint))
-    found = _all(result, plain)
+    signals = _all(result, plain)
     if not bracket:
-        return found
+        return signals
     component = "".join(part.rstrip("]").split())
-    if component not in found.keys:
-        keys = ", ".join(f"{plain}[{key}]" for key in found.keys[:4])
-        hint = f"Its components are {keys}{', ...' if len(found.keys) > 4 else ''}."
+    if component not in signals.keys:
+        keys = ", ".join(f"{plain}[{key}]" for key in signals.keys[:4])
+        hint = f"Its components are {keys}{', ...' if len(signals.keys) > 4 else ''}."
         raise InputError(Problem(name, "be a component of its channel", shown(channel), hint))
-    k = found.keys.index(component)
-    values = found.values[:, k : k + 1]
-    label, key = found.labels[k : k + 1], found.keys[k : k + 1]
-    return Signals(plain, found.time, values, found.unit, label, key)
+    k = signals.keys.index(component)
+    values = signals.values[:, k : k + 1]
+    label, key = signals.labels[k : k + 1], signals.keys[k : k + 1]
+    return Signals(plain, signals.time, values, signals.unit, label, key)
 
 
 def _missing_hint(name: str) -> str:
@@ -292,8 +292,8 @@ class RigidMotion:
 def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
     """Interpolate values (T, ...) linearly at other times (k,)."""
     flat = values.reshape(len(values), -1)
-    found = [np.interp(times, time, column) for column in flat.T]
-    return np.array(found).T.reshape(len(times), *values.shape[1:])
+    columns = [np.interp(times, time, column) for column in flat.T]
+    return np.array(columns).T.reshape(len(times), *values.shape[1:])
 
 
 def shapes_of(

@@ -86,10 +86,10 @@ def history(
             channel, or Plotly is requested and not installed.
     """
     result = check_dataset("result", result)
-    found = several("channels", channels, result)
+    channels_drawn = several("channels", channels, result)
     if _plotly_requested(backend, axes):
-        return _history_page(found)
-    return _panels(channels, found, axes, draw_signals)
+        return _history_page(channels_drawn)
+    return _panels(channels, channels_drawn, axes, draw_signals)
 
 
 @public_call_as("plot.compare")

@@ -274,8 +274,8 @@ def _checked_axes(axes: object, count: int) -> list[Axes]:
     if len(given) == count and all(isinstance(each, Axes) for each in given):
         return given
     rule = "be Matplotlib axes" if count == 1 else f"be {count} Matplotlib axes, one for each panel"
-    found = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
-    raise InputError(Problem("axes", rule, found))
+    value = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
+    raise InputError(Problem("axes", rule, value))
 
 
 def rows(count: int, **edges: float) -> _Arrange:
@@ -291,6 +291,6 @@ def rows(count: int, **edges: float) -> _Arrange:
 
 def array_of(axes: Sequence[Axes], *shape: int) -> AxesArray:
     """Return axes as an array of the given shape; by default one-dimensional."""
-    found = np.empty(len(axes), dtype=object)
-    found[:] = axes
-    return found.reshape(shape) if shape else found
+    array = np.empty(len(axes), dtype=object)
+    array[:] = axes
+    return array.reshape(shape) if shape else array

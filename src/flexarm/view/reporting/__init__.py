@@ -116,10 +116,10 @@ def render(
 def _model_files(result: xr.Dataset, arm: Arm) -> list[tuple[str, str]]:
     """Return names and texts of the files in a result: the scenario, and the arm if it differs."""
     scenario, text = scenario_of(result), result.attrs.get("scenario")
-    found = [("scenario.yaml", str(text))] if text else []
+    texts = [("scenario.yaml", str(text))] if text else []
     if scenario is None or scenario.arm != arm.spec:
-        found.append(("arm.yaml", str(result.attrs["arm"])))
-    return found
+        texts.append(("arm.yaml", str(result.attrs["arm"])))
+    return texts
 
 
 def file_item(name: str, text: str) -> dict[str, str]:
@@ -168,8 +168,8 @@ def extremes_table(histories: Iterable[Signals]) -> Table:
             if not np.isfinite(values).any():
                 continue
             peak = signals.time[np.nanargmax(np.abs(values))]
-            found = (np.nanmin(values), np.nanmax(values), peak, values[-1])
-            rows.append((f"{name} [{signals.unit}]", *(number(float(value)) for value in found)))
+            numbers = (np.nanmin(values), np.nanmax(values), peak, values[-1])
+            rows.append((f"{name} [{signals.unit}]", *(number(float(value)) for value in numbers)))
     heads = ("", "lowest", "highest", "peak at [s]", "at the end")
     return Table("Extreme values", heads, tuple(rows))
 
@@ -200,14 +200,14 @@ def _tip_error(arm: Arm, reference: Any, result: xr.Dataset) -> _FloatArray:
 
 def energies(result: xr.Dataset) -> dict[str, _FloatArray]:
     """Return the energies of a result over time (T,) J by name, and their sum; zero ones apart."""
-    found = {}
+    parts = {}
     for name in _ENERGIES:
         if name in result:
             values = result[name].values
             values = values.reshape(len(values), -1).sum(axis=1)
             if np.any(values) or name == "kinetic_energy":
-                found[name.removesuffix("_energy")] = values
-    return found | {"sum": np.sum(list(found.values()), axis=0)}
+                parts[name.removesuffix("_energy")] = values
+    return parts | {"sum": np.sum(list(parts.values()), axis=0)}
 
 
 def _energies_table(result: xr.Dataset) -> Table:
@@ -265,22 +265,22 @@ def run_facts(result: xr.Dataset) -> list[tuple[str, str]]:
 
 def key_figures(result: xr.Dataset, arm: Arm, reference: Any) -> list[tuple[str, str, str]]:
     """Return the main numbers of a run: name, value and unit."""
-    found = []
+    figures = []
     if "link_tip_deflection" in result:
         bent = np.abs(result["link_tip_deflection"].values)
-        found.append(("peak tip deflection of a link", number(1e3 * float(bent.max())), "mm"))
+        figures.append(("peak tip deflection of a link", number(1e3 * float(bent.max())), "mm"))
     if reference is not None:
         end = float(_tip_error(arm, reference, result)[-1])
-        found.append(("tip error at the end", number(1e3 * end), "mm"))
+        figures.append(("tip error at the end", number(1e3 * end), "mm"))
     if "torque" in result and result["torque"].size:
-        found.append(("peak torque", number(float(abs(result["torque"].values).max())), "N m"))
+        figures.append(("peak torque", number(float(abs(result["torque"].values).max())), "N m"))
     if "kinetic_energy" in result:
         moving = float(result["kinetic_energy"].values.max())
-        found.append(("peak kinetic energy", number(moving), "J"))
+        figures.append(("peak kinetic energy", number(moving), "J"))
     if "evaluations" in result.attrs:
         count = _worded("{:,}", result.attrs["evaluations"])
-        found.append(("evaluations of the dynamics", count, ""))
-    return found
+        figures.append(("evaluations of the dynamics", count, ""))
+    return figures
 
 
 #: Default channels, of those that a result has, after the usual ones.
@@ -303,13 +303,13 @@ def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> li
     if channels is not None:
         return [few_lines(each) for each in several("channels", channels, result)]
     names = [name for name in (*USUAL, *_FURTHER) if name in result and result[name].size]
-    found = [signals_of("result", result, name) for name in names]
+    histories = [signals_of("result", result, name) for name in names]
     # Twists are zero without elastic joints.
-    found = [each for each in found if each.name != "joint_twist" or np.any(each.values)]
-    found += [_energy_panel(result)] if "kinetic_energy" in result else []
+    histories = [each for each in histories if each.name != "joint_twist" or np.any(each.values)]
+    histories += [_energy_panel(result)] if "kinetic_energy" in result else []
     if reference is not None:
-        found.append(error_panel(result, arm, reference))
-    return [few_lines(each) for each in found]
+        histories.append(error_panel(result, arm, reference))
+    return [few_lines(each) for each in histories]
 
 
 def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> Signals:

@@ -133,8 +133,8 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
 
 
 def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
-    found = several("channels", None, result)
-    return [*found, error_panel(result, arm, reference)] if reference is not None else found
+    histories = several("channels", None, result)
+    return [*histories, error_panel(result, arm, reference)] if reference is not None else histories
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:

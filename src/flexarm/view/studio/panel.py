@@ -64,10 +64,10 @@ class Panel:
 
     def explain(self, path: Path, message: str) -> None:
         """Show a message beside the field of an edit, or remove it if it is empty."""
-        found = self._controls()
+        controls = self._controls()
         value = path[:-1] if path[-1] == FORM else path
-        at = [each for each in found if each.field.path[: len(value)] == value]
-        exact = [each for each in found if each.field.path == path]
+        at = [each for each in controls if each.field.path[: len(value)] == value]
+        exact = [each for each in controls if each.field.path == path]
         for control in (exact or at)[:1]:
             control.explain(message)
 

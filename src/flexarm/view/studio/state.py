@@ -203,7 +203,7 @@ def table_content(text: str, record: Record) -> dict[str, Any]:
     head = _SPACES.split(table_text(record).splitlines()[0])
     if rows and any(isinstance(_value(cell), str) for cell in rows[0]):
         head = rows.pop(0)
-    found: dict[str, Any] = dict.fromkeys(record._columns)
+    columns: dict[str, Any] = dict.fromkeys(record._columns)
     for k, row in enumerate(rows):
         if len(row) != len(head):
             rule = f"have {len(head)} values, one for each name"
@@ -212,11 +212,11 @@ def table_content(text: str, record: Record) -> dict[str, Any]:
         match = _NAME.match(name)
         values = [_value(row[k]) for row in rows]
         if match is None or match[2] is None:
-            found[name] = values
+            columns[name] = values
         else:
-            entries = found.get(match[1]) or [[] for _ in rows]
-            found[match[1]] = [[*old, value] for old, value in zip(entries, values, strict=True)]
-    return {name: values for name, values in found.items() if values is not None}
+            entries = columns.get(match[1]) or [[] for _ in rows]
+            columns[match[1]] = [[*old, value] for old, value in zip(entries, values, strict=True)]
+    return {name: values for name, values in columns.items() if values is not None}
 
 
 def _value(cell: str) -> float | str:
@@ -342,14 +342,14 @@ class Project:
 
     def files(self) -> dict[str, tuple[str, str]]:
         """Return name and text of the files that a user can save, by their kind."""
-        found = {
+        texts = {
             "model": (f"{self.name}-arm.yaml", file_text(self.record.arm)),
             "scenario": (f"{self.name}.yaml", file_text(self.scenario)),
         }
         if isinstance(self.record, StudySpec):
-            found["scenario"] = (f"{self.name}-scenario.yaml", found["scenario"][1])
-            found["study"] = (f"{self.name}.yaml", file_text(self.record))
-        return found
+            texts["scenario"] = (f"{self.name}-scenario.yaml", texts["scenario"][1])
+            texts["study"] = (f"{self.name}.yaml", file_text(self.record))
+        return texts
 
 
 def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iterator[Change]:

@@ -67,10 +67,10 @@ def find_ffmpeg(name: str = "path") -> str:
 
         return str(get_ffmpeg_exe())
     except (ImportError, RuntimeError, OSError):  # not installed, or not available for this CPU
-        found = shutil.which("ffmpeg")
-    if found is None:
+        program = shutil.which("ffmpeg")
+    if program is None:
         raise InputError(Problem(name, "is an .mp4 file, which needs ffmpeg", hint=_HINT))
-    return found
+    return program
 
 
 def check_animation_place(name: str, path: AnyPath) -> Path:

@@ -347,9 +347,9 @@ def _listed(values: FloatArray) -> Any:
     """Return numbers for JSON, with null for those that are not finite."""
     if np.isfinite(values).all():
         return values.tolist()
-    found = values.astype(object)
-    found[~np.isfinite(values)] = None
-    return found.tolist()
+    numbers = values.astype(object)
+    numbers[~np.isfinite(values)] = None
+    return numbers.tolist()
 
 
 def inline(text: str, height: int) -> str:
