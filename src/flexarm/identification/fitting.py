@@ -275,9 +275,7 @@ def _minimum(
 
     The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
     cannot go on from a vector without derivatives, so the search ends at the vector before.
-
-    Raises:
-        FitFailure: if the start has no derivatives.
+    FitFailure if the start has no derivatives.
     """
     from scipy.optimize import least_squares
 

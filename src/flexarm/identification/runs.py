@@ -46,13 +46,9 @@ _LONG, _RUNS = 3e7, 10.0
 class RecordRun:
     """Simulations of an arm that reproduce one record.
 
-    The arm is that before estimation; a controller uses it as its model.
-
-    Attributes:
-        labels: the compared channels. channels: their names.
-        measured: (samples, channels) values of the record, filtered; where samples are missing
-            they have no meaning.
-        valid: (samples, channels) whether the record has the sample.
+    The arm is that before estimation; a controller uses it as its model. ``labels`` are the
+    compared channels, ``measured`` (samples, channels) their filtered values, which have no meaning
+    where samples are not ``valid``.
     """
 
     def __init__(

@@ -50,11 +50,7 @@ def number_at(name: str, record: Record, path: object, whole: str = "arm") -> fl
 def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
     """Return a copy of a record with another number at a path that ``number_at`` accepts.
 
-    Args:
-        checked: whether the copy is validated. Symbols require an unchecked copy.
-
-    Raises:
-        ModelError: if the changed record is invalid; it names the path of the wrong value.
+    ModelError names the path of a wrong value. Symbols require a copy that is not ``checked``.
     """
     changed: R = _with(record, parts_of(path), value, checked, "")
     return changed
@@ -64,9 +60,6 @@ def with_numbers(record: R, values: Mapping[str, Any]) -> R:
     """Return a copy of a record with other numbers, by paths that ``number_at`` accepts.
 
     All numbers are set before the copy is validated, so their order has no effect.
-
-    Raises:
-        ModelError: as for ``with_number``.
     """
     for path, value in values.items():
         record = with_number(record, path, value, checked=False)

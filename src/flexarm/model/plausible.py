@@ -88,11 +88,8 @@ def judge(
     """Add a finding if a ratio is outside its range.
 
     It names the number and the unit that bring the ratio nearest to the usual one, with preference
-    for the first; if none brings it into the range, it names the first number.
-
-    Args:
-        statement: continues *NAME is VALUE,* and has ``{ratio}`` in it.
-        numbers: those on which the ratio depends, the likeliest to be wrong first.
+    for the first, which is the likeliest to be wrong; if none brings it into the range, it names
+    the first number. The statement continues *NAME is VALUE,* and has ``{ratio}`` in it.
     """
     if within.low <= ratio <= within.high or math.isnan(ratio):
         return

@@ -142,9 +142,7 @@ def link_constants(table: BeamTable, elements: int, modes: int | None = None) ->
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
     ``modes`` is the number of reduced shapes, 1 to 2 * elements; None: the finite elements.
-
-    Raises:
-        InputError: if the mass matrix is not positive definite, or numbers overflow.
+    InputError if the mass matrix is not positive definite, or numbers overflow.
     """
     with _in_range(table):
         return _flexible_constants(table, elements, modes)
@@ -341,19 +339,12 @@ def beam_basis(
     finite element model itself in other coordinates. The reduced set is that of Craig and Bampton:
     the static shapes of a unit force and a unit moment at the tip, where the rest of the arm acts,
     then the lowest modes with the tip also clamped, all diagonalised again within their span.
+    R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses", AIAA Journal
+    6(7), 1968, 1313-1319.
 
-    Args:
-        matrices: matrices of the link.
-        strain_to_nodal: (n, n) F of `strain_to_nodal`, whose rotation rows have the unit of
-            ``element_length`` h (m).
-        modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
-
-    Raises:
-        InputError: if the mass matrix is not positive definite.
-
-    Reference:
-        R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
-        AIAA Journal 6(7), 1968, 1313-1319.
+    ``strain_to_nodal`` (n, n) is F of that function, whose rotation rows have the unit of
+    ``element_length`` h (m). ``modes`` is m, or None for all n: 1 keeps the shape of the tip force,
+    2 also that of the tip moment. InputError if the mass matrix is not positive definite.
     """
     from scipy.linalg import solve_triangular
 

@@ -76,13 +76,7 @@ class Observer:
 
 
 def exported_observer(arm: Arm, observer: object) -> Observer:
-    """Return the functions of a filter for an arm.
-
-    Raises:
-        InputError: if it is not an `ExtendedKalmanFilter`, it estimates parameters, disturbance
-            torques or biases, its instruments have delays or sample times, its arm has other
-            joints, or its payload is so uncertain that it needs several Gaussians.
-    """
+    """Return the functions of a filter for an arm; InputError if the code cannot contain it."""
     if not isinstance(observer, ExtendedKalmanFilter):
         hint = next((why for kind, why in _REFUSED.items() if isinstance(observer, kind)), "")
         raise InputError(

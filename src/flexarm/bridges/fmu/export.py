@@ -458,17 +458,13 @@ class _Variable:
 
 
 class _Variables:
-    """All variables of the FMU of an arm, and the places of the groups.
-
-    Attributes:
-        all: the variables, by value reference.
-        places: first value reference by argument of the C functions, such as "q" or "torque".
-        units: (2 dof,) coordinates and rates that move the tip by one metre (per radian of phase).
-    """
+    """All variables of the FMU of an arm by value reference, and the places of the groups."""
 
     def __init__(self, export: Exported, q: FloatArray, qd: FloatArray) -> None:
         self.all: list[_Variable] = []
+        #: First value reference by argument of the C functions, such as "q" or "torque".
         self.places: dict[str, int] = {}
+        #: (2 dof,) coordinates and rates that move the tip by one metre (per radian of phase).
         self.units = tip_units(export.arm).reshape(2, -1)[:, export.arm.assembly.coordinates]
         self._put("time", [_Variable("time", "s", "time", "independent")])
         self._put_states(export, q, qd)

@@ -165,10 +165,8 @@ class _Decisions:
     def decide(self, condition: Any) -> bool:
         """Return the truth value of a condition; equal conditions have the same one.
 
-        Of a condition and its negation, such as ``x > 0`` and ``x <= 0``, one is true.
-
-        Raises:
-            SymbolError: if there are too many: a loop until a symbol is small has no end.
+        Of a condition and its negation, such as ``x > 0`` and ``x <= 0``, one is true. SymbolError
+        if there are too many: a loop until a symbol is small has no end.
         """
         self.count += 1
         if len(self.taken) == _MOST_DIFFERENT or self.count > _MOST_CONDITIONS:

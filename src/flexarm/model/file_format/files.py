@@ -373,9 +373,7 @@ _AT_ONCE = 1 << 20
 def read_bytes(file: FilePath, most: int) -> bytes:
     """Return the content of a file, a pipe or a terminal, at most ``most`` bytes.
 
-    Raises:
-        OSError: if it cannot be read, or is a pipe that has no writer or remains empty.
-        ValueError: if the path has a null character or half of a surrogate pair.
+    OSError if it cannot be read, or is a pipe without a writer; ValueError for an impossible path.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     descriptor = os.open(file, flags)

@@ -118,13 +118,10 @@ Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 
 
 class Document:
-    """A YAML file that was read.
+    """A YAML file that was read: its path as given by the user, its ``value`` as plain values.
 
-    Attributes:
-        file: path of the file, as given by the user.
-        value: content of the file as plain Python values.
-        problems: problems of the content as YAML that did not prevent reading.
-        changes: values that replaced those of the file, of which a later one prevails.
+    ``problems`` of the content as YAML did not prevent reading; ``changes`` are values that replaced
+    those of the file, of which a later one prevails.
     """
 
     def __init__(self, file: FilePath, root: yaml.Node) -> None:
@@ -331,10 +328,7 @@ def changed(document: Document, changes: Sequence[Change]) -> Document:
 
     Keys of the document that are paths themselves, such as those of ``vary``, are found in the path
     of a change. Changes inside an arm that the document names by its file are kept for that file.
-
-    Raises:
-        ModelError: if a path leads through a value that has no keys or entries, or to an entry of a
-            list that does not exist.
+    ModelError if a path leads to an entry that cannot exist.
     """
     value = document.value
     changes = [replace(change, path=_with_keys(value, change.path)) for change in changes]

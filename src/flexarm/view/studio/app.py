@@ -221,16 +221,12 @@ _MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
 
 
 class _Window:
-    """A browser window.
-
-    Attributes:
-        key: secret part of the address of its picture.
-        latest: number, whether the slider is released, and data (JSON) of the newest picture.
-    """
+    """A browser window; ``key`` is the secret part of the address of its picture."""
 
     def __init__(self, history: History, worker: Worker) -> None:
         self.history, self._worker = history, worker
         self.key = secrets.token_urlsafe(16)
+        #: Number, whether the slider is released, and data (JSON) of the newest picture.
         self.latest: tuple[int, bool, bytes] | None = None
         self._margins_key = f"{self.key} margins"
         # Numbers of pictures: the last request, the one shown, the oldest that may be shown.
