@@ -120,8 +120,8 @@ Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 class Document:
     """A YAML file that was read: its path as given by the user, its ``value`` as plain values.
 
-    ``problems`` of the content as YAML did not prevent reading; ``changes`` are values that replaced
-    those of the file, of which a later one prevails.
+    ``problems`` of the content as YAML did not prevent reading. ``changes`` are values in place of
+    those of the file; a later one prevails.
     """
 
     def __init__(self, file: FilePath, root: yaml.Node) -> None:
