@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.beams import LinkConstants
-from flexarm.arm.beams.parts import shortening_matrices
+from flexarm.arm.beams.invariants import shortening_matrices
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, check_array
 from flexarm.kernels.forces.contact import (
@@ -34,7 +34,7 @@ from flexarm.kernels.forces.contact import (
 )
 from flexarm.kernels.layout import Contacts, Loads, empty_contacts, empty_loads
 from flexarm.model import AccelerationTable, Contact, Load, RoundWall, SurfaceTable, Wall
-from flexarm.model.environment.loads import place_faults_of
+from flexarm.model.environment import place_faults_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

@@ -5,8 +5,7 @@ import pytest
 from flexarm.base.errors import InputError
 from flexarm.model.arm.sections import SectionTable
 from flexarm.model.drives import TorqueDrive
-from flexarm.model.environment.contacts import SurfaceTable
-from flexarm.model.environment.loads import AccelerationTable
+from flexarm.model.environment import AccelerationTable, SurfaceTable
 from flexarm.model.scenarios.motions import ViaPointMotionSpec
 from flexarm.view.studio.state import table_content, table_text
 

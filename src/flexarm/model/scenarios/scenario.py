@@ -19,9 +19,16 @@ from flexarm.model.drives import (
     in_volts,
     winding_faults,
 )
-from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
-from flexarm.model.environment.contacts import Contact, contact_faults
-from flexarm.model.environment.loads import BaseAcceleration, Load, load_faults
+from flexarm.model.environment import (
+    BaseAcceleration,
+    Change,
+    Contact,
+    Load,
+    contact_faults,
+    file_change_faults,
+    load_faults,
+    motor_change_faults,
+)
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
 from flexarm.model.quantities import (
     Count,

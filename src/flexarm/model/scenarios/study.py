@@ -12,9 +12,14 @@ from flexarm.base.errors import InputError, shown
 from flexarm.model.arm.spec import ArmSpec, Friction, varied_spec
 from flexarm.model.checks import Given, Record, faults_of
 from flexarm.model.drives import CONTROLLED, Drive, in_volts
-from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
-from flexarm.model.environment.contacts import Contact
-from flexarm.model.environment.loads import Load, off_the_arm
+from flexarm.model.environment import (
+    Change,
+    Contact,
+    Load,
+    file_change_faults,
+    motor_change_faults,
+    off_the_arm,
+)
 from flexarm.model.hardware import Hardware, instrument_faults
 from flexarm.model.quantities import (
     Count,

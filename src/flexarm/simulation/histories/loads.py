@@ -15,7 +15,7 @@ from flexarm.base.errors import InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.model import AccelerationTable, FactorTable, Load
-from flexarm.model.environment.loads import is_table
+from flexarm.model.environment import is_table
 from flexarm.simulation.histories.functions import Row, function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 

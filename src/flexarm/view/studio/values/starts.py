@@ -22,9 +22,18 @@ from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.arm.spec import Friction, JointLimits, Winding
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES, TorqueDrive
-from flexarm.model.environment.changes import PAYLOAD_MASS, Change, ValueTable
-from flexarm.model.environment.contacts import Contact, RoundWall, SurfaceTable, Wall
-from flexarm.model.environment.loads import AccelerationTable, FactorTable, Load
+from flexarm.model.environment import (
+    PAYLOAD_MASS,
+    AccelerationTable,
+    Change,
+    Contact,
+    FactorTable,
+    Load,
+    RoundWall,
+    SurfaceTable,
+    ValueTable,
+    Wall,
+)
 from flexarm.model.file_format.files import content_of
 from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
 from flexarm.model.scenarios.scenario import (
