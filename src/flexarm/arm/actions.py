@@ -87,10 +87,10 @@ def place_loads(arm: Coordinates, loads: Sequence[Load], what: str = "Load") -> 
 
 def parts_of(arm: Coordinates, loads: Sequence[Load]) -> list[Load]:
     """Return the load of each entry of placed loads: distributed ones may have several entries."""
-    found: list[Load] = []
+    parts: list[Load] = []
     for load in loads:
-        found += [load] * (1 if load.spread is None else len(_spread(arm, load)))
-    return found
+        parts += [load] * (1 if load.spread is None else len(_spread(arm, load)))
+    return parts
 
 
 def loads_inboard(

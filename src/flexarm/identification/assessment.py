@@ -112,10 +112,10 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     return table.assign(correlation=correlation).assign_coords(parameter=names, other=names)
 
 
-def _sentence_of_each(found: Sequence[tuple[Slot, float]]) -> str:
+def _sentence_of_each(deviations: Sequence[tuple[Slot, float]]) -> str:
     """Say which single parameters the data do not determine; equal deviations are named once."""
     names: dict[str, list[str]] = {}
-    for slot, deviation in found:
+    for slot, deviation in deviations:
         names.setdefault(_share(deviation), []).append(_words(slot))
     sentences = []
     for share, own in names.items():

@@ -320,10 +320,10 @@ class PredictionProblem(FitProblem):
             case = self.space.case(record, vector)
         except InputError as error:
             raise FitFailure(f"{run.name}: {error}") from None
-        found = run.linearised(case, self.torque_noise, self._noise_of_run(run))
-        if isinstance(found, str):
-            raise FitFailure(f"{run.name}: {found}")
-        return found
+        model = run.linearised(case, self.torque_noise, self._noise_of_run(run))
+        if isinstance(model, str):
+            raise FitFailure(f"{run.name}: {model}")
+        return model
 
     def _noise_of_run(self, run: PredictedRun) -> FloatArray:
         return np.array([self.noise[label.text] for label in run.labels])
@@ -487,8 +487,8 @@ def _most_likely(
         high = np.minimum(logs + _BOX, np.log(_MOST))
         bounds = list(zip(low.tolist(), high.tolist(), strict=True))
         options = {"maxiter": _ITERATIONS, "ftol": 1e-9}
-        found = minimize(value, logs, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-        moved, logs = np.abs(found.x - logs), found.x
+        fit = minimize(value, logs, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        moved, logs = np.abs(fit.x - logs), fit.x
         if np.all(moved < 0.99 * _BOX):
             break
     return np.asarray(np.exp(logs) * scale)

@@ -232,8 +232,8 @@ def coefficients(item: Filter, rate: float) -> tuple[FloatArray, FloatArray]:
     else:
         denominator = [1.0 / w**2, 2.0 * item.damping / w, 1.0]
         numerator = [1.0] if item.kind == "low_pass" else [1.0 / w**2, 0.0, 0.0]
-    found: tuple[FloatArray, FloatArray] = bilinear(numerator, denominator, rate)
-    return found
+    sampled: tuple[FloatArray, FloatArray] = bilinear(numerator, denominator, rate)
+    return sampled
 
 
 #: Fewest samples of a record.

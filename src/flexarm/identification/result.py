@@ -475,10 +475,10 @@ _KIND = "identification"
 _TABLES = ("parameters", "initial", "fit", "validation")
 
 
-def _stored(found: Identification) -> xr.Dataset:
+def _stored(result: Identification) -> xr.Dataset:
     """Return an identification as one dataset."""
-    tables = {name: getattr(found, name) for name in _TABLES}
-    tables |= {f"record_{k}": table for k, table in enumerate(found.histories.values())}
+    tables = {name: getattr(result, name) for name in _TABLES}
+    tables |= {f"record_{k}": table for k, table in enumerate(result.histories.values())}
     # NetCDF has no names of nothing.
     kept = {
         name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
@@ -490,19 +490,19 @@ def _stored(found: Identification) -> xr.Dataset:
         if table.data_vars
     ]
     attributes: dict[str, Any] = {
-        "undetermined": list(found.undetermined),
-        "noise": dict(found.noise),
-        "starts": list(found.starts),
-        "converged": found.converged,
-        "method": found.method,
-        "torque_noise": None if found.torque_noise is None else found.torque_noise.tolist(),
-        "histories": list(found.histories),
-        "arms": {name: file_text(arm.spec) for name, arm in found.arms.items()},
-        "motors": None if found.motors is None else content_of(found.motors),
+        "undetermined": list(result.undetermined),
+        "noise": dict(result.noise),
+        "starts": list(result.starts),
+        "converged": result.converged,
+        "method": result.method,
+        "torque_noise": None if result.torque_noise is None else result.torque_noise.tolist(),
+        "histories": list(result.histories),
+        "arms": {name: file_text(arm.spec) for name, arm in result.arms.items()},
+        "motors": None if result.motors is None else content_of(result.motors),
     }
     return xr.merge(parts).assign_attrs(
-        flexarm_version=found.flexarm_version,
-        arm=file_text(found.arm.spec),
+        flexarm_version=result.flexarm_version,
+        arm=file_text(result.arm.spec),
         **{_KIND: json.dumps(attributes)},
     )
 

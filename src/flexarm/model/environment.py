@@ -289,11 +289,11 @@ class Change(Record, kw_only=False):
 
 def original_number(arm: ArmSpec, change: Change) -> float:
     """Return the number of an arm that a change is about; InputError if it cannot change."""
-    found = number_at("path", arm, change.path)
+    number = number_at("path", arm, change.path)
     if change.path.endswith((".length", ".hub_radius", ".station", ".distance")):
         rule = "be a number that may change during a run"
         raise InputError(Problem("path", rule, shown(change.path)))
-    return found
+    return number
 
 
 def numbers_of(change: Change, original: float) -> list[float]:

@@ -360,9 +360,9 @@ def beam_basis(
     vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
     basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
     basis = basis * _signs(basis * units[:, None])
-    found = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
-    _check_stiffness(found, matrices.stiffness)
-    return found
+    beam = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
+    _check_stiffness(beam, matrices.stiffness)
+    return beam
 
 
 def _mass_factor(mass: FloatArray) -> FloatArray:
@@ -402,11 +402,11 @@ def _signs(shapes: FloatArray) -> FloatArray:
     return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
 
 
-def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
+def _check_stiffness(beam: BeamBasis, stiffness: FloatArray) -> None:
     """Raise InputError unless the shapes diagonalise the stiffness to w2."""
-    error = np.abs(found.basis.T @ stiffness @ found.basis - np.diag(found.w2))
-    rounding = np.abs(found.basis).T @ np.abs(stiffness) @ np.abs(found.basis)
-    frequency = np.sqrt(found.w2)
+    error = np.abs(beam.basis.T @ stiffness @ beam.basis - np.diag(beam.w2))
+    rounding = np.abs(beam.basis).T @ np.abs(stiffness) @ np.abs(beam.basis)
+    frequency = np.sqrt(beam.w2)
     allowed = _DIAGONALITY * np.outer(frequency, frequency)
     allowed += 10 * len(stiffness) * np.finfo(float).eps * rounding
     if not np.all(error <= allowed):

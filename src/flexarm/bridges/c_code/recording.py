@@ -130,8 +130,8 @@ def _torques(arm: Arm, count: int) -> FloatArray:
     return torque
 
 
-def _record_arm(found: Recording, export: Exported, after: FloatArray) -> None:
-    arm, given = export.arm, found.inputs
+def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
+    arm, given = export.arm, data.inputs
     q, qd, torque, push = (given[name] for name in ("q", "qd", "torque", "tip_force"))
     qdd = np.array([arm.forward_dynamics(*one) for one in zip(q, qd, torque, push, strict=True)])
     # Half of the accelerations, because all of them would cancel the other forces.
@@ -153,12 +153,12 @@ def _record_arm(found: Recording, export: Exported, after: FloatArray) -> None:
     for function in export.functions:
         if function.name in results:
             rows = [np.ravel(results[function.name](k)) for k in range(SAMPLES)]
-            found.expected[function.name] = np.array(rows)
-            found.tolerance[function.name] = _ROUNDING * _largest(rows)
-    slopes = [step_jacobian(arm, q[k], qd[k], torque[k], found.step) for k in range(SAMPLES)]
+            data.expected[function.name] = np.array(rows)
+            data.tolerance[function.name] = _ROUNDING * _largest(rows)
+    slopes = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
     rows = [np.concatenate([one.state.ravel(), one.torque.ravel()]) for one in slopes]
-    found.expected["step_jacobian"] = np.array(rows)
-    _scale_by_energy(found, arm)
+    data.expected["step_jacobian"] = np.array(rows)
+    _scale_by_energy(data, arm)
 
 
 def _largest(rows: Any) -> FloatArray:
@@ -167,24 +167,24 @@ def _largest(rows: Any) -> FloatArray:
     return np.full(values.shape[1], values.max(initial=0.0))
 
 
-def _scale_by_energy(found: Recording, arm: Arm) -> None:
+def _scale_by_energy(data: Recording, arm: Arm) -> None:
     """Set the tolerances of coordinates as if they were energies.
 
     Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
     """
-    M = arm.mass_matrix(found.inputs["q"][0])
+    M = arm.mass_matrix(data.inputs["q"][0])
     scale = np.sqrt(np.diag(M))
     condition = np.linalg.cond(M / np.outer(scale, scale))
     limit = max(_ROUNDING, _CONDITION * np.finfo(float).eps * condition)
     n, m = arm.dof, arm.joints
     both = np.concatenate([scale, scale])
-    found.tolerance["forward_dynamics"] = (
-        limit * np.abs(scale * found.expected["forward_dynamics"]).max() / scale
+    data.tolerance["forward_dynamics"] = (
+        limit * np.abs(scale * data.expected["forward_dynamics"]).max() / scale
     )
-    after = np.abs(both * found.expected["step"])
+    after = np.abs(both * data.expected["step"])
     parts = [np.full(n, after[:, :n].max()), np.full(n, after[:, n:].max())]
-    found.tolerance["step"] = limit * np.concatenate(parts) / both
-    slopes = np.abs(found.expected["step_jacobian"])
+    data.tolerance["step"] = limit * np.concatenate(parts) / both
+    slopes = np.abs(data.expected["step_jacobian"])
     weight = np.concatenate([np.outer(both, 1.0 / both).ravel(), np.repeat(both, m)])
     block = np.concatenate(
         [
@@ -193,30 +193,30 @@ def _scale_by_energy(found: Recording, arm: Arm) -> None:
         ]
     )
     largest = [np.max((weight * slopes)[:, block == k], initial=0.0) for k in range(6)]
-    found.tolerance["step_jacobian"] = limit * np.array(largest)[block] / weight
+    data.tolerance["step_jacobian"] = limit * np.array(largest)[block] / weight
 
 
-def _record_controller(found: Recording, export: Exported, readings: dict[str, FloatArray]) -> None:
+def _record_controller(data: Recording, export: Exported, readings: dict[str, FloatArray]) -> None:
     """Record the torques of the controller for the readings of the run."""
     assert export.controller is not None
     inputs, torque = replay(export.arm, export.controller, readings)
-    found.inputs.update(inputs)
-    found.expected["controller"] = torque
+    data.inputs.update(inputs)
+    data.expected["controller"] = torque
     # Large gains of a filter amplify the rounding of its readings. Measure how much.
     change = np.abs(replay(export.arm, export.controller, _rounded(readings, 0))[1] - torque)
     limit = max(_ROUNDING * np.abs(torque).max(), _AMPLIFIED * change.max())
-    found.tolerance["controller"] = np.full(torque.shape[1], limit)
+    data.tolerance["controller"] = np.full(torque.shape[1], limit)
 
 
-def _record_observer(found: Recording, observer: Observer) -> None:
+def _record_observer(data: Recording, observer: Observer) -> None:
     """Record the estimates of the filter for a run of its own, at its sample time."""
     inputs, expected = record_observer(observer, SAMPLES)
-    found.inputs.update(inputs)
-    found.expected["observer"] = expected
+    data.inputs.update(inputs)
+    data.expected["observer"] = expected
     rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
     changes = [np.abs(estimates(observer.filter, one) - expected) for one in rounded]
     change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
-    found.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
+    data.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
 
 
 def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:

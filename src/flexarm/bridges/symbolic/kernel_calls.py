@@ -261,10 +261,10 @@ def _is_exact(arm: Arm, path: str) -> bool:
     return False
 
 
-def _agree(found: FloatArray, expected: FloatArray) -> bool:
-    if found.shape != expected.shape:
+def _agree(values: FloatArray, expected: FloatArray) -> bool:
+    if values.shape != expected.shape:
         return False
-    difference = np.abs(found - expected)
+    difference = np.abs(values - expected)
     # Scale by the column, which has one unit, because small entries may be rounding of larger ones.
     scale = np.abs(expected)
     if expected.ndim > 1:

@@ -230,14 +230,14 @@ def _next(taken: Sequence[bool]) -> list[bool] | None:
     return None if last is None else [*taken[:last], False]
 
 
-def _merged(found: Sequence[tuple[_Decisions, Mapping[str, Any]]]) -> dict[str, Any]:
-    sizes = {name: column.numel() for name, column in found[0][1].items()}
-    if any({name: one.numel() for name, one in every.items()} != sizes for _, every in found):
+def _merged(executions: Sequence[tuple[_Decisions, Mapping[str, Any]]]) -> dict[str, Any]:
+    sizes = {name: column.numel() for name, column in executions[0][1].items()}
+    if any({name: one.numel() for name, one in every.items()} != sizes for _, every in executions):
         raise SymbolError("keeps numbers of other sizes, or None, on one side of a condition")
     # All paths contain the same expressions. Share them, so that the code computes each once.
-    columns = casadi.cse([casadi.vertcat(*one.conditions, *e.values()) for one, e in found])
+    columns = casadi.cse([casadi.vertcat(*one.conditions, *e.values()) for one, e in executions])
     paths = []
-    for (one, _), column in zip(found, columns, strict=True):
+    for (one, _), column in zip(executions, columns, strict=True):
         entries, count = casadi.vertsplit(column), len(one.taken)
         paths.append(_Path(entries[:count], one.taken, entries[count:]))
     whole, merged = iter(_joined(paths, 0)), {}

@@ -441,7 +441,9 @@ def _of_identification(
     """Write the report of an identification; ``options`` are those of runs, which must be None."""
     from flexarm.view.reporting.identification import identification_page
 
-    found = result if isinstance(result, Identification) else Identification.from_dataset(result)
+    identified = (
+        result if isinstance(result, Identification) else Identification.from_dataset(result)
+    )
     if any(option is not None for option in options):
         rule = "of the report of an identification may be path, title and notes"
         raise InputError(Problem("arguments", rule))
@@ -449,7 +451,7 @@ def _of_identification(
     notes = check_kind("notes", notes, str, "text")
     engine = template_engine()
     place = None if path is None else check_place("path", path, (".html",))
-    text = identification_page(engine, found, title, notes)
+    text = identification_page(engine, identified, title, notes)
     if place is not None:
         write_text(text, place)
     return text
