@@ -175,7 +175,9 @@ def identify(
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
     held_out = check_records("validation", validation)
-    _check_names(fitted, held_out)
+    for name in held_out:
+        if name in fitted:
+            raise InputError(Problem("validation", f"repeats the name of the record {name!r}"))
     check_inputs(fitted | held_out)
     _check_currents({**fitted, **held_out}, motors)
     for name, record in (fitted | held_out).items():
@@ -307,12 +309,6 @@ def _check_rates(runs: Sequence[RecordRun]) -> None:
     ]
     if problems:
         raise InputError(*problems)
-
-
-def _check_names(fitted: Mapping[str, Any], held_out: Mapping[str, Any]) -> None:
-    for name in held_out:
-        if name in fitted:
-            raise InputError(Problem("validation", f"repeats the name of the record {name!r}"))
 
 
 def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None) -> None:

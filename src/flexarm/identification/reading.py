@@ -31,6 +31,7 @@ from flexarm.identification.record import (
     check_label,
     dataset_of,
     factor_of,
+    is_number,
     label_of,
     split_unit,
     without_phase,
@@ -343,7 +344,9 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
-    numeric = [any(_is_number(cell, decimal) for cell in row) for row in cells]
+    numeric = [
+        any(is_number(cell.strip('"').replace(decimal, ".")) for cell in row) for row in cells
+    ]
     if numeric == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
         del lines[1]
@@ -378,14 +381,6 @@ def _text_of(path: Path, encoding: str) -> str:
         raise InputError(
             Problem("path", f"{path.name!r} is not a text in {encoding}", hint=hint)
         ) from None
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.strip('"').replace(decimal, "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _parquet(path: Path) -> _Table:

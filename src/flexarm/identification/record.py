@@ -85,6 +85,14 @@ def split_unit(header: str) -> tuple[str, str]:
     return match[1], match[3]
 
 
+def is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def factor_of(name: str, unit: str, si: str) -> float:
     """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
     known = UNITS[si]

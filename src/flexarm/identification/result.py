@@ -23,6 +23,7 @@ from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call, shown, suggestion
 from flexarm.base.notebook import html_table
 from flexarm.base.writing.places import AnyPath
+from flexarm.identification.record import is_number
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.model.file_format.files import arm_spec_of_text, content_of, file_text
@@ -451,7 +452,7 @@ def aligned(rows: list[tuple[Any, ...]]) -> str:
     """Return a table as text, with names on the left and numbers on the right."""
     columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
-    left = [not any(_is_number(cell) for cell in column) for column in columns]
+    left = [not any(is_number(cell) for cell in column) for column in columns]
     lines = [
         "  ".join(
             cell.ljust(width) if to_left else cell.rjust(width)
@@ -460,14 +461,6 @@ def aligned(rows: list[tuple[Any, ...]]) -> str:
         for row in rows
     ]
     return "\n".join(lines)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 #: Attribute of such a dataset, and the tables of a result.

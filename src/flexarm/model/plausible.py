@@ -161,7 +161,11 @@ def implausible(spec: ArmSpec) -> list[str]:
 
 
 def _judge(findings: list[str], spec: ArmSpec) -> None:
-    _judge_gravity(findings, *spec.gravity)
+    x, y = spec.gravity
+    judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
+    if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
+        text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
+        findings.append(f"{text} It is right if your y axis points down.")
     for i, link in enumerate(spec.links):
         _judge_link(findings, f"links[{i}]", link)
     if len(spec.links) > 1:
@@ -175,13 +179,6 @@ def _judge(findings: list[str], spec: ArmSpec) -> None:
         judge(findings, ratio, _OFFSET, "{ratio} times the reach of the arm", offset)
     if not findings:
         judge_masses(findings, spec)
-
-
-def _judge_gravity(findings: list[str], x: float, y: float) -> None:
-    judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
-    if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
-        text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
-        findings.append(f"{text} It is right if your y axis points down.")
 
 
 def _judge_link(findings: list[str], at: str, link: Link) -> None:

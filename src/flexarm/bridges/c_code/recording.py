@@ -76,7 +76,10 @@ def record(export: Exported) -> Recording:
     arm = _smoothed(export.arm)
     step = min(_LONGEST, _FRACTION * export.largest_step)
     count = SAMPLES * _STRIDE
-    torque = _torques(arm, count)
+    # Torques (count, joints) that accelerate the joints by some rad/s^2.
+    M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
+    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.joints + 1)
+    torque = 3.0 * M * np.sin(phase)
     with warnings.catch_warnings():
         # The run only compares two programs: it may leave the validity of the theory.
         warnings.simplefilter("ignore", FlexarmWarning)
@@ -120,14 +123,6 @@ def _smoothed(arm: Arm) -> Arm:
             joint = joint.replace(friction=joint.friction.replace(**plain))
         joints.append(joint)
     return Arm(arm.spec.replace(joints=joints))
-
-
-def _torques(arm: Arm, count: int) -> FloatArray:
-    """Return torques (count, joints) that accelerate the joints by some rad/s^2."""
-    M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
-    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.joints + 1)
-    torque: FloatArray = 3.0 * M * np.sin(phase)
-    return torque
 
 
 def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:

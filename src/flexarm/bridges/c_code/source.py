@@ -213,7 +213,10 @@ def header(export: Exported) -> str:
         lines += [f"#define {export.macro('SAMPLE_TIME')} {export.controller.sample_time!r}", ""]
         lines += _declarations(export, export.controller.functions)
     if export.observer:
-        lines += [_of_observer(export, export.observer)]
+        rows = enumerate(export.observer.reading_names)
+        lines += ["/* Readings of the observer:", " *"]
+        lines += [*(f" *   readings[{k}]  {text}" for k, text in rows), " */", ""]
+        lines += ["/* Time from one call of the observer to the next, s. */"]
         lines += [f"#define {export.macro('OBSERVER_TIME')} {export.observer.sample_time!r}", ""]
         lines += _declarations(export, export.observer.functions)
     lines += ["#ifdef __cplusplus", "}", "#endif", "", "#endif", ""]
@@ -225,13 +228,6 @@ def _coordinates(export: Exported) -> str:
     rows = zip(names[: export.arm.dof], units, strict=False)
     listed = [f" *   q[{k}]  {name}, {unit}" for k, (name, unit) in enumerate(rows)]
     return "\n".join([" *", " * Coordinates, numbered from 1 by link and mode:", *listed, ""])
-
-
-def _of_observer(export: Exported, observer: Observer) -> str:
-    """Return the comment with the readings of the observer."""
-    rows = [f" *   readings[{k}]  {text}" for k, text in enumerate(observer.reading_names)]
-    listed = "\n".join(["/* Readings of the observer:", " *", *rows, " */"])
-    return f"{listed}\n\n/* Time from one call of the observer to the next, s. */"
 
 
 def _parameters(export: Exported) -> list[str]:

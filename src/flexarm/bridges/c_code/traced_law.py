@@ -278,7 +278,8 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
 def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, int]:
     """Return symbols, results of the first sample and of later ones, and the size of the memory."""
     symbols, sizes = _Inputs(), reading_sizes(arm)
-    first_inputs = _planned_shapes(law, arm)
+    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
+    law.reset()
     table = gain_table(law)
     make_symbolic(law, _PACKAGES)
     shapes: dict[str, tuple[int, ...]] = {}
@@ -289,7 +290,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
     ) -> dict[str, Any]:
         readings = Measurement(**{name: symbols.array(name, *sizes[name]) for name in names})
         inputs = plan_over_symbols(law, arm, symbols.array) or {
-            name: symbols.array(name, *shape) for name, shape in first_inputs.items()
+            name: symbols.array(name, *np.shape(value)) for name, value in planned.items()
         }
         memory = memory_of(readings, inputs)
         after, torque = law.step(memory, readings, inputs)
@@ -329,13 +330,6 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
 
 def _count(shapes: Mapping[str, tuple[int, ...]]) -> int:
     return sum(int(np.prod(shape)) for shape in shapes.values())
-
-
-def _planned_shapes(law: Any, arm: Arm) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the planned inputs of a law."""
-    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
-    law.reset()
-    return {name: np.shape(value) for name, value in planned.items()}
 
 
 def _at_rest(controller: Controller) -> dict[str, Any]:

@@ -278,16 +278,11 @@ def _whole(text: str) -> int | float:
     return int(text) if len(text) < 400 else float(text)
 
 
-def _real(text: str) -> float:
-    """Convert text with a point or an exponent, ``.inf`` or ``.nan``, to a number."""
-    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-
-
 _NUMBERS = {_TAG + "int", _TAG + "float"}
 #: Conversion of a scalar by its tag; any other scalar is text.
 _SCALARS: dict[str, Callable[[str], Any]] = {
     _TAG + "int": _whole,
-    _TAG + "float": _real,
+    _TAG + "float": lambda text: float(text.lower().replace(".inf", "inf").replace(".nan", "nan")),
     _TAG + "bool": lambda text: text.lower() == "true",
     _TAG + "null": lambda text: None,
 }

@@ -307,7 +307,7 @@ class StudySpec(Record):
         if not all(given.absent(name) or given.has(name) for name in _SHARED):
             return  # their own faults are reported
         reported: set[Fault] = set()
-        for drive, motion in _pairs(given):
+        for drive, motion in product(given.drives, given.motions):
             for fault in _of_one(given, drive, motion):
                 if fault not in reported:
                     reported.add(fault)
@@ -316,11 +316,6 @@ class StudySpec(Record):
     def scenario(self, drive: str, motion: str) -> Scenario:
         """Return the scenario of one drive along one motion, on the arm without variation."""
         return Scenario(**_content(self, drive, motion))
-
-
-def _pairs(given: Given) -> Iterator[tuple[str, str]]:
-    """Yield all pairs of a drive and a motion, some of which may be incompatible."""
-    yield from product(given.drives, given.motions)
 
 
 def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
