@@ -12,7 +12,7 @@ from PIL import Image
 from stored_pictures import assert_looks_like
 
 import flexarm as fa
-from flexarm.view.plot.drawn_result import BLUE, ORANGE
+from flexarm.view.plot.palette import BLUE, ORANGE
 
 pytestmark = pytest.mark.sampled(
     "test_page_opens_with_the_arm_at_its_start",

@@ -16,7 +16,7 @@ from plot_results import LINK, arm, result, rigid_result
 import flexarm as fa
 from flexarm.view.plot import animation as animations
 from flexarm.view.plot.animation.frames import Stage
-from flexarm.view.plot.drawn_result import ORANGE, PURPLE
+from flexarm.view.plot.palette import ORANGE, PURPLE
 
 FPS = 25.0
 #: A result of 0.2 s has frames at 0, 0.04, ..., 0.2 s.

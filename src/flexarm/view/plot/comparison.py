@@ -15,7 +15,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.simulation.calls.metrics import METRICS
-from flexarm.view.plot.drawn_result import series_colors
+from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import (
     GREY,
     WIDTH,

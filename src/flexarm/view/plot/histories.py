@@ -16,10 +16,10 @@ from flexarm.view.plot.drawn_result import (
     Signals,
     named_results,
     readable_unit,
-    series_colors,
     several,
     signals_of,
 )
+from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,

@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
-from flexarm.view.plot.drawn_result import BLUE as BLUE
-from flexarm.view.plot.drawn_result import GREEN as GREEN
-from flexarm.view.plot.drawn_result import GREY as GREY
-from flexarm.view.plot.drawn_result import INK as INK
-from flexarm.view.plot.drawn_result import ORANGE as ORANGE
-from flexarm.view.plot.drawn_result import PURPLE as PURPLE
-from flexarm.view.plot.drawn_result import SERIES as SERIES
-from flexarm.view.plot.drawn_result import SKY as SKY
-from flexarm.view.plot.drawn_result import VERMILLION as VERMILLION
+from flexarm.view.plot.palette import BLUE as BLUE
+from flexarm.view.plot.palette import GREEN as GREEN
+from flexarm.view.plot.palette import GREY as GREY
+from flexarm.view.plot.palette import INK as INK
+from flexarm.view.plot.palette import ORANGE as ORANGE
+from flexarm.view.plot.palette import PURPLE as PURPLE
+from flexarm.view.plot.palette import SERIES as SERIES
+from flexarm.view.plot.palette import SKY as SKY
+from flexarm.view.plot.palette import VERMILLION as VERMILLION
 
 #: Lines of the flexible arm, the rigid arm (dashed, as in the paper) and the second-order theory.
 FLEXIBLE: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "label": "flexible"}

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.base.arguments import check_count, check_kind
 from flexarm.base.errors import check_array, public_call_as
 from flexarm.linear import LinearModel, Modes, ModeTracks
-from flexarm.view.plot.drawn_result import series_colors
+from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import (
     BLUE,
     GREY,

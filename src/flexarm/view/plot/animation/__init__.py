@@ -33,9 +33,6 @@ from flexarm.view.plot.animation.scene import (
     thin,
 )
 from flexarm.view.plot.drawn_result import (
-    GREY,
-    INK,
-    SERIES,
     arm_of,
     check_drawable,
     check_magnify,
@@ -43,6 +40,7 @@ from flexarm.view.plot.drawn_result import (
     rigid_result,
     several,
 )
+from flexarm.view.plot.palette import GREY, INK, SERIES
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -27,9 +27,9 @@ from flexarm.view.plot.drawn_result import (
     Signals,
     at_times,
     scenario_of,
-    series_colors,
     shapes_of,
 )
+from flexarm.view.plot.palette import series_colors
 
 if TYPE_CHECKING:
     import xarray as xr
