@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from gallery.line_labels import label_lines
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks.work_precision import Point
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,

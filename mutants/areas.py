@@ -226,7 +226,7 @@ AREAS: dict[str, Area] = {
                 sources=(
                     "model/**/links.py",
                     "model/**/sections.py",
-                    "model/**/joints.py",
+                    "model/arm/spec.py",
                 ),
                 tests=(
                     "unit/model/test_model_links.py",
@@ -234,38 +234,40 @@ AREAS: dict[str, Area] = {
                     "unit/model/test_model_sections.py",
                     "unit/model/test_model_shear.py",
                     "unit/model/test_model_joints.py",
+                    "unit/model/test_variation.py",
+                    "unit/model/test_model_spec.py",
                     "unit/model/test_model_files.py",
                 ),
             ),
             Group(
-                sources=("model/**/changes.py",),
-                tests=("simulate/test_changes.py", "simulate/test_changes_of_runs.py"),
-            ),
-            Group(
-                sources=("model/identification/*.py",),
+                sources=("model/identification.py",),
                 tests=("identification/test_reading.py", "cli/test_identify_command.py"),
             ),
             Group(
-                sources=("model/**/sampling.py",),
-                tests=("studies/test_samples.py", "studies/test_studies.py"),
+                sources=("model/scenarios/study.py",),
+                tests=(
+                    "studies/test_samples.py",
+                    "studies/test_studies.py",
+                    "unit/model/test_model_study.py",
+                ),
             ),
             Group(
-                sources=("model/**/contacts.py",),
+                sources=("model/environment.py",),
                 tests=(
                     f"{_SURFACES}::test_closed_line_that_crosses_itself_is_rejected",
                     f"{_SURFACES}::test_crossing_is_the_first_of_all_pairs",
                     "unit/model/test_contact_specs.py",
+                    "unit/model/test_model_loads.py",
+                    "simulate/test_changes.py",
+                    "simulate/test_changes_of_runs.py",
                 ),
             ),
             Group(
                 sources=("model/**/*.py",),
                 tests=(
-                    "unit/model/test_model_study.py",
                     "unit/model/test_model_drives.py",
                     "unit/model/test_model_scenario.py",
-                    "unit/model/test_model_loads.py",
                     "unit/model/test_model_hardware.py",
-                    "unit/model/test_variation.py",
                     "unit/model/test_help_text.py",
                     "unit/model/test_model_schema.py",
                     "unit/model/test_model_files.py",

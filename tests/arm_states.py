@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 import flexarm as fa
-from flexarm.arm.actions.loads import place_loads, tip_load
+from flexarm.arm.actions import place_loads, tip_load
 from flexarm.kernels.layout import (
     ArmConstants,
     Loads,

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.model.checks import Record
-from flexarm.model.help_text import descriptions_of
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.view.studio.values.fields import unit_of
 
 #: Exponents of length, mass and time in each unit.

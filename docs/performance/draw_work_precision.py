@@ -10,6 +10,7 @@ all in turns. Errors are the largest distance of the tip from that of a run with
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,9 +23,11 @@ from measure_integrators import Torque
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 from flexarm.simulation.histories.functions import function_history
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import Sheet, styled
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from gallery.line_labels import label_lines
 
 FIGURE = Path(__file__).with_name("integrators.png")
 DURATION = 2.0

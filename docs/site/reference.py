@@ -11,8 +11,7 @@ import re
 from pathlib import Path
 
 import flexarm as fa
-from flexarm.model.checks import Record
-from flexarm.model.help_text import descriptions_of
+from flexarm.model.checks import Record, descriptions_of
 
 _PART = re.compile(
     r"^## (?P<title>[^\n]+)\n(?:(?!^## ).)*?<!-- begin (?P<part>\w+) -->(?P<table>.*?)<!-- end",

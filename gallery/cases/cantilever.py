@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import INK, SERIES, legend_above
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
 from gallery.drawing import OURS
+from gallery.line_labels import label_lines
 from gallery.references import reference
 from gallery.two_link import two_link_arm
 

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import SERIES, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS, logarithmic_ticks
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 ELEMENTS = 64

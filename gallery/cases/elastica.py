@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 import flexarm as fa
 from flexarm.arm.bending import one_warning
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row, Source
 from gallery.drawing import OURS, logarithmic_ticks
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 PIECES = (4, 8, 16, 32, 64)

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import SERIES
 from gallery.beam import FloatArray, wave_digits
 from gallery.case import Case, Row, rounding_digits
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 ELEMENTS = 32

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, INK, VERMILLION
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 ELEMENTS, ELEMENTS_OF_CURVES = 48, 12

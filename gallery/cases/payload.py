@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, frequencies, mesh_digits, mesh_reason, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 ELEMENTS = 64

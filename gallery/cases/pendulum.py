@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, GREY, INK, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row, distance_digits
 from gallery.drawing import OURS, logarithmic_ticks
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 if TYPE_CHECKING:

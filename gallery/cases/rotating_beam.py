@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray, unit_beam
 from gallery.case import Case, Row
 from gallery.drawing import OURS
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 ELEMENTS, ELEMENTS_OF_CURVES = 64, 16

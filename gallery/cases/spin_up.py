@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, GREEN, INK, VERMILLION, legend_above
 from gallery.beam import FloatArray
 from gallery.case import Case, Row
 from gallery.drawing import OURS
+from gallery.line_labels import label_lines
 from gallery.references import reference
 
 if TYPE_CHECKING:

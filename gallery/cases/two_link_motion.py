@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import flexarm as fa
-from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILLION
 from gallery.beam import FloatArray
 from gallery.case import Case, Row, distance_digits
 from gallery.drawing import KNOWN
+from gallery.line_labels import label_lines
 from gallery.references import history, reference
 from gallery.two_link import LENGTHS, two_link_arm
 

@@ -6,9 +6,8 @@ import casadi
 import numpy as np
 import pytest
 
-from flexarm.bridges.symbolic.branches import MOST_PATHS, branched
 from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
-from flexarm.bridges.symbolic.symbol_array import symbol_array
+from flexarm.bridges.symbolic.symbol_array import MOST_PATHS, branched, symbol_array
 
 
 def one_condition(x, y):

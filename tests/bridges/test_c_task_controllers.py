@@ -10,7 +10,7 @@ from bridges.c_code_tools import Library, make
 from bridges.test_c_controllers import LAWS, heavy
 from flexarm.bridges.c_code.export import exported
 from flexarm.bridges.c_code.recording import record
-from flexarm.bridges.symbolic import branches
+from flexarm.bridges.symbolic import symbol_array
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.cli.main import app
 
@@ -24,8 +24,8 @@ def test_recorded_run_takes_both_sides_of_all_conditions(name, monkeypatch):
 
     The exception is that a time without contact is positive after it has increased.
     """
-    merged, paths = branches._merged, []
-    monkeypatch.setattr(branches, "_merged", lambda found: paths.append(found) or merged(found))
+    merged, paths = symbol_array._merged, []
+    monkeypatch.setattr(symbol_array, "_merged", lambda found: paths.append(found) or merged(found))
     export = exported(casadi_model(heavy()), "arm", LAWS[name]())
     recording = record(export)
     first, later = (one.function for one in export.controller.functions)

@@ -16,7 +16,7 @@ from bridges.symbolic_cases import (
     of_busy,
     parametric,
 )
-from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.kernel_calls import ParametricArm
 from flexarm.model.paths import number_paths, with_number
 from random_options import busy
 

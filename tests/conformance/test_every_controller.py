@@ -13,8 +13,8 @@ from flexarm.control.contract.base import Controller, has_poles
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import CONTROLLERS
 from flexarm.model import Scenario, load_scenario, save_scenario
+from flexarm.model.checks import descriptions_of
 from flexarm.model.drives import CONTROLLED, FilterSpec
-from flexarm.model.help_text import descriptions_of
 
 #: The motion is fast and links bend far, which is not the subject of these tests.
 pytestmark = [

@@ -12,8 +12,7 @@ from flexarm.base.errors import InputError
 from flexarm.model import Scenario, StudySpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import look
-from flexarm.view.studio.state import Project, open_bytes
-from flexarm.view.studio.values.edits import KIND, NEW, PRESET, TABLE, WAY, WORDS
+from flexarm.view.studio.state import KIND, NEW, PRESET, TABLE, WAY, WORDS, Project, open_bytes
 from flexarm.view.studio.values.fields import SAMPLED, Field, groups_of
 from flexarm.view.studio.values.forms import Forms, forms_of
 

@@ -10,8 +10,7 @@ import pytest
 import flexarm as fa
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.linear.step_derivatives.sampled_step import FreeParameters
-from flexarm.model.hardware import CHANNEL_SIGNALS
-from flexarm.model.sensors import POINT_SIGNALS
+from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS
 
 TICK = 0.002
 GRAVITY = np.array([0.3, -9.81])

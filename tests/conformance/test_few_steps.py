@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from arm_states import state_array
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.integrate import INTEGRATORS
 from flexarm.integrate.base import Drive, Status, System, Tolerance
 from flexarm.kernels.layout import new_workspace, run_time_sizes

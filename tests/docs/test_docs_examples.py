@@ -36,7 +36,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
-from flexarm.model.identification.study import locate_identification
+from flexarm.model.identification import locate_identification
 
 RUNNING = ("yaml", "python", "bash")
 PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.identification.filtering import Path, coefficients
+from flexarm.identification.record import Path, coefficients
 
 RATE = 2000.0
 TIMES = np.arange(2001) / RATE

@@ -103,7 +103,7 @@ def test_delays_and_recorded_filters_are_removed(shaken):
     late = result[["torque", "joint_angle", "strain"]].copy(deep=True)
     late["strain"][1:] = result["strain"].values[:-1]
     slow = fa.Filter("low_pass", cutoff=15.0, order=2)
-    from flexarm.identification.filtering import Path
+    from flexarm.identification.record import Path
 
     path = Path(late["time"].values, np.ones(late.sizes["time"], bool), 0.0, [slow])
     late["strain"][:, 0] = path.measured(late["strain"].values[:, 0])

@@ -349,7 +349,7 @@ def test_filters_of_the_instruments_do_not_bias_the_estimates():
     """A record that has passed a filter, fitted with and without telling so."""
     bench = short()
     slow = fa.Filter("low_pass", cutoff=10.0, order=2, recorded=True)
-    from flexarm.identification.filtering import Path
+    from flexarm.identification.record import Path
 
     data = bench.data.copy(deep=True)
     every = np.ones(bench.times.size, dtype=bool)

@@ -10,8 +10,8 @@ import xarray as xr
 from scipy.io import savemat
 
 import flexarm as fa
-from flexarm.identification.labels import MEASURED, label_of
-from flexarm.model.identification.records import UNITS
+from flexarm.identification.record import MEASURED, label_of
+from flexarm.model.identification import UNITS
 
 TIMES = np.arange(50) / 100.0
 ANGLE = 10.0 * np.sin(8.0 * TIMES)  # degrees

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.identification.space import in_words
-from flexarm.identification.statistics import (
+from flexarm.identification.result import (
     Column,
     covariance_of,
     cross_correlation,
@@ -13,6 +12,7 @@ from flexarm.identification.statistics import (
     undetermined,
     whiteness,
 )
+from flexarm.identification.space import in_words
 
 COUNT = 600
 ALL = np.ones(COUNT, dtype=bool)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import flexarm as fa
 from arm_states import changed, drawn, parts, state_array
-from flexarm.arm.actions.loads import place_loads, tip_load
+from flexarm.arm.actions import place_loads, tip_load
 from flexarm.kernels.layout import ArmConstants, new_workspace, run_time_sizes
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.composite_body import mass_matrix

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from arm_states import parts, state_array
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.kernels.columns import FREE
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from oracles.joint_laws import passive_torque, stretched

@@ -9,8 +9,7 @@ import flexarm as fa
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.linear.models.signals import CHANNEL_OUTPUTS
 from flexarm.model import locate_scenario
-from flexarm.model.hardware import CHANNEL_SIGNALS, Signal
-from flexarm.model.sensors import POINT_SIGNALS
+from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS, Signal
 
 ARM = """\
 flexarm: 1

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from complex_steps import by_complex_steps, step_ends
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import assemble
 from flexarm.model.paths import number_at, number_paths, with_number
 from random_arms import random_spec

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 import flexarm as fa
 from arms import unit_link
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.simulation.histories.loads import load_history
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, table_error
 from flexarm.arm.dynamics import Dynamics
 from flexarm.arm.stations import (
@@ -36,10 +36,9 @@ from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
-from flexarm.model.arm.plausibility import implausible
-from flexarm.model.arm.variation import varied_spec
-from flexarm.model.help_text import signature_of
-from flexarm.model.plausible import warn_of
+from flexarm.model.arm.spec import varied_spec
+from flexarm.model.checks import signature_of
+from flexarm.model.plausible import implausible, warn_of
 
 #: Relative error of a frequency by the points of a table that is worth a warning.
 _COARSE = 0.005
@@ -306,11 +305,7 @@ def _copy_of(spec: ArmSpec) -> Arm:
 
 
 def described_arm(spec: ArmSpec) -> Arm:
-    """Return the arm of a description by the user, such as that of a file.
-
-    Warns:
-        ImplausibleValueWarning: see ``Arm``.
-    """
+    """Return the arm of a description by the user, such as that of a file, with its warnings."""
     arm = Arm(spec)
     warn_of(implausible(spec))  # an arm that cannot be assembled raises
     return arm

@@ -83,7 +83,7 @@ class BendingErrors:
         """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
         if np.all(self.surely_small(np.abs(states[:, 0, :, 1:]).max(axis=0, initial=0.0))):
             return None
-        largest, found = 0.0, None
+        largest, worst = 0.0, None
         tip = 0.0
         for k in range(0, len(states), _CHUNK):
             own, of_tip = self.of_links(states[k : k + _CHUNK])
@@ -91,8 +91,8 @@ class BendingErrors:
             tip = max(tip, float(of_tip.max(initial=0.0)))
             if relative.size and relative.max() > max(largest, LARGEST_ERROR):
                 at, link = np.unravel_index(int(np.argmax(relative)), relative.shape)
-                largest, found = float(relative[at, link]), (int(link), k + int(at))
-        return None if found is None else (tip, *found)
+                largest, worst = float(relative[at, link]), (int(link), k + int(at))
+        return None if worst is None else (tip, *worst)
 
     def surely_small(self, eta: FloatArray) -> NDArray[np.bool_]:
         """Return whether a bound, much faster than the estimate, excludes large errors.
@@ -137,10 +137,10 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
     if arm not in _of_arms:
         _of_arms[arm] = BendingErrors(arm)
-    found = _description(arm, _of_arms[arm], states)
-    if not found:
+    words = _description(arm, _of_arms[arm], states)
+    if not words:
         return ""
-    fact, link, error = found
+    fact, link, error = words
     theory = "linear" if arm.spec.theory == "linear" else "second-order"
     segments = arm.spec.links[link].segments
     use = "theory='second_order' " if theory == "linear" else ""
@@ -153,11 +153,11 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:
     """Describe the error of linear deviations, always that of the linear theory; "" if small."""
-    found = _description(arm, BendingErrors(arm, "linear"), states)
-    if not found:
+    words = _description(arm, BendingErrors(arm, "linear"), states)
+    if not words:
         return ""
     return (
-        f"{found[0]}: linear deviations misplace the tip by about {found[2]}. fa.simulate follows "
+        f"{words[0]}: linear deviations misplace the tip by about {words[2]}. fa.simulate follows "
         f"the whole motion, with theory='second_order' where links bend that far; {_PAGE}"
     )
 
@@ -165,10 +165,10 @@ def too_far_deviated(arm: Arm, states: FloatArray) -> str:
 def _description(
     arm: Arm, errors: BendingErrors, states: FloatArray
 ) -> tuple[str, int, str] | None:
-    found = errors.too_large(states)
-    if found is None:
+    worst = errors.too_large(states)
+    if worst is None:
         return None
-    tip, link, at = found
+    tip, link, at = worst
     piece, deflection = _largest_deflection(arm, link, states[at])
     name = f"link {link + 1}"
     if arm.spec.links[link].segments > 1:

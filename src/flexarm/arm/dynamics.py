@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
@@ -302,5 +302,5 @@ class _Jacobian(KernelView):
     def fill(self, state: FloatArray, torque: FloatArray, placed: Loads) -> None:
         """Compute ``by_state`` and ``by_torque``."""
         self._state[...], self._torque[...] = state, torque
-        found = self.by_state, self.by_torque
-        self.call(forward_jacobian, self._state, self._torque, placed, self.work, *found)
+        jacobians = self.by_state, self.by_torque
+        self.call(forward_jacobian, self._state, self._torque, placed, self.work, *jacobians)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm.arm.actions.loads import SAME_PLACE, loads_inboard, parts_of
+from flexarm.arm.actions import SAME_PLACE, loads_inboard, parts_of
 from flexarm.arm.assembly.assemble import FloatArray, IntArray, move_masses
 from flexarm.arm.assembly.coordinates import Coordinates
-from flexarm.arm.beams.parts import (
+from flexarm.arm.beams.invariants import (
     PartConstants,
     inverse_inertia,
     part_constants,

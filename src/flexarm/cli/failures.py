@@ -123,13 +123,7 @@ class _Stream(io.RawIOBase):
     """Bytes of a standard stream, which are discarded after the first failure.
 
     Only the main thread raises, because Python prints a traceback of an exception in another one,
-    such as that of a progress bar.
-
-    Args:
-        raises: whether the first failure raises `_OutputError`.
-
-    Attributes:
-        failure: reason of the failure; empty if there is none.
+    such as that of a progress bar. With ``raises``, the first ``failure`` raises `_OutputError`.
     """
 
     def __init__(self, stream: io.TextIOWrapper, raises: bool) -> None:

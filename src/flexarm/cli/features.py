@@ -137,10 +137,10 @@ def _estimate() -> None:
     ]
     read = fa.Hardware([fa.Instrument("joint_angle", rate_cutoff=50.0), fa.Instrument("torque")])
     fa.simulate(_arm(), 0.01, controller=fa.JointPD(1.0, 1.0), hardware=read)
-    found = fa.ExtendedKalmanFilter(
+    observer = fa.ExtendedKalmanFilter(
         _arm(), instruments, sample_time=_SAMPLE_TIME, payload_deviation=0.1
     )
-    found.run([[0.0, 0.0]] * 2, {"joint_angle": [_START] * 2, "felt": [[0.0, 0.0]] * 2})
+    observer.run([[0.0, 0.0]] * 2, {"joint_angle": [_START] * 2, "felt": [[0.0, 0.0]] * 2})
     q = _arm().rest(_START)
     for method in ("rk4", "kennedy_carpenter_5"):
         fa.step_jacobian(_arm(), q, q, [0.0, 0.0], 1e-4, method=method)
@@ -190,11 +190,7 @@ FEATURES: dict[str, Callable[[], None]] = {
 
 
 def compile_feature(name: str) -> tuple[float, str]:
-    """Compile or load the kernels of a feature.
-
-    Returns:
-        Compilation time in s, and why the machine code could not be stored; empty if it was.
-    """
+    """Compile the kernels of a feature; return its time, s, and why no code could be stored."""
     notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():

@@ -60,11 +60,7 @@ Sets = Annotated[
 
 
 def changed_document(path: Path, sets: Sequence[str] | None) -> Document:
-    """Return the content of a file with the values of ``--set`` in place of its own.
-
-    Raises:
-        InputError: if the file cannot be read, or a change is not a path and a value.
-    """
+    """Return the content of a file with the values of ``--set`` in place of its own."""
     from flexarm.model.file_format.files import load_document
     from flexarm.model.file_format.yaml_text import change_of, changed
 
@@ -73,11 +69,7 @@ def changed_document(path: Path, sets: Sequence[str] | None) -> Document:
 
 
 def check_places(*places: tuple[str, Path | None, Collection[str]]) -> None:
-    """Check the files to write: option, path, and allowed suffixes of each.
-
-    Raises:
-        InputError: if a file cannot be written.
-    """
+    """Check that files can be written: option, path, and allowed suffixes of each."""
     from flexarm.base.writing.places import check_place
 
     for name, path, suffixes in places:
@@ -91,11 +83,7 @@ def comma_separated(text: str) -> list[str]:
 
 
 def joint_numbers(name: str, arm: Arm, text: str | None, unit: str) -> list[float]:
-    """Parse one number for each joint, separated by commas; return zeros for None.
-
-    Raises:
-        InputError: if the text is not one finite number for each joint.
-    """
+    """Parse one finite number for each joint, separated by commas; return zeros for None."""
     if text is None:
         return [0.0] * arm.joints
     try:

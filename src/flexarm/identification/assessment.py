@@ -14,24 +14,30 @@ from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
 from flexarm.base.notebook import html_table
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
-from flexarm.identification.labels import MEASURED
-from flexarm.identification.record import MeasuredRecord, Records, check_inputs, check_some_records
-from flexarm.identification.result import aligned, number_of
-from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Slot, Space, check_free, in_words
-from flexarm.identification.statistics import (
+from flexarm.identification.record import (
+    MEASURED,
+    MeasuredRecord,
+    Records,
+    check_inputs,
+    check_some_records,
+)
+from flexarm.identification.result import (
     Column,
+    aligned,
     covariance_of,
     fit_percent,
     independence,
+    number_of,
     own_information,
     undetermined,
     whiteness,
 )
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Slot, Space, check_free, in_words
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
-from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification import FreeParameter
 
 #: Distance from a bound at which an estimate counts as being at it, as a fraction of its scale.
 _AT_BOUND = 1e-4
@@ -68,12 +74,12 @@ def columns_of_fit(problem: FitProblem, fit: Fit) -> list[Column]:
     """Return weighted residuals and their derivatives of all channels of all records."""
     columns = []
     derivatives = problem.derivatives(fit.vector)
-    for k, (run, outputs, found) in enumerate(
+    for k, (run, outputs, slope) in enumerate(
         zip(problem.runs, fit.outputs, derivatives, strict=True)
     ):
         places = problem.space.acting_on(k)
         whitened = problem.whitened(k, run.measured - outputs)
-        slopes = problem.whitened(k, -found)
+        slopes = problem.whitened(k, -slope)
         for c in range(len(run.labels)):
             good = run.valid[:, c]
             own = np.zeros((run.times.size, fit.vector.size))
@@ -102,14 +108,14 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     }
     names = [slot.name for slot in slots]
     correlation = xr.DataArray(related, dims=("parameter", "other"))
-    found = xr.Dataset({name: ("parameter", column) for name, column in columns.items()})
-    return found.assign(correlation=correlation).assign_coords(parameter=names, other=names)
+    table = xr.Dataset({name: ("parameter", column) for name, column in columns.items()})
+    return table.assign(correlation=correlation).assign_coords(parameter=names, other=names)
 
 
-def _sentence_of_each(found: Sequence[tuple[Slot, float]]) -> str:
+def _sentence_of_each(deviations: Sequence[tuple[Slot, float]]) -> str:
     """Say which single parameters the data do not determine; equal deviations are named once."""
     names: dict[str, list[str]] = {}
-    for slot, deviation in found:
+    for slot, deviation in deviations:
         names.setdefault(_share(deviation), []).append(_words(slot))
     sentences = []
     for share, own in names.items():
@@ -144,11 +150,11 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
     channels = list(dict.fromkeys(label.text for run in runs for label in run.labels))
     shape = len(runs), len(channels)
     values = {name: np.full(shape, np.nan) for name in _MEASURES}
-    for row, (run, found) in enumerate(zip(runs, outputs, strict=True)):
+    for row, (run, simulated) in enumerate(zip(runs, outputs, strict=True)):
         for c, label in enumerate(run.labels):
             good, place = run.valid[:, c], (row, channels.index(label.text))
-            residuals = np.where(good, run.measured[:, c] - found[:, c], 0.0)
-            values["fit"][place] = fit_percent(run.measured[good, c], found[good, c])
+            residuals = np.where(good, run.measured[:, c] - simulated[:, c], 0.0)
+            values["fit"][place] = fit_percent(run.measured[good, c], simulated[good, c])
             values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
             values["whiteness"][place] = whiteness(residuals, good)
             driven = [
@@ -165,24 +171,24 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
 def fits_by_channel(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> dict[str, float]:
     """Return the smallest fit (percent) of each channel in all records."""
     fits: dict[str, float] = {}
-    for run, found in zip(runs, outputs, strict=True):
+    for run, simulated in zip(runs, outputs, strict=True):
         for c, label in enumerate(run.labels):
             good = run.valid[:, c]
-            own = fit_percent(run.measured[good, c], found[good, c])
+            own = fit_percent(run.measured[good, c], simulated[good, c])
             fits[label.text] = min(own, fits.get(label.text, np.inf))
     return fits
 
 
 def histories_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> dict[str, xr.Dataset]:
     """Return measured and simulated channels and the inputs of each record over time."""
-    found = {}
+    histories = {}
     for run, simulated in zip(runs, outputs, strict=True):
         dims = ("time", "channel")
         measured = np.where(run.valid, run.measured, np.nan)
         units = [MEASURED[label.channel].unit for label in run.labels]
         given = run.record.inputs
         inputs = np.stack(list(given.values()), axis=1) if given else np.zeros((run.times.size, 0))
-        found[run.name] = xr.Dataset(
+        histories[run.name] = xr.Dataset(
             {
                 "measured": (dims, measured),
                 "simulated": (dims, simulated),
@@ -195,7 +201,7 @@ def histories_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> di
                 "input": [label.text for label in given],
             },
         )
-    return found
+    return histories
 
 
 _HEADS = ("parameter", "value", "std. deviation", "%")
@@ -241,13 +247,13 @@ class Identifiability:
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Return the table of parameters: path, value, predicted deviation, also in percent."""
-        found = []
+        table = []
         for name in self.parameters["parameter"].values.tolist():
             one = self.parameters.sel(parameter=name)
             value, deviation = float(one["estimate"]), float(one["standard_deviation"])
             share = f"{100.0 * deviation / abs(value):.3g}" if value else ""
-            found.append((name, f"{value:.5g}", f"{deviation:.3g}", share))
-        return found
+            table.append((name, f"{value:.5g}", f"{deviation:.3g}", share))
+        return table
 
     def __str__(self) -> str:
         return "\n\n".join([aligned([_HEADS, *self.rows()]), *self.undetermined])

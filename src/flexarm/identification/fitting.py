@@ -74,8 +74,8 @@ class FitProblem:
             runs = [run.beginning(_BEGINNING) for run in self.runs]
         except InputError:  # a channel has no samples there
             return None
-        found = [run for run in runs if run is not None]
-        return FitProblem(self.space, found, self._watch) if len(found) == len(runs) else None
+        short = [run for run in runs if run is not None]
+        return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
 
     def prepare(self, vector: FloatArray) -> None:
         """Return to the first guess of the noise, before a fit that starts at ``vector``."""
@@ -96,7 +96,7 @@ class FitProblem:
 
     def outputs(self, vector: FloatArray) -> list[FloatArray] | None:
         """Return the outputs of all records, or None if a run fails."""
-        found = []
+        simulated = []
         for k, run in enumerate(self.runs):
             try:
                 case = self.space.case(k, vector)
@@ -107,8 +107,8 @@ class FitProblem:
             if isinstance(outputs, str) or not np.all(np.isfinite(outputs)):
                 self.failure = f"{run.name}: {outputs}"
                 return None
-            found.append(outputs)
-        return found
+            simulated.append(outputs)
+        return simulated
 
     def residuals(self, scaled: FloatArray) -> FloatArray:
         """Return the weighted residuals; infinite if a run fails, so that the step is rejected."""
@@ -126,8 +126,8 @@ class FitProblem:
     def weighted(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> FloatArray:
         """Return the residuals of samples and priors, divided by their standard deviations."""
         parts = [
-            self.whitened(k, run.measured - found)[run.valid]
-            for k, (run, found) in enumerate(zip(self.runs, outputs, strict=True))
+            self.whitened(k, run.measured - simulated)[run.valid]
+            for k, (run, simulated) in enumerate(zip(self.runs, outputs, strict=True))
         ]
         slots = [self.space.slots[k] for k in self._priors]
         priors = [
@@ -145,9 +145,9 @@ class FitProblem:
         vector = self.vector(scaled)
         derivatives = self.derivatives(vector)
         blocks = []
-        for k, (run, found) in enumerate(zip(self.runs, derivatives, strict=True)):
+        for k, (run, slope) in enumerate(zip(self.runs, derivatives, strict=True)):
             block = np.zeros((int(run.valid.sum()), vector.size))
-            block[:, self.space.acting_on(k)] = self.whitened(k, -found)[run.valid]
+            block[:, self.space.acting_on(k)] = self.whitened(k, -slope)[run.valid]
             blocks.append(block)
         priors = np.zeros((len(self._priors), vector.size))
         for row, k in enumerate(self._priors):
@@ -161,10 +161,10 @@ class FitProblem:
         every = []
         for k, run in enumerate(self.runs):
             places = self.space.acting_on(k)
-            found = output_derivatives(run, self.space, k, vector, places)
-            if isinstance(found, str):
-                raise FitFailure(f"{run.name}: {found}")
-            every.append(found)
+            slopes = output_derivatives(run, self.space, k, vector, places)
+            if isinstance(slopes, str):
+                raise FitFailure(f"{run.name}: {slopes}")
+            every.append(slopes)
         self._last = vector, every
         return every
 
@@ -199,10 +199,10 @@ class FitProblem:
         """Return the RMS of each channel's residuals, or ``robust`` 1.4826 times their median."""
         residuals: dict[str, list[FloatArray]] = {}
         signals: dict[str, float] = {}
-        for run, found in zip(self.runs, outputs, strict=True):
+        for run, simulated in zip(self.runs, outputs, strict=True):
             for k, label in enumerate(run.labels):
                 good = run.valid[:, k]
-                own = (run.measured - found)[good, k]
+                own = (run.measured - simulated)[good, k]
                 residuals.setdefault(label.text, []).append(own)
                 size = float(np.max(np.abs(run.measured[good, k])))
                 signals[label.text] = max(size, signals.get(label.text, 0.0))
@@ -251,10 +251,10 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     early = problem.beginning()
     if early is not None:
         first, _, _ = _minimum(early, scaled, loss, iterations, _COARSE)
-        found = problem.outputs(problem.vector(first))
-        if found is not None:
+        first_outputs = problem.outputs(problem.vector(first))
+        if first_outputs is not None:
             scaled = first
-            outputs, _ = problem.tune(problem.vector(first), found, robust)
+            outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
     free = problem.noise.keys() - problem.fixed
     converged, change, left = True, 0.0, iterations
     for attempt in range(_ROUNDS):
@@ -275,9 +275,7 @@ def _minimum(
 
     The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
     cannot go on from a vector without derivatives, so the search ends at the vector before.
-
-    Raises:
-        FitFailure: if the start has no derivatives.
+    FitFailure if the start has no derivatives.
     """
     from scipy.optimize import least_squares
 
@@ -290,7 +288,7 @@ def _minimum(
         return rows
 
     try:
-        found = least_squares(
+        solution = least_squares(
             problem.residuals,
             _inside(scaled, lower, upper),
             jac=jacobian,
@@ -307,7 +305,7 @@ def _minimum(
         if not accepted:
             raise
         return accepted[-1], False, iterations
-    return found.x, found.status > 0, int(found.nfev)
+    return solution.x, solution.status > 0, int(solution.nfev)
 
 
 def _inside(scaled: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
@@ -402,7 +400,7 @@ def _by_duals(
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", FlexarmWarning)
                 # Without a second run: derivatives better than the runs are not needed.
-                found = sensitivities(
+                dual = sensitivities(
                     Arm(case.spec),
                     parameters=paths,
                     error_estimate=False,
@@ -418,7 +416,7 @@ def _by_duals(
                 return []  # a loop that is not differentiable, such as one that rounds
             exact = [k for j, k in enumerate(exact) if j not in wrong]
             continue
-        channels = {name: np.moveaxis(found[name].values, 0, -1) for name in run.channels}
+        channels = {name: np.moveaxis(dual[name].values, 0, -1) for name in run.channels}
         derivatives[..., exact] = run.changes(channels)
         return exact
     return []

@@ -62,8 +62,7 @@ from flexarm.identification.space import Space, check_free
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
-from flexarm.model.identification.parameters import FreeParameter
-from flexarm.model.identification.study import locate_identification
+from flexarm.model.identification import FreeParameter, locate_identification
 from flexarm.model.wording import path_of
 from flexarm.simulation.run.settings import (
     MethodSettings,
@@ -176,7 +175,9 @@ def identify(
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
     held_out = check_records("validation", validation)
-    _check_names(fitted, held_out)
+    for name in held_out:
+        if name in fitted:
+            raise InputError(Problem("validation", f"repeats the name of the record {name!r}"))
     check_inputs(fitted | held_out)
     _check_currents({**fitted, **held_out}, motors)
     for name, record in (fitted | held_out).items():
@@ -200,13 +201,13 @@ def identify(
     problem.restore(best)
     table, initial, indistinct = parameters_of(problem, best)
     shared = space.case(None, best.vector)
-    found = Arm(shared.spec)
+    estimated = Arm(shared.spec)
     predicted = [
-        _predicted(run, found, shared.motors, parameters, best, iterations) for run in others
+        _predicted(run, estimated, shared.motors, parameters, best, iterations) for run in others
     ]
     fit = fits_of(runs, best.outputs)
     result = Identification(
-        arm=found,
+        arm=estimated,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
         motors=shared.motors,
         parameters=table,
@@ -310,12 +311,6 @@ def _check_rates(runs: Sequence[RecordRun]) -> None:
         raise InputError(*problems)
 
 
-def _check_names(fitted: Mapping[str, Any], held_out: Mapping[str, Any]) -> None:
-    for name in held_out:
-        if name in fitted:
-            raise InputError(Problem("validation", f"repeats the name of the record {name!r}"))
-
-
 def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None) -> None:
     for name, record in records.items():
         if record.input != "current":
@@ -402,11 +397,11 @@ class PreparedIdentification:
         self._validation = self._read("validation")
 
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
-        found = {}
+        measured = {}
         for name, description in getattr(self.study, key).items():
             with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
-                found[name] = record_of_file(description, self._folder / description.file)
-        return found
+                measured[name] = record_of_file(description, self._folder / description.file)
+        return measured
 
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""

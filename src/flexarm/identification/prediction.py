@@ -17,8 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem, Watch
-from flexarm.identification.labels import place_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import MeasuredRecord, place_of
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
@@ -116,18 +115,20 @@ class PredictedRun(RecordRun):
         except FlexarmError as error:
             return str(error)
         z, size = model.start, 2 * model.step.arm.dof
-        found = np.zeros(self.measured.shape)
+        predicted = np.zeros(self.measured.shape)
         with np.errstate(all="ignore"):
             for k in range(self.times.size):
-                found[k] = model.H @ z
-                z = z + self.gains.K[k] @ np.where(self.valid[k], self.measured[k] - found[k], 0.0)
+                predicted[k] = model.H @ z
+                z = z + self.gains.K[k] @ np.where(
+                    self.valid[k], self.measured[k] - predicted[k], 0.0
+                )
                 if k == len(model.torques):
                     break
                 for torque in model.torques[k]:
                     z[:size] = model.step.advance(z[:size], torque)
                 if not np.isfinite(z[0]):
                     return f"the prediction diverges at t = {self.times[k]:.6g} s"
-        return found
+        return predicted
 
     def linearised(
         self, case: Case, torque_noise: FloatArray, noise: FloatArray
@@ -196,22 +197,22 @@ class PredictedRun(RecordRun):
 
 def _problems(name: str, record: MeasuredRecord) -> list[Problem]:
     """Return what prediction errors do not support."""
-    settings, found = record.settings, []
+    settings, problems = record.settings, []
     with_error = "is not supported with prediction_error"
     if record.controller is not None:
         hint = "Use the measured torque as the input."
-        found.append(Problem("controller", with_error, hint=hint))
+        problems.append(Problem("controller", with_error, hint=hint))
     if settings.prescribed:
-        found.append(Problem("prescribed", with_error))
+        problems.append(Problem("prescribed", with_error))
     names = dict.fromkeys(label.channel for label in record.outputs)
     for channel in names:
         if channel not in LINEAR_SIGNALS:
             hint = f"Choose outputs from {', '.join(LINEAR_SIGNALS)}."
-            found.append(Problem(f"outputs: {channel}", with_error, hint=hint))
+            problems.append(Problem(f"outputs: {channel}", with_error, hint=hint))
         for item in settings.filters.get(channel, ()):
             if item.kind not in ("gain", "remove_mean"):
-                found.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
-    return [Problem(p.name, p.rule, p.value, p.hint, where=name) for p in found]
+                problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
+    return [Problem(p.name, p.rule, p.value, p.hint, where=name) for p in problems]
 
 
 #: First guess of the torque noise, as a fraction of the RMS of the torques.
@@ -280,15 +281,15 @@ class PredictionProblem(FitProblem):
         """Estimate noise and gains; return the outputs, and the larger relative change of both."""
         old = dict(self.noise)
         self._estimate(vector)
-        found = self.outputs(vector)
-        if found is None:
+        tuned = self.outputs(vector)
+        if tuned is None:
             raise FitFailure(self.failure)
         moved = [
-            self.whitened(k, a - b) for k, (a, b) in enumerate(zip(found, outputs, strict=True))
+            self.whitened(k, a - b) for k, (a, b) in enumerate(zip(tuned, outputs, strict=True))
         ]
         changes = [abs(self.noise[text] / old[text] - 1.0) for text in old]
         changes += [float(np.sqrt(np.mean(values**2))) for values in moved]
-        return found, max(changes)
+        return tuned, max(changes)
 
     def cost(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> float:
         """Return minus the logarithm of the likelihood without constants."""
@@ -319,10 +320,10 @@ class PredictionProblem(FitProblem):
             case = self.space.case(record, vector)
         except InputError as error:
             raise FitFailure(f"{run.name}: {error}") from None
-        found = run.linearised(case, self.torque_noise, self._noise_of_run(run))
-        if isinstance(found, str):
-            raise FitFailure(f"{run.name}: {found}")
-        return found
+        model = run.linearised(case, self.torque_noise, self._noise_of_run(run))
+        if isinstance(model, str):
+            raise FitFailure(f"{run.name}: {model}")
+        return model
 
     def _noise_of_run(self, run: PredictedRun) -> FloatArray:
         return np.array([self.noise[label.text] for label in run.labels])
@@ -346,10 +347,10 @@ class PredictionProblem(FitProblem):
 
         guesses = np.array([self._guess[text] for text in texts])
         start = np.concatenate([self.torque_noise[:joints], [self.noise[t] for t in texts]])
-        found = _most_likely(cost, start, np.concatenate([self._scale[:joints], guesses]))
+        intensities = _most_likely(cost, start, np.concatenate([self._scale[:joints], guesses]))
         if joints:
-            self.torque_noise = found[:joints]
-        self.noise |= dict(zip(texts, found[joints:].tolist(), strict=True))
+            self.torque_noise = intensities[:joints]
+        self.noise |= dict(zip(texts, intensities[joints:].tolist(), strict=True))
 
     def _take(self, gains: Sequence[_Gains]) -> None:
         for run, own in zip(self.runs, gains, strict=True):
@@ -431,17 +432,17 @@ def likelihoods(
     x, P = np.tile(model.start, (m, 1)), np.tile(model.P, (m, 1, 1))
     total = np.zeros(m)
     for k in range(samples):
-        found = _corrected(P, model.H, noise, valid[k])
+        update = _corrected(P, model.H, noise, valid[k])
         missed = np.where(valid[k], measured[k] - x @ model.H.T, 0.0)
-        white = np.linalg.solve(found.factor, missed[..., None])[..., 0]
+        white = np.linalg.solve(update.factor, missed[..., None])[..., 0]
         total += 0.5 * np.sum(white**2, axis=1)
-        total += np.sum(np.log(np.diagonal(found.factor, axis1=1, axis2=2)), axis=1)
+        total += np.sum(np.log(np.diagonal(update.factor, axis1=1, axis2=2)), axis=1)
         if k == samples - 1:
             break
-        x = x + (found.K @ missed[..., None])[..., 0]
+        x = x + (update.K @ missed[..., None])[..., 0]
         x = x @ model.F[k].T + model.b[k]
         moved = model.G[k] * torque_noise[:, None, :]
-        P = model.F[k] @ found.P @ model.F[k].T + moved @ np.swapaxes(moved, 1, 2)
+        P = model.F[k] @ update.P @ model.F[k].T + moved @ np.swapaxes(moved, 1, 2)
     return total
 
 
@@ -454,12 +455,12 @@ def gains_of(
     whitening = np.zeros((samples, channels, channels))
     P, cost = model.P[None], 0.0
     for k in range(samples):
-        found = _corrected(P, model.H, noise[None], valid[k])
-        K[k], whitening[k] = found.K[0], np.linalg.inv(found.factor[0])
-        cost += float(np.sum(np.log(np.diagonal(found.factor[0]))))
+        update = _corrected(P, model.H, noise[None], valid[k])
+        K[k], whitening[k] = update.K[0], np.linalg.inv(update.factor[0])
+        cost += float(np.sum(np.log(np.diagonal(update.factor[0]))))
         if k < samples - 1:
             moved = model.G[k] * torque_noise
-            P = model.F[k] @ found.P @ model.F[k].T + moved @ moved.T
+            P = model.F[k] @ update.P @ model.F[k].T + moved @ moved.T
     return _Gains(K, whitening, cost)
 
 
@@ -474,10 +475,10 @@ def _most_likely(
 
     def value(logs: FloatArray) -> tuple[float, FloatArray]:
         try:
-            found = cost(np.exp(logs + steps) * scale)
+            costs = cost(np.exp(logs + steps) * scale)
         except np.linalg.LinAlgError:  # readings without noise, predicted in one direction only
             return _IMPOSSIBLE, np.zeros(count)
-        return float(found[0]), (found[1 : count + 1] - found[count + 1 :]) / (2.0 * _STEP)
+        return float(costs[0]), (costs[1 : count + 1] - costs[count + 1 :]) / (2.0 * _STEP)
 
     logs = np.clip(np.log(start / scale), np.log(_LEAST), np.log(_MOST))
     for _ in range(_BOXES):
@@ -486,8 +487,8 @@ def _most_likely(
         high = np.minimum(logs + _BOX, np.log(_MOST))
         bounds = list(zip(low.tolist(), high.tolist(), strict=True))
         options = {"maxiter": _ITERATIONS, "ftol": 1e-9}
-        found = minimize(value, logs, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-        moved, logs = np.abs(found.x - logs), found.x
+        fit = minimize(value, logs, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        moved, logs = np.abs(fit.x - logs), fit.x
         if np.all(moved < 0.99 * _BOX):
             break
     return np.asarray(np.exp(logs) * scale)

@@ -23,21 +23,23 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.identification.filtering import without_phase
-from flexarm.identification.labels import (
+from flexarm.identification.record import (
+    FEWEST,
     MEASURED,
     Label,
+    MeasuredRecord,
     check_label,
     dataset_of,
     factor_of,
+    is_number,
     label_of,
     split_unit,
+    without_phase,
 )
-from flexarm.identification.record import FEWEST, MeasuredRecord
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
-from flexarm.model.identification.records import Column, RecordFile, RecordSettings
+from flexarm.model.identification import Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
 #: Interval, in typical ones, from which samples are missing.
@@ -252,13 +254,13 @@ def _uniform(
         raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
     count = int(samples)
     grid = times[0] + np.arange(count) / rate
-    found = {}
+    resampled = {}
     for label, column in columns.items():
         values = column[inside]
         if rate * typical < 1.0 / _GAP:
             values = _without_fast(values, times, rate)
-        found[label] = _interpolated(grid, times, values, typical)
-    return grid - times[0], found
+        resampled[label] = _interpolated(grid, times, values, typical)
+    return grid - times[0], resampled
 
 
 def _rounded(rate: float) -> float:
@@ -342,7 +344,9 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
-    numeric = [any(_is_number(cell, decimal) for cell in row) for row in cells]
+    numeric = [
+        any(is_number(cell.strip('"').replace(decimal, ".")) for cell in row) for row in cells
+    ]
     if numeric == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
         del lines[1]
@@ -377,14 +381,6 @@ def _text_of(path: Path, encoding: str) -> str:
         raise InputError(
             Problem("path", f"{path.name!r} is not a text in {encoding}", hint=hint)
         ) from None
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.strip('"').replace(decimal, "."))
-    except ValueError:
-        return False
-    return True
 
 
 def _parquet(path: Path) -> _Table:

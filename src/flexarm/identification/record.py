@@ -1,23 +1,248 @@
-"""Measured records: a dataset over time, and the treatment of its channels."""
+"""Measured records: a dataset over time, its channels, and the treatment of them.
+
+Names of single channels are those in the header of a CSV file: ``joint_angle_1``, ``tip_x``. The
+path from a quantity to its record is linear: delay, filters, gaps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
+from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_dataset, check_kind, check_mapping, check_posture
 from flexarm.base.errors import InputError, Problem, nearest, public_call, shown
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
-from flexarm.identification.labels import MEASURED, Label, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
-from flexarm.model.identification.records import RecordSettings
+from flexarm.model.hardware import CHANNEL_SIGNALS
+from flexarm.model.identification import UNITS, Filter, RecordSettings
 from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.run.channels import CHANNELS, Channel
+
+#: Inputs of the motors, which simulated results do not contain.
+CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")
+VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
+#: Channels of records by name: those that instruments measure, without contacts, and these inputs.
+MEASURED: dict[str, Channel] = {
+    name: CHANNELS[name] for name in CHANNEL_SIGNALS if "contact" not in CHANNELS[name].dims
+} | {"current": CURRENT, "voltage": VOLTAGE}
+_UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
+
+
+class Label(NamedTuple):
+    """One number of a channel at a time."""
+
+    channel: str  # name of the channel
+    #: Number of the joint, link or gauge, counted from 1, or the axis "x" or "y"; empty for a
+    #: channel of one number
+    part: int | str
+
+    @property
+    def text(self) -> str:
+        """Name in tables: ``joint_angle_1``."""
+        return f"{self.channel}_{self.part}" if self.part != "" else self.channel
+
+
+def label_of(text: str) -> Label | None:
+    """Return the label of a name, or None if no channel has it."""
+    if text in MEASURED:
+        return None if MEASURED[text].dims else Label(text, "")
+    stem, _, part = text.rpartition("_")
+    channel = MEASURED.get(stem)
+    if channel is None or not channel.dims:
+        return None
+    if channel.dims == ("axis",):
+        return Label(stem, part) if part in ("x", "y") else None
+    return Label(stem, int(part)) if part.isdigit() and int(part) > 0 else None
+
+
+def check_label(name: str, text: str) -> Label:
+    """Return the label of a name; InputError if no channel has it."""
+    label = label_of(text)
+    if label is None:
+        channel = MEASURED.get(text)
+        example = "_x" if channel and channel.dims == ("axis",) else "_1"
+        hint = f"Add its number or axis: {text}{example}." if channel else nearest(text, MEASURED)
+        rule = "be the name of a measured channel, such as joint_angle_1, strain_2 or tip_x"
+        raise InputError(Problem(name, rule, shown(text), hint))
+    return label
+
+
+def split_unit(header: str) -> tuple[str, str]:
+    """Return name and unit of the header of a column: ``angle [deg]``, ``angle (deg)``."""
+    match = _UNIT.match(header)
+    # A number in brackets without a space before them is the index of a column of an array.
+    if match is None or (match[3].isdigit() and not match[2]):
+        return header, ""
+    return match[1], match[3]
+
+
+def is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def factor_of(name: str, unit: str, si: str) -> float:
+    """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
+    known = UNITS[si]
+    if unit not in known:
+        rule = f"be a unit of its channel ({', '.join(known)})"
+        raise InputError(Problem(name, rule, shown(unit)))
+    return known[unit]
+
+
+def dataset_of(times: np.ndarray, columns: dict[Label, np.ndarray]) -> xr.Dataset:
+    """Return a record as a dataset over ``time``; parts that were not measured are missing."""
+    variables = {}
+    coordinates: dict[str, object] = {"time": ("time", times, {"units": "s", "long_name": "time"})}
+    for name in dict.fromkeys(label.channel for label in columns):
+        channel = MEASURED[name]
+        own = sorted((label for label in columns if label.channel == name), key=str)
+        own.sort(key=lambda label: label.part)
+        values = np.stack([columns[label] for label in own], axis=1)
+        attributes = {"units": channel.unit, "long_name": channel.meaning}
+        if not channel.dims:
+            variables[name] = xr.DataArray(values[:, 0], dims="time", attrs=attributes)
+            continue
+        dimension = channel.dims[0]
+        parts = {dimension: [label.part for label in own]}
+        dims = ("time", dimension)
+        variables[name] = xr.DataArray(values, dims=dims, coords=parts, attrs=attributes)
+    return xr.Dataset(variables).assign_coords(coordinates)
+
+
+def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarray]:
+    """Return the columns (samples,) of channels of a record or of a result."""
+    columns: dict[Label, np.ndarray] = {}
+    for name in names:
+        values = np.asarray(data[name].values, dtype=np.float64)
+        if values.ndim == 1:
+            columns[Label(name, "")] = values
+            continue
+        parts = data[name][MEASURED[name].dims[0]].values
+        if MEASURED[name].dims == ("gauge",) and parts.dtype.kind not in "iu":
+            parts = np.arange(1, len(parts) + 1)  # results name gauges by their places
+        columns |= {
+            Label(name, part): column for part, column in zip(parts.tolist(), values.T, strict=True)
+        }
+    return {label: c for label, c in columns.items() if not np.all(np.isnan(c))}
+
+
+def place_of(arm: Arm, label: Label) -> int:
+    """Return the index of a label in the last axis of its channel; InputError if there is none."""
+    dims = MEASURED[label.channel].dims
+    if not dims:
+        return 0
+    if dims == ("axis",):
+        return ["x", "y"].index(str(label.part))
+    known = {
+        "joint": arm.joint_numbers.tolist(),
+        "link": list(range(1, arm.links + 1)),
+        "gauge": list(range(1, len(arm.gauges) + 1)),
+    }[dims[0]]
+    if label.part not in known:
+        numbers = ", ".join(map(str, known)) or "there are none"
+        rule = f"names a {dims[0]} that the arm does not have ({numbers})"
+        raise InputError(Problem(label.text, rule))
+    return int(known.index(label.part))
+
+
+class Path:
+    """Treatment of one channel of a record, the same for measured and simulated values.
+
+    Delay and filters with ``recorded`` act on simulated values only, because the record contains
+    them. Then gaps of the record (not ``valid``) are filled by straight lines in both, so that the
+    remaining filters have the same effect on both.
+    """
+
+    def __init__(
+        self, times: FloatArray, valid: NDArray[np.bool_], delay: float, filters: Sequence[Filter]
+    ) -> None:
+        self._times, self._valid, self._delay = times, valid, delay
+        self._rate = (times.size - 1) / (times[-1] - times[0])
+        self._recorded = [item for item in filters if item.recorded]
+        self._applied = [item for item in filters if not item.recorded]
+
+    def measured(self, values: FloatArray) -> FloatArray:
+        """Return the values (samples,) of a record after the filters that it does not contain."""
+        return self._after(values[:, None])[:, 0]
+
+    def simulated(self, values: FloatArray) -> FloatArray:
+        """Return simulated values (samples, runs) as the record would contain them."""
+        return self._after(self._through(self._late(values), self._recorded))
+
+    def _late(self, values: FloatArray) -> FloatArray:
+        if self._delay == 0.0:
+            return values
+        from scipy.interpolate import CubicSpline
+
+        before = np.maximum(self._times - self._delay, self._times[0])
+        return np.asarray(CubicSpline(self._times, values)(before))
+
+    def _after(self, values: FloatArray) -> FloatArray:
+        if not self._applied:
+            return values
+        if not self._valid.all():
+            from scipy.interpolate import make_interp_spline
+
+            known = self._times[self._valid]
+            line = make_interp_spline(known, values[self._valid], k=1)
+            values = np.asarray(line(np.clip(self._times, known[0], known[-1])))
+        return self._through(values, self._applied)
+
+    def _through(self, values: FloatArray, filters: Sequence[Filter]) -> FloatArray:
+        for item in filters:
+            values = _filtered(item, values, self._rate)
+        return values
+
+
+def _filtered(item: Filter, values: FloatArray, rate: float) -> FloatArray:
+    if item.kind == "gain":
+        assert item.factor is not None
+        return item.factor * values
+    if item.kind == "remove_mean":
+        return np.asarray(values - values.mean(axis=0))
+    from scipy.signal import lfilter, lfilter_zi
+
+    numerator, denominator = coefficients(item, rate)
+    start = lfilter_zi(numerator, denominator)[:, None] * values[0]
+    return np.asarray(lfilter(numerator, denominator, values, axis=0, zi=start)[0])
+
+
+def without_phase(values: FloatArray, cutoff: float, rate: float, order: int) -> FloatArray:
+    """Filter values (samples,) by Butterworth's low-pass of ``order`` forwards and backwards."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(order, cutoff, fs=rate, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, padlen=min(15, values.size - 1)))
+
+
+def coefficients(item: Filter, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Return numerator and denominator of a low-pass or high-pass filter sampled at a rate (Hz)."""
+    from scipy.signal import bilinear
+
+    assert item.cutoff is not None
+    w = 2.0 * np.pi * item.cutoff
+    if item.order == 1:
+        denominator = [1.0 / w, 1.0]
+        numerator = [1.0] if item.kind == "low_pass" else [1.0 / w, 0.0]
+    else:
+        denominator = [1.0 / w**2, 2.0 * item.damping / w, 1.0]
+        numerator = [1.0] if item.kind == "low_pass" else [1.0 / w**2, 0.0, 0.0]
+    sampled: tuple[FloatArray, FloatArray] = bilinear(numerator, denominator, rate)
+    return sampled
+
 
 #: Fewest samples of a record.
 FEWEST = 4

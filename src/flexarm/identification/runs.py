@@ -18,9 +18,14 @@ from flexarm.base.errors import (
     SimulationError,
     warn_caller,
 )
-from flexarm.identification.filtering import Path, without_phase
-from flexarm.identification.labels import Label, columns_of, place_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import (
+    Label,
+    MeasuredRecord,
+    Path,
+    columns_of,
+    place_of,
+    without_phase,
+)
 from flexarm.identification.space import Case, Space
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
@@ -41,13 +46,9 @@ _LONG, _RUNS = 3e7, 10.0
 class RecordRun:
     """Simulations of an arm that reproduce one record.
 
-    The arm is that before estimation; a controller uses it as its model.
-
-    Attributes:
-        labels: the compared channels. channels: their names.
-        measured: (samples, channels) values of the record, filtered; where samples are missing
-            they have no meaning.
-        valid: (samples, channels) whether the record has the sample.
+    The arm is that before estimation; a controller uses it as its model. ``labels`` are the
+    compared channels, ``measured`` (samples, channels) their filtered values, which have no meaning
+    where samples are not ``valid``.
     """
 
     def __init__(
@@ -180,19 +181,19 @@ class RecordRun:
     def _open_loop(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         arms: list[Arm] = []
         states: list[tuple[FloatArray, FloatArray]] = []
-        found: list[FloatArray | str] = [""] * len(cases)
+        outputs: list[FloatArray | str] = [""] * len(cases)
         good: list[int] = []
         for k, case in enumerate(cases):
             try:
                 arm = Arm(case.spec)
                 states.append(self._state(arm, case))
             except FlexarmError as error:
-                found[k] = str(error)
+                outputs[k] = str(error)
                 continue
             arms.append(arm)
             good.append(k)
         if not good:
-            return found
+            return outputs
         try:
             batch = simulate_batch(
                 arms,
@@ -208,14 +209,14 @@ class RecordRun:
             )
         except SimulationError as error:
             for k in good:
-                found[k] = str(error)
-            return found
+                outputs[k] = str(error)
+            return outputs
         values = {name: batch[name].values for name in self.channels}
         for row, k in enumerate(good):
             failure = str(batch["failure"].values[row])
             rows = {name: value[row] for name, value in values.items()}
-            found[k] = failure or self._outputs(rows)
-        return found
+            outputs[k] = failure or self._outputs(rows)
+        return outputs
 
     def _outputs(self, channels: Mapping[str, FloatArray]) -> FloatArray:
         """Return simulated channels as the record contains them, (samples, channels)."""
@@ -277,14 +278,14 @@ class RecordRun:
             return {}
         measured = columns_of(record.data, ["joint_angle"])
         delay = settings.delays.get("joint_angle", 0.0)
-        found = {}
+        histories = {}
         for joint in settings.prescribed:
             angles = measured[Label("joint_angle", joint)]
             if settings.prescribed_cutoff is not None:
                 angles = _smooth(angles, settings.prescribed_cutoff, record.rate)
             angles = np.interp(self.times + delay, self.times, angles)
-            found[joint] = PrescribedAngle.table(self.times, angles, "free")
-        return found
+            histories[joint] = PrescribedAngle.table(self.times, angles, "free")
+        return histories
 
     def _start_angles(self) -> FloatArray:
         """Return the joint angles (joints,) at the start, before estimated changes."""

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, problems_of, shown
-from flexarm.identification.labels import Label, columns_of
-from flexarm.identification.record import MeasuredRecord
+from flexarm.identification.record import Label, MeasuredRecord, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Motors
-from flexarm.model.identification.parameters import FreeParameter
+from flexarm.model.identification import FreeParameter
 from flexarm.model.paths import number_at, parts_of, with_number
 
 #: Modes of each link whose initial values are estimated.
@@ -39,26 +38,17 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Slot:
-    """One number of the vector.
+    """One number of the vector; start, bounds and prior are in its unit."""
 
-    Attributes:
-        path: of a number of the arm, ``motors.torque_constant``, or ``initial.q[0]``.
-        record: index of the record whose value it is; None: shared by all.
-        name: unique name in results.
-        start, lower, upper: in the unit of the number.
-        scale: magnitude of a large change, positive.
-        prior, prior_deviation: expected value; an infinite deviation for none.
-    """
-
-    path: str
-    record: int | None
-    name: str
+    path: str  # of a number of the arm, ``motors.torque_constant``, or ``initial.q[0]``
+    record: int | None  # index of the record whose value it is; None: shared by all
+    name: str  # unique in results
     start: float
     lower: float
     upper: float
-    scale: float
-    prior: float
-    prior_deviation: float
+    scale: float  # magnitude of a large change, positive
+    prior: float  # expected value
+    prior_deviation: float  # infinite without a prior
 
     @property
     def initial(self) -> bool:
@@ -87,8 +77,8 @@ class Space:
                 problems.append(Problem(name, f"repeats {parameter.path}"))
                 continue
             seen.add(parameter.path)
-            found = problems_of(self._number, name, parameter.path)
-            problems += found or self._start_problems(name, parameter)
+            refusals = problems_of(self._number, name, parameter.path)
+            problems += refusals or self._start_problems(name, parameter)
             if not problems:
                 slots += self._slots_of(parameter)
         if problems:
@@ -157,8 +147,8 @@ class Space:
 
     def acting_on(self, record: int) -> NDArray[np.intp]:
         """Return the places in the vector that have an effect on a record."""
-        found = [k for k, slot in enumerate(self.slots) if slot.record in (None, record)]
-        return np.array(found, dtype=np.intp)
+        places = [k for k, slot in enumerate(self.slots) if slot.record in (None, record)]
+        return np.array(places, dtype=np.intp)
 
     def case(self, record: int | None, vector: FloatArray) -> Case:
         """Return the meaning of a vector for a record; None: without values of single records."""
@@ -218,7 +208,7 @@ def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> l
 
 def _modes(arm: Arm) -> list[tuple[int, float, float]]:
     """Return place in q, frequency (rad/s) and amplitude of equal energy of the lowest modes."""
-    found = []
+    lowest = []
     for piece in arm.assembly.pieces:
         shapes = piece.shapes
         if not shapes.w2.size:
@@ -227,8 +217,8 @@ def _modes(arm: Arm) -> list[tuple[int, float, float]]:
         first = _BENT * shapes.length / abs(shapes.P[0])
         for k, frequency in enumerate(frequencies.tolist()):
             amplitude = float(first * frequencies[0] / frequency)
-            found.append((piece.first + k, amplitude, frequency))
-    return found
+            lowest.append((piece.first + k, amplitude, frequency))
+    return lowest
 
 
 def in_words(path: str) -> str:

@@ -18,14 +18,10 @@ _PART = re.compile(r"\.?([A-Za-z_](?:\w| (?=\w))*)|\[(\d{1,6})\]")
 
 
 def number_at(name: str, record: Record, path: object, whole: str = "arm") -> float:
-    """Return the number at a path.
-
-    Args:
-        name: name of the argument, and whole: name of the record, for messages.
+    """Return the number at a path; ``name`` is the argument, ``whole`` the record, for messages.
 
     Raises:
-        InputError: if the record has no such path, or its value is not a floating-point number but
-            None, an integer, a boolean or text.
+        InputError: if the record has no such path, or its value is not a floating-point number.
     """
     rule = f"be the path of a number of the {whole}"
     if not isinstance(path, str):
@@ -46,19 +42,15 @@ def number_at(name: str, record: Record, path: object, whole: str = "arm") -> fl
         walked = _joined(walked, part)
     if isinstance(value, float):
         return value
-    found = "nothing" if value is None else shown(value)
-    hint = f"It is {found} there." if parts else "An example is 'links[0].flexural_rigidity'."
+    content = "nothing" if value is None else shown(value)
+    hint = f"It is {content} there." if parts else "An example is 'links[0].flexural_rigidity'."
     raise InputError(Problem(name, rule, shown(path), hint))
 
 
 def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
     """Return a copy of a record with another number at a path that ``number_at`` accepts.
 
-    Args:
-        checked: whether the copy is validated. Symbols require an unchecked copy.
-
-    Raises:
-        ModelError: if the changed record is invalid; it names the path of the wrong value.
+    ModelError names the path of a wrong value. Symbols require a copy that is not ``checked``.
     """
     changed: R = _with(record, parts_of(path), value, checked, "")
     return changed
@@ -68,9 +60,6 @@ def with_numbers(record: R, values: Mapping[str, Any]) -> R:
     """Return a copy of a record with other numbers, by paths that ``number_at`` accepts.
 
     All numbers are set before the copy is validated, so their order has no effect.
-
-    Raises:
-        ModelError: as for ``with_number``.
     """
     for path, value in values.items():
         record = with_number(record, path, value, checked=False)

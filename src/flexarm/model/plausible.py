@@ -1,16 +1,23 @@
-"""Plausible numbers: ratios with their usual ranges, and the units that explain a wrong one.
+"""Implausible numbers of an arm, accepted with a warning, and the units that explain them.
 
 A number is compared with other numbers of the same arm wherever possible. Only physical facts have
-absolute ranges; they are in `FACTS`.
+absolute ranges; they are in `FACTS`. First materials, sections and angles are judged. Only if these
+are plausible, stiffness is compared with mass, and only then payload, inertias, springs and motors
+with the links, because a wrong length or density makes them implausible, too.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
+from flexarm.base.arguments import about_degrees
 from flexarm.base.errors import ImplausibleValueWarning, warn_caller
+from flexarm.model.arm.links import Link
+from flexarm.model.arm.sections import Material, Section
+from flexarm.model.arm.spec import ArmSpec, Joint, Payload
 
 #: Earth's standard gravity, m/s^2.
 STANDARD_GRAVITY = 9.80665
@@ -37,17 +44,12 @@ _MOST_FINDINGS = 5
 
 
 class Number(NamedTuple):
-    """A number that may be wrong.
-
-    Attributes:
-        path: its path. value: in SI units. unit: its SI unit.
-        power: exponent with which a ratio depends on it.
-    """
+    """A number that may be wrong."""
 
     path: str
-    value: float
-    unit: str
-    power: float = 1.0
+    value: float  # in SI units
+    unit: str  # its SI unit
+    power: float = 1.0  # exponent with which a ratio depends on it
 
 
 class Range(NamedTuple):
@@ -86,11 +88,8 @@ def judge(
     """Add a finding if a ratio is outside its range.
 
     It names the number and the unit that bring the ratio nearest to the usual one, with preference
-    for the first; if none brings it into the range, it names the first number.
-
-    Args:
-        statement: continues *NAME is VALUE,* and has ``{ratio}`` in it.
-        numbers: those on which the ratio depends, the likeliest to be wrong first.
+    for the first, which is the likeliest to be wrong; if none brings it into the range, it names
+    the first number. The statement continues *NAME is VALUE,* and has ``{ratio}`` in it.
     """
     if within.low <= ratio <= within.high or math.isnan(ratio):
         return
@@ -122,14 +121,405 @@ def _short(ratio: float) -> str:
 
 
 def warn_of(findings: Sequence[str]) -> None:
-    """Warn once of all implausible numbers of a call.
-
-    Warns:
-        ImplausibleValueWarning: if there are any.
-    """
+    """Warn once, with an `ImplausibleValueWarning`, of all implausible numbers of a call."""
     if not findings:
         return
     shown = " ".join(findings[:_MOST_FINDINGS])
     more = len(findings) - _MOST_FINDINGS
     end = f" ({more} more implausible numbers.)" if more > 0 else ""
     warn_caller(f"{shown}{end}", ImplausibleValueWarning)
+
+
+#: Depth of a section over the length of its link: for flexible links up to the limit of beam
+#: theory, for rigid ones up to blocks; a steel tape of 0.05 mm and 1 m has 5e-5.
+_DEPTH, _RIGID_DEPTH = Range(4e-5, 0.03, 0.6), Range(4e-5, 0.03, 5.0)
+#: The same for the width, which may exceed the length in leaf springs.
+_WIDTH = Range(1e-5, 0.05, 20.0)
+#: Wall thickness over depth: deployable booms have 1e-3.
+_WALL = Range(2e-4, 0.05, 1.0)
+#: Width over depth of a rectangle: films have 1e3, blades on edge 1e-2.
+_ASPECT = Range(2e-3, 3.0, 5e3)
+#: Hub radius over length of a link, and lengths of links over each other: fingers on a boom.
+_HUB, _LENGTHS = Range(0.0, 0.1, 20.0), Range(5e-3, 1.0, 200.0)
+#: Distance of gauges from the neutral axis over length and depth.
+_GAUGE_BY_LENGTH, _GAUGE = Range(0.0, 0.01, 0.2), Range(2e-3, 0.5, 3.0)
+#: Offset of the payload over the reach of the arm.
+_OFFSET = Range(0.0, 0.1, 3.0)
+#: Backlash and the angle of a fixed joint, rad; stops farther than five turns are not reached.
+_BACKLASH, _REST, _STOP = Range(0.0, 1e-3, 0.5), Range(0.0, 1.0, 6.3), Range(0.0, 2.0, 31.5)
+#: Least turns of a motor per turn of the joint.
+_GEAR = 0.3
+
+
+def implausible(spec: ArmSpec) -> list[str]:
+    """Return a sentence for each implausible number of an arm, with the unit that explains it."""
+    findings: list[str] = []
+    # Products of numbers near the limits of floats; such arms cannot be assembled either.
+    with suppress(OverflowError, ZeroDivisionError):
+        _judge(findings, spec)
+    return findings
+
+
+def _judge(findings: list[str], spec: ArmSpec) -> None:
+    x, y = spec.gravity
+    judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
+    if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
+        text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
+        findings.append(f"{text} It is right if your y axis points down.")
+    for i, link in enumerate(spec.links):
+        _judge_link(findings, f"links[{i}]", link)
+    if len(spec.links) > 1:
+        _judge_lengths(findings, spec.links)
+    for i, joint in enumerate(spec.joints):
+        _judge_angles(findings, f"joints[{i}]", joint)
+    x, y = spec.payload.offset
+    if x or y:
+        offset = Number("payload.offset", math.hypot(x, y), "m")
+        ratio = offset.value / sum(link.reach for link in spec.links)
+        judge(findings, ratio, _OFFSET, "{ratio} times the reach of the arm", offset)
+    if not findings:
+        judge_masses(findings, spec)
+
+
+def _judge_link(findings: list[str], at: str, link: Link) -> None:
+    """Judge the material, the section and the distances of a link."""
+    if link.material is not None:
+        _judge_material(findings, f"{at}.material", link.material)
+    if link.section is not None:
+        _judge_section(findings, at, link, link.section)
+    if link.hub_radius:
+        number = Number(f"{at}.hub_radius", link.hub_radius, "m")
+        judge(findings, link.hub_radius / link.length, _HUB, "{ratio} times the length", number)
+    for k, gauge in enumerate(link.gauges):
+        number = Number(f"{at}.gauges[{k}].distance", gauge.distance, "m")
+        ratio = abs(gauge.distance) / link.length
+        statement = (
+            "{ratio} of the length of its link. It is the distance from the neutral axis, about "
+            "half the thickness of the link"
+        )
+        judge(findings, ratio, _GAUGE_BY_LENGTH, statement, number)
+        if link.section is not None and gauge.distance and ratio <= _GAUGE_BY_LENGTH.high:
+            ratio = abs(gauge.distance) / link.section.depth
+            judge(findings, ratio, _GAUGE, "{ratio} of the depth of the section", number)
+
+
+def _judge_material(findings: list[str], at: str, material: Material) -> None:
+    density = Number(f"{at}.density", material.density, "kg/m^3", -0.5)
+    modulus = Number(f"{at}.youngs_modulus", material.youngs_modulus, "Pa", 0.5)
+    before = len(findings)
+    judge_fact(findings, density.path, density.value, "kg/m^3")
+    judge_fact(findings, modulus.path, modulus.value, "Pa")
+    if len(findings) > before:
+        return
+    within, statement = FACTS["m/s"]
+    judge(findings, math.sqrt(modulus.value / density.value), within, statement, density, modulus)
+    least = SOFTEST if density.value > DENSEST else BETWEEN[1]
+    low = 0.0 if density.value > DENSEST else BETWEEN[0]
+    if density.value > DENSE and low < modulus.value < least:
+        statement = f"but no solid with {density.value:.4g} kg/m^3 is so soft"
+        metals = Range(least, 1e11, 1e12)
+        judge(findings, modulus.value, metals, statement, modulus._replace(power=1.0))
+
+
+def _judge_section(findings: list[str], at: str, link: Link, section: Section) -> None:
+    """Judge the dimensions of a section by the length, and if they are plausible by each other."""
+    before, length = len(findings), Number(f"{at}.length", link.length, "m")
+    depth, path = section.depth, f"{at}.section"
+    for name, value in section:
+        if isinstance(value, float) and name != "thickness":
+            within = _DEPTH if link.flexible else _RIGID_DEPTH
+            within = _WIDTH if name == "width" else within
+            _judge_dimension(findings, Number(f"{path}.{name}", value, "m"), length, within)
+    if len(findings) > before:
+        return
+    width, wall = getattr(section, "width", None), getattr(section, "thickness", None)
+    if wall is not None:
+        number = Number(f"{path}.thickness", wall, "m")
+        judge(findings, wall / depth, _WALL, "{ratio} of the depth of the section", number)
+    elif width is not None:
+        numbers = Number(f"{path}.width", width, "m"), Number(f"{path}.height", depth, "m", -1.0)
+        judge(findings, width / depth, _ASPECT, "so that width over height is {ratio}", *numbers)
+
+
+def _judge_dimension(findings: list[str], size: Number, length: Number, within: Range) -> None:
+    """Judge a dimension of a section by the length of the link."""
+    ratio = size.value / length.value
+    if ratio > within.low:
+        end = "" if ratio > 1.0 else ", which is too deep for a beam"
+        times = "times" if ratio > 1.0 else "of"
+        judge(findings, ratio, within, f"{{ratio}} {times} the length of the link{end}", size)
+        return
+    slender = Range(1.0 / within.high, 1.0 / within.usual, 1.0 / within.low)
+    what = size.path.rpartition(".")[2].replace("_", " ")
+    numbers = length, size._replace(power=-1.0)
+    judge(findings, 1.0 / ratio, slender, f"length over {what} is {{ratio}}", *numbers)
+
+
+def _judge_lengths(findings: list[str], links: Sequence[Link]) -> None:
+    lengths = sorted((link.length, i) for i, link in enumerate(links))
+    (shortest, i), (longest, k) = lengths[0], lengths[-1]
+    if longest / shortest <= _LENGTHS.high:
+        return
+    # The length that differs from that of the median link is wrong.
+    middle = lengths[len(lengths) // 2 if len(lengths) % 2 else 0][0]
+    wrong, value = (k, longest) if longest / middle > middle / shortest else (i, shortest)
+    number = Number(f"links[{wrong}].length", value, "m")
+    ratio = value / (shortest if wrong == k else longest)
+    judge(findings, ratio, _LENGTHS, "{ratio} times that of another link", number)
+
+
+def _judge_angles(findings: list[str], at: str, joint: Joint) -> None:
+    """Judge the angles and the gear of a joint."""
+    for name, within in (("rest_angle", _REST), ("backlash", _BACKLASH)):
+        value = getattr(joint, name)
+        if abs(value) > within.high:
+            number = Number(f"{at}.{name}", value, "rad")
+            degrees = f"{math.degrees(value):.4g} deg"
+            judge(findings, abs(value), within, degrees, number)
+    if joint.limits is not None:
+        ends = {name: getattr(joint.limits, name) for name in ("lower", "upper")}
+        # A power of ten is a stop that is never reached, such as 1000 rad.
+        reached = {k: end for k, end in ends.items() if not _distant(end)}
+        text = about_degrees(f"{at}.limits", ends.values()) if reached == ends else ""
+        if text:
+            findings.append(text)
+        for name, end in () if text else reached.items():
+            number = Number(f"{at}.limits.{name}", end, "rad")
+            turns = f"{abs(end) / (2.0 * math.pi):.3g} turns"
+            judge(findings, abs(end), _STOP, turns, number)
+    if joint.gear_ratio < _GEAR:
+        findings.append(
+            f"{at}.gear_ratio is {joint.gear_ratio:.4g}, less than one turn of the motor per turn "
+            f"of the joint: did you mean {1.0 / joint.gear_ratio:.4g}?"
+        )
+
+
+def _distant(angle: float) -> bool:
+    return abs(angle) > 50.0 and math.log10(abs(angle)) % 1.0 == 0.0
+
+
+#: Young's modulus (Pa) of a solid square bar with the mass and the stiffness of a link and
+#: 2000 kg/m^3: from flat strips of gels to thin tubes of fibre composites.
+_MODULUS, _GEL = Range(0.0, 1e10, 1e15), Range(1e4, 1e10, 1e15)
+#: Mass per length over length squared, kg/m^3, of links with less than this modulus (Pa): those of
+#: elastomers have up to 600, of a bar that is half as deep and twice as wide as long.
+_BULK, _ELASTOMER = Range(0.0, 10.0, 1e3), 1e6
+#: Speed of sound times radius of gyration of the section over the length, m/s: 1e4 m/s times 0.1.
+_SPEED = Range(0.0, 30.0, 1.2e3)
+#: Deflection of a horizontal link by its weight over its length, with the linear theory: for arms
+#: in a vertical plane, and for others, where it is that of a boom on the Earth.
+_SAG, _FREE_SAG = Range(0.0, 1e-3, 40.0), Range(0.0, 1e-3, 400.0)
+_SOFT_SAG, _FREE_SOFT_SAG = 3.0, 10.0
+#: The same by the payload, if this has more than ``_HEAVY`` times the mass of the links.
+_CARRIED, _FREE_CARRIED, _HEAVY = Range(0.0, 0.01, 1.0), Range(0.0, 0.01, 10.0), 10.0
+#: Mass of the payload over that of the links, its radius of gyration over the reach.
+_SHARE, _GYRATION = Range(0.0, 0.5, 3e3), Range(0.0, 0.05, 1.5)
+#: Inertias of hubs and rotors (behind the gear), and masses of joints, over those of the arm
+#: outboard of them.
+_HUB_INERTIA, _ROTOR, _MASS = Range(0.0, 0.03, 1e3), Range(1e-9, 0.3, 1e4), Range(0.0, 0.3, 300.0)
+#: Angle (rad) by which the weight turns the spring of a joint, and its stiffness over that of the
+#: link.
+_TWIST, _FREE_TWIST, _SPRING = Range(0.0, 1e-2, 2.0), Range(0.0, 1e-2, 30.0), Range(1e-4, 30.0, 1e7)
+#: Angle (rad) by which the weight turns a joint beyond its stop, friction over the weight.
+_BEYOND, _FRICTION = Range(0.0, 1e-2, 3.0), Range(0.0, 0.1, 300.0)
+#: Mechanical time constant J R / K^2 of a rotor, s: 1 to 100 ms in data sheets of all sizes; the
+#: voltage that holds the arm, V.
+_ROTOR_TIME, _HUB_TIME = Range(1e-4, 1e-2, 10.0), Range(1e-4, 10.0, math.inf)
+_VOLTAGE = Range(0.0, 10.0, 1e4)
+
+
+class _Beam(NamedTuple):
+    """Mean flexural rigidity (N m^2), mean mass per length (kg/m) and length (m) of a link."""
+
+    rigidity: float
+    per_length: float
+    length: float
+
+    @property
+    def mass(self) -> float:
+        return self.per_length * self.length
+
+
+class _Part(NamedTuple):
+    """Mass (kg), first moment (kg m) and inertia (kg m^2) of the arm outboard of a joint."""
+
+    mass: float
+    first: float
+    inertia: float
+
+
+def judge_masses(findings: list[str], spec: ArmSpec) -> None:
+    """Judge stiffness and masses of the links, and if these are plausible, the other numbers."""
+    gravity = math.hypot(*spec.gravity)
+    falls = gravity > 0.05 * STANDARD_GRAVITY
+    weight = gravity if falls else STANDARD_GRAVITY
+    beams = [_beam(link) for link in spec.links]
+    for i, (link, beam) in enumerate(zip(spec.links, beams, strict=True)):
+        if link.flexible:
+            _judge_inertia(findings, f"links[{i}]", link, beam, weight, falls)
+    if findings:
+        return
+    _judge_payload(findings, spec, beams, weight, falls)
+    parts = _outboard(spec, beams)
+    for i, (joint, part) in enumerate(zip(spec.joints, parts, strict=True)):
+        if not joint.fixed and part.mass and part.inertia:
+            at, torque = f"joints[{i}]", weight * abs(part.first)
+            _judge_joint(findings, at, joint, part, torque, falls)
+            if joint.elastic:
+                bends = beams[i] if spec.links[i].flexible else None
+                _judge_spring(findings, at, joint, bends, torque, falls)
+
+
+def weights(spec: ArmSpec) -> list[float]:
+    """Return the torque (N m) by which gravity turns each joint of the horizontal, straight arm."""
+    parts = _outboard(spec, [_beam(link) for link in spec.links])
+    return [math.hypot(*spec.gravity) * abs(part.first) for part in parts]
+
+
+def _beam(link: Link) -> _Beam:
+    material, section, table = link.material, link.section, link.table
+    if table is not None:
+        columns = table.flexural_rigidity or (0.0,), table.mass_per_length
+        rigidity, per_length = (sum(column) / len(column) for column in columns)
+        return _Beam(rigidity, per_length, link.length)
+    if material is not None and section is not None:
+        rigidity = material.youngs_modulus * section.second_moment
+        return _Beam(rigidity, material.density * section.area, link.length)
+    return _Beam(link.flexural_rigidity or 0.0, link.mass_per_length or 0.0, link.length)
+
+
+def _outboard(spec: ArmSpec, beams: Sequence[_Beam]) -> list[_Part]:
+    """Return the part outboard of each joint, of the straight arm."""
+    payload = spec.payload
+    x, y = payload.offset
+    mass, first = payload.mass, payload.mass * x
+    inertia = payload.inertia + payload.mass * (x * x + y * y)
+    parts: list[_Part] = []
+    for link, joint, beam in zip(spec.links[::-1], spec.joints[::-1], beams[::-1], strict=True):
+        reach, centre = link.reach, link.hub_radius + 0.5 * link.length
+        inertia += reach * (2.0 * first + mass * reach)
+        inertia += beam.mass * (centre**2 + link.length**2 / 12.0)
+        first += mass * reach + beam.mass * centre
+        mass += beam.mass
+        parts.append(_Part(mass, first, inertia))
+        mass += joint.mass
+    return parts[::-1]
+
+
+def _judge_inertia(
+    findings: list[str], at: str, link: Link, beam: _Beam, weight: float, falls: bool
+) -> None:
+    """Judge the stiffness of a link by its mass and its length."""
+    rigidity, per_length, length = beam
+    if link.material is not None:
+        stiff = Number(f"{at}.material.youngs_modulus", link.material.youngs_modulus, "Pa")
+        heavy = Number(f"{at}.material.density", link.material.density, "kg/m^3")
+    else:
+        place = f"{at}.table" if link.table is not None else at
+        stiff = Number(f"{place}.flexural_rigidity", rigidity, "N m^2")
+        heavy = Number(f"{place}.mass_per_length", per_length, "kg/m")
+    sag = per_length * weight * length**3 / (8.0 * rigidity)
+    modulus = 12.0 * rigidity * (2000.0 / per_length) ** 2
+    before = len(findings)
+    if link.material is None:
+        soft = sag > (_SOFT_SAG if falls else _FREE_SOFT_SAG)
+        statement = "as of a solid bar of a material with a modulus of {ratio} Pa"
+        numbers = stiff, heavy._replace(power=-2.0)
+        judge(findings, modulus, _GEL if soft else _MODULUS, statement, *numbers)
+        if modulus < _ELASTOMER and len(findings) == before:
+            statement = (
+                f"as of an elastomer ({modulus:.2g} Pa), {{ratio}} kg/m per square of the length"
+            )
+            judge(findings, per_length / length**2, _BULK, statement, heavy)
+    if len(findings) == before:
+        speed = math.sqrt(rigidity / per_length) / length
+        statement = f"so stiff that the link alone vibrates with {0.56 * speed / length:.3g} Hz"
+        numbers = stiff._replace(power=0.5), heavy._replace(power=-0.5)
+        judge(findings, speed, _SPEED, statement, *numbers)
+        statement = "so soft that its weight would bend the link by {ratio} times its length"
+        long = Number(f"{at}.length", length, "m", 3.0)
+        within = _SAG if falls else _FREE_SAG
+        judge(findings, sag, within, statement, stiff._replace(power=-1.0), heavy, long)
+
+
+def _judge_payload(
+    findings: list[str], spec: ArmSpec, beams: Sequence[_Beam], weight: float, falls: bool
+) -> None:
+    """Judge the payload by the mass and the stiffness of the links."""
+    payload: Payload = spec.payload
+    mass, total, last = payload.mass, sum(beam.mass for beam in beams), beams[-1]
+    if not mass or not total:
+        return
+    share, number = mass / total, Number("payload.mass", mass, "kg")
+    before = len(findings)
+    if share > _HEAVY and spec.links[-1].flexible:
+        sag = mass * weight * last.length**2 / (3.0 * last.rigidity)
+        statement = f"{share:.3g} times the mass of the links, and its weight would bend the last "
+        statement += "link by {ratio} times its length"
+        judge(findings, sag, _CARRIED if falls else _FREE_CARRIED, statement, number)
+    if len(findings) == before:
+        judge(findings, share, _SHARE, "{ratio} times the mass of the links", number)
+    if payload.inertia:
+        ratio = math.sqrt(payload.inertia / mass) / sum(link.reach for link in spec.links)
+        number = Number("payload.inertia", payload.inertia, "kg m^2", 0.5)
+        statement = "so that its radius of gyration is {ratio} times the reach of the arm"
+        judge(findings, ratio, _GYRATION, statement, number)
+
+
+def _judge_joint(
+    findings: list[str], at: str, joint: Joint, part: _Part, torque: float, falls: bool
+) -> None:
+    """Judge the inertias, the friction and the motor of a joint by the arm outboard of it."""
+    others = "times that of the arm outboard of the joint"
+    if joint.hub_inertia:
+        number = Number(f"{at}.hub_inertia", joint.hub_inertia, "kg m^2")
+        judge(
+            findings, joint.hub_inertia / part.inertia, _HUB_INERTIA, f"{{ratio}} {others}", number
+        )
+    if joint.rotor_inertia:
+        number = Number(f"{at}.rotor_inertia", joint.rotor_inertia, "kg m^2")
+        ratio = joint.rotor_inertia * joint.gear_ratio**2 / part.inertia
+        judge(findings, ratio, _ROTOR, f"behind the gear {{ratio}} {others}", number)
+    if joint.mass:
+        number = Number(f"{at}.mass", joint.mass, "kg")
+        judge(findings, joint.mass / part.mass, _MASS, f"{{ratio}} {others}", number)
+    if joint.friction is not None and torque:
+        number = Number(f"{at}.friction.coulomb", joint.friction.coulomb, "N m")
+        statement = "{ratio} times the torque by which the weight turns the horizontal arm"
+        judge(findings, joint.friction.coulomb / torque, _FRICTION, statement, number)
+    if joint.limits is not None and falls:
+        number = Number(f"{at}.limits.stiffness", joint.limits.stiffness, "N m/rad", -1.0)
+        statement = "so soft that the weight of the arm turns it beyond the stop by {ratio} rad"
+        judge(findings, torque / joint.limits.stiffness, _BEYOND, statement, number)
+    if joint.winding is not None:
+        _judge_motor(findings, f"{at}.winding", joint, torque if falls else 0.0)
+
+
+def _judge_motor(findings: list[str], at: str, joint: Joint, torque: float) -> None:
+    """Judge a winding by the inertia that it must at least accelerate, and by the weight."""
+    winding = joint.winding
+    assert winding is not None
+    inertia = joint.rotor_inertia or joint.hub_inertia / joint.gear_ratio**2
+    constant = Number(f"{at}.torque_constant", winding.torque_constant, "N m/A", -2.0)
+    resistance = Number(f"{at}.resistance", winding.resistance, "ohm")
+    if inertia:
+        seconds = inertia * winding.resistance / winding.torque_constant**2
+        statement = "so that the motor alone takes {ratio} s to reach its speed"
+        within = _ROTOR_TIME if joint.rotor_inertia else _HUB_TIME
+        judge(findings, seconds, within, statement, constant, resistance)
+    volts = torque / joint.torque_per_voltage
+    statement = "so that the motor needs {ratio} V to hold the horizontal arm"
+    judge(findings, volts, _VOLTAGE, statement, resistance, constant._replace(power=-1.0))
+
+
+def _judge_spring(
+    findings: list[str], at: str, joint: Joint, beam: _Beam | None, torque: float, falls: bool
+) -> None:
+    """Judge the spring of an elastic joint by the weight and by the stiffness of its link."""
+    number, before = Number(f"{at}.stiffness", joint.stiffness, "N m/rad"), len(findings)
+    statement = "so soft that the weight of the horizontal arm turns it by {ratio} rad"
+    twist, within = torque / joint.stiffness, _TWIST if falls else _FREE_TWIST
+    judge(findings, twist, within, statement, number._replace(power=-1.0))
+    if beam is not None and len(findings) == before:
+        ratio = joint.stiffness * beam.length / beam.rigidity
+        judge(findings, ratio, _SPRING, "{ratio} times that of its link", number)

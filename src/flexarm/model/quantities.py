@@ -33,10 +33,7 @@ T = TypeVar("T")
 
 
 def plain(value: Any) -> Any:
-    """Return the plain numbers or lists of a number or array of NumPy, or of an xarray or a table.
-
-    This does not import NumPy.
-    """
+    """Return the plain numbers or lists of a value of NumPy, xarray or a table, without NumPy."""
     if isinstance(value, type):
         return value
     array = getattr(value, "to_numpy", None)

@@ -106,15 +106,10 @@ def maps_names(annotation: Any) -> bool:
 def in_si(
     data: Mapping[str, Any], unit_of_field: Callable[[str], tuple[str, bool]]
 ) -> tuple[Mapping[str, Any], dict[Path, Fault]]:
-    """Convert the numbers with units in the raw input of a record.
+    """Return the raw input of a record with plain numbers, and the faults of units by their paths.
 
-    Args:
-        unit_of_field: returns the unit of a field, empty if it has none, and whether its value
-            maps names to numbers; called for values that contain a number with a unit.
-
-    Returns:
-        The input with plain numbers, and the faults of units by their paths; text with a fault is
-        unchanged.
+    ``unit_of_field`` returns the unit of a field, empty if it has none, and whether its value maps
+    names to numbers. Text with a fault is unchanged.
     """
     faults: dict[Path, Fault] = {}
     changed = {}
@@ -179,11 +174,7 @@ def _number(text: str, unit: str, path: Path, faults: dict[Path, Fault]) -> Any:
 
 @lru_cache(maxsize=1000)
 def factor_to(named: str, unit: str) -> float | str:
-    """Return the factor from a unit to another one.
-
-    Returns:
-        If the units are of different kinds, an empty text; if one is not known, its name.
-    """
+    """Return the factor between units; empty text for other kinds, the name of an unknown one."""
     pint, parse = _parser()
     try:
         text = f"1{named}" if named.startswith("/") else named

@@ -69,13 +69,7 @@ def path_of(text: str) -> Path:
 
 
 def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
-    """Convert one entry of a `ValidationError` of a record to a fault.
-
-    Args:
-        details: the entry, with its location relative to the record.
-        data: input of the record.
-        known: keys of the record.
-    """
+    """Convert an entry of the `ValidationError` of a record with ``known`` keys to a fault."""
     path = _without_tags(details["loc"], data)
     context: dict[str, Any] = details.get("ctx", {})
     value = details["input"]

@@ -7,22 +7,21 @@ of the paper's theory. The same line in half the time bends the arm four times a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from importlib.resources import as_file, files
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.linear import modes
 from flexarm.model import Scenario, load_scenario
+from flexarm.view.plot.paper.paper_data import FloatArray, Histories
 
 if TYPE_CHECKING:
     import xarray as xr
-
-FloatArray = NDArray[np.float64]
 
 #: Motion times (s): the scenario's own, and half of it.
 SLOW, FAST = 2.0, 1.0
@@ -137,3 +136,40 @@ def frequency_tables(case: PaperCase, count: int = 4) -> list[FrequencyTable]:
 def _vibrations(arm: Arm, angles: FloatArray, joints: str, count: int) -> FloatArray:
     frequencies = modes(arm, angles, joints).frequency_hz
     return frequencies[frequencies > 0.0][:count]
+
+
+#: Number of postures in figure 3.
+POSTURES = 10
+_STATIONS = 25
+_CHANNELS = (
+    "torque",
+    "link_angle",
+    "link_rate",
+    "link_tip_deflection",
+    "link_tip_deflection_rate",
+    "link_tip_slope",
+    "link_tip_slope_rate",
+    "tip",
+)
+
+
+def histories(case: PaperCase, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
+    """Extract the data of the figures from the results of a case."""
+    return Histories(
+        duration=case.duration,
+        time=case.flexible["time"].values,
+        runs={
+            model: {name: getattr(case, model)[name].values for name in _CHANNELS}
+            for model in models
+        },
+        postures={
+            "flexible": _postures(case.arm, case.flexible, case.duration),
+            "rigid": _postures(case.rigid_counterpart, case.rigid, case.duration),
+        },
+    )
+
+
+def _postures(arm: Arm, result: xr.Dataset, duration: float) -> FloatArray:
+    moments = np.linspace(0.0, duration, POSTURES)
+    states = result["q"].sel(time=moments, method="nearest").values
+    return np.stack([arm.shape(q, _STATIONS) for q in states])

@@ -5,8 +5,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from flexarm.arm.beams.assembly import beam_matrices, nodal_shapes
-from flexarm.arm.beams.hermite import beam_quadrature
-from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.properties import BeamTable, beam_quadrature
 
 X = np.array([0.0, 0.4, 0.55, 1.3, 2.0])
 STIFFNESS = np.array([5.0, 4.0, 8.0, 2.0, 1.0])

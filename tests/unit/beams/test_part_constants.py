@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beam_links import flexible_link, rigid_link
-from flexarm.arm.beams.parts import part_constants, shortening_matrices
+from flexarm.arm.beams.invariants import part_constants, shortening_matrices
 
 LENGTH = 1.3
 TABLE = np.array([0.0, 0.31, 0.8, LENGTH])

@@ -8,7 +8,7 @@ from random_table import INTEGRATION, L, RandomTable
 from scipy.interpolate import PPoly
 
 from beam_links import flexible_link
-from flexarm.arm.beams.parts import shortening_matrices
+from flexarm.arm.beams.invariants import shortening_matrices
 
 
 class Table(RandomTable):

@@ -14,9 +14,8 @@ from flexarm.arm.beams.assembly import (
     shear_angles,
     shear_parameters,
 )
-from flexarm.arm.beams.hermite import beam_quadrature, shape_functions
 from flexarm.arm.beams.invariants import strain_to_nodal
-from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.properties import BeamTable, beam_quadrature, shape_functions
 
 H, PHI = 0.7, 1.7
 XI = np.linspace(0.0, 1.0, 11)

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arm_states import drawn
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.arm.observe import contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, VELOCITY
 from random_options import busy

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 import flexarm as fa
-from flexarm.arm.actions.contacts import pieces_of, place_contacts
+from flexarm.arm.actions import pieces_of, place_contacts
 from flexarm.arm.observe import contact_forces, contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, POSITION
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.integrate.nearness import _fastest_change, turning_time
 from flexarm.kernels.compilation.cache import compiled
 from flexarm.kernels.forces.contact import (

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.linear.statics.axial import Acting, AxialLoads
 from flexarm.linear.statics.tangent import tangent
 from random_arms import random_spec

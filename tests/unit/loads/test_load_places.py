@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.arm.actions.loads import place_loads
+from flexarm.arm.actions import place_loads
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}
 

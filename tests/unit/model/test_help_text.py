@@ -8,9 +8,8 @@ import pydoc
 import pytest
 
 import flexarm as fa
-from flexarm.model.checks import Record
-from flexarm.model.file_format.schema import json_schema
-from flexarm.model.help_text import descriptions_of
+from flexarm.model.checks import Record, descriptions_of
+from flexarm.model.file_format.files import json_schema
 
 RECORDS = sorted(name for name in fa.__all__ if isinstance(getattr(fa, name), type(Record)))
 

@@ -18,9 +18,9 @@ import flexarm as fa
 from flexarm.base.errors import InputError
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, load_arm_spec
-from flexarm.model.arm.plausibility import implausible
-from flexarm.model.identification.study import locate_identification
+from flexarm.model.identification import locate_identification
 from flexarm.model.paths import number_at, number_paths, with_number, with_numbers
+from flexarm.model.plausible import implausible
 from plausible_arms import plausible_spec
 
 ROOT = Path(__file__).parents[3]

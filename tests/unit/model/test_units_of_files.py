@@ -11,10 +11,9 @@ import yaml
 import flexarm as fa
 from flexarm.base.errors import ModelError
 from flexarm.model import json_schema, load_arm_spec, load_scenario
-from flexarm.model.checks import Record
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.file_format.files import load_document, save_arm_spec
 from flexarm.model.file_format.yaml_text import change_of, changed
-from flexarm.model.help_text import descriptions_of
 from flexarm.model.units import factor_to, unit_of
 
 ARM = """\

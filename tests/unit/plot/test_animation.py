@@ -14,7 +14,7 @@ from PIL import Image
 from plot_results import LINK, arm, result, rigid_result
 
 import flexarm as fa
-from flexarm.view.plot.animation import video
+from flexarm.view.plot import animation as animations
 from flexarm.view.plot.animation.frames import Stage
 from flexarm.view.plot.palette import ORANGE, PURPLE
 
@@ -256,7 +256,7 @@ def test_script_draws_the_tip_at_its_pixel(animation, tmp_path):
 
 def test_without_ffmpeg_the_message_names_remedies(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    monkeypatch.setattr(video.shutil, "which", lambda name: None)
+    monkeypatch.setattr(animations.shutil, "which", lambda name: None)
     with pytest.raises(fa.InputError, match=r"flexarm\[animation\].*\.gif or an \.html"):
         fa.animate(result(), tmp_path / "arm.mp4")
     assert not list(tmp_path.iterdir())

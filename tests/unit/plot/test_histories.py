@@ -9,7 +9,7 @@ from plot_results import arm, result, rigid_result
 
 import flexarm as fa
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.view.plot.selection import signals_of
+from flexarm.view.plot.drawn_result import signals_of
 
 
 @pytest.fixture(autouse=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from gallery.line_labels import label_lines
 from matplotlib.figure import Figure
-
-from flexarm.view.plot.line_labels import label_lines
 
 
 def test_labels_are_beside_their_lines_without_overlap() -> None:

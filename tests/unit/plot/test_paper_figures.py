@@ -6,14 +6,8 @@ import matplotlib
 import numpy as np
 import pytest
 
-from flexarm.view.paper import PaperCase
-from flexarm.view.plot.paper.paper_data import (
-    FIGURE_NAMES,
-    HISTORY_NAMES,
-    PANELS,
-    POSTURES,
-    histories,
-)
+from flexarm.view.paper import POSTURES, PaperCase, histories
+from flexarm.view.plot.paper.paper_data import FIGURE_NAMES, HISTORY_NAMES, PANELS
 from flexarm.view.plot.paper.paper_figures import FIGURES
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.plot.selection import Signals
-from flexarm.view.reporting import clock
-from flexarm.view.reporting.document import (
+from flexarm.view.plot.drawn_result import Signals
+from flexarm.view.reporting import (
+    clock,
     energies,
     errors_table,
     extremes_table,

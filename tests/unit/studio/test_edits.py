@@ -4,8 +4,18 @@ import pytest
 
 from flexarm.base.errors import InputError
 from flexarm.model import Load
-from flexarm.view.studio.state import History, open_bytes, paper_project
-from flexarm.view.studio.values.edits import FORM, KIND, NEW, PRESET, REMOVE, TABLE, WAY
+from flexarm.view.studio.state import (
+    FORM,
+    KIND,
+    NEW,
+    PRESET,
+    REMOVE,
+    TABLE,
+    WAY,
+    History,
+    open_bytes,
+    paper_project,
+)
 
 from test_state import STUDY  # isort: skip
 

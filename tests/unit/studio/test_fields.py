@@ -23,8 +23,17 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.units import unit_of
 from flexarm.model.wording import look
-from flexarm.view.studio.state import open_file, paper_project
-from flexarm.view.studio.values.edits import FORM, KIND, NEW, REMOVE, TABLE, WORDS, table_content
+from flexarm.view.studio.state import (
+    FORM,
+    KIND,
+    NEW,
+    REMOVE,
+    TABLE,
+    WORDS,
+    open_file,
+    paper_project,
+    table_content,
+)
 from flexarm.view.studio.values.fields import FieldMaker, Sizes, fields_in, groups_of
 from flexarm.view.studio.values.starts import new_record
 

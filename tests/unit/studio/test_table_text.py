@@ -5,10 +5,9 @@ import pytest
 from flexarm.base.errors import InputError
 from flexarm.model.arm.sections import SectionTable
 from flexarm.model.drives import TorqueDrive
-from flexarm.model.environment.contacts import SurfaceTable
-from flexarm.model.environment.tables import AccelerationTable
+from flexarm.model.environment import AccelerationTable, SurfaceTable
 from flexarm.model.scenarios.motions import ViaPointMotionSpec
-from flexarm.view.studio.values.edits import table_content, table_text
+from flexarm.view.studio.state import table_content, table_text
 
 TABLES = [
     (SurfaceTable([0, 1, 2.5], [0, 0.5, 0]), "x, y\n0, 0\n1, 0.5\n2.5, 0"),

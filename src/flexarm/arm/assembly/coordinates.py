@@ -14,11 +14,7 @@ from flexarm.model import ArmSpec
 
 
 def check_joint(arm: Coordinates, name: str, joint: object) -> int:
-    """Return the index in ``joint_index`` of a joint that is given by its number, from 1.
-
-    Raises:
-        InputError: if there is no joint with this number, or it is fixed.
-    """
+    """Return the index in ``joint_index`` of a joint by its number from 1, or raise InputError."""
     numbers = arm.joint_numbers.tolist()
     if is_count(joint) and joint in numbers:
         return int(numbers.index(joint))

@@ -23,8 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, shape_functions
-from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.properties import BeamQuadrature, BeamTable, FloatArray, shape_functions
 
 
 @dataclass(frozen=True, eq=False)

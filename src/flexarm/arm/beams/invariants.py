@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.beams.assembly import (
     BeamMatrices,
@@ -19,8 +20,7 @@ from flexarm.arm.beams.assembly import (
     product_integral,
     shear_parameters,
 )
-from flexarm.arm.beams.hermite import BeamQuadrature, FloatArray, beam_quadrature
-from flexarm.arm.beams.properties import BeamTable
+from flexarm.arm.beams.properties import BeamQuadrature, BeamTable, FloatArray, beam_quadrature
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
@@ -36,55 +36,37 @@ class LinkConstants:
     tangent. mu is the mass per length, rho I the rotary inertia per length. Over these shapes the
     mass matrix of the link is the identity and its stiffness diag(w2). Arrays are read-only.
 
-    Attributes:
-        length: L (m).
-        mass: integral of mu (kg).
-        first_moment: integral of mu x (kg m).
-        inertia: integral of mu x^2 + rho I (kg m^2), about the root.
-        S: (m,) integral of mu Phi.
-        a: (m,) integral of mu x Phi + rho I Psi.
-        P: (m,) Phi at the tip.
-        dP: (m,) Psi at the tip.
-        w2: (m,) stiffness (rad^2/s^2), increasing.
-        rotary: (m, m) integral of rho I Psi Psi^T, contained in the identity above.
-        D0: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x.
-        D1: (m, m) integral of mu x g(x).
-        residual_inertia: (3,) inertia of the residuals of a rigid translation and rotation about
-            the root, after subtracting their best approximation by the shapes: translation,
-            coupling, rotation (kg, kg m, kg m^2); theory page "recursion", (R.6).
-        residual_tip: (2, 2) tip deflection and rotation (rows) of the residuals of a unit
-            translation and rotation (columns).
-        G: (m, m) g(L). A bent link is shorter by eta^T G eta / 2 along its root tangent.
-        basis: (2 * elements, m) shapes at the nodes: `basis @ eta` is
-            `[v_2, phi_2, v_3, phi_3, ...]` (m, rad); the clamped root is omitted.
-        projector: (m, 2 * elements) `basis^T M`, the mass-orthogonal projection of nodal values.
-        shear_parameter: (elements,) 12 EI / (k G A h^2) of each element; 0 without shear.
-        interior: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0.
-        table: section properties along the link, from which the constants are computed.
-
     A rigid link has m = 0 and the same arrays, which are then empty.
     """
 
-    length: float
-    mass: float
-    first_moment: float
-    inertia: float
-    S: FloatArray
-    a: FloatArray
-    P: FloatArray
-    dP: FloatArray
-    w2: FloatArray
-    rotary: FloatArray
+    length: float  # L (m)
+    mass: float  # integral of mu (kg)
+    first_moment: float  # integral of mu x (kg m)
+    inertia: float  # integral of mu x^2 + rho I (kg m^2), about the root
+    S: FloatArray  # (m,) integral of mu Phi
+    a: FloatArray  # (m,) integral of mu x Phi + rho I Psi
+    P: FloatArray  # (m,) Phi at the tip
+    dP: FloatArray  # (m,) Psi at the tip
+    w2: FloatArray  # (m,) stiffness (rad^2/s^2), increasing
+    rotary: FloatArray  # (m, m) integral of rho I Psi Psi^T, contained in the identity above
+    #: (m, m) integral of mu g(x) with g(x) the integral of Phi' Phi'^T from 0 to x
     D0: FloatArray
-    D1: FloatArray
-    G: FloatArray
+    D1: FloatArray  # (m, m) integral of mu x g(x)
+    G: FloatArray  # (m, m) g(L): a bent link is shorter by eta^T G eta / 2 along its root tangent
+    #: (3,) inertia of the residuals of a rigid translation and rotation about the root, after
+    #: subtracting their best approximation by the shapes: translation, coupling, rotation (kg,
+    #: kg m, kg m^2); theory page "recursion", (R.6)
     residual_inertia: FloatArray
+    #: (2, 2) tip deflection and rotation (rows) of the residuals of a unit translation and rotation
     residual_tip: FloatArray
+    #: (2 * elements, m) shapes at the nodes: `basis @ eta` is `[v_2, phi_2, v_3, phi_3, ...]`
+    #: (m, rad); the clamped root is omitted
     basis: FloatArray
-    projector: FloatArray
-    shear_parameter: FloatArray
+    projector: FloatArray  # (m, 2 * elements) `basis^T M`, mass-orthogonal, of nodal values
+    shear_parameter: FloatArray  # (elements,) 12 EI / (k G A h^2) of each element; 0 without shear
+    #: (k, m) interior values of the shapes, k = 3 * elements with shear, else 0
     interior: FloatArray
-    table: BeamTable
+    table: BeamTable  # from which the constants are computed
 
     def __post_init__(self) -> None:
         m = self.w2.size
@@ -161,9 +143,7 @@ def link_constants(table: BeamTable, elements: int, modes: int | None = None) ->
     """Compute the constants of a flexible link; exact for tables linear between stations.
 
     ``modes`` is the number of reduced shapes, 1 to 2 * elements; None: the finite elements.
-
-    Raises:
-        InputError: if the mass matrix is not positive definite, or numbers overflow.
+    InputError if the mass matrix is not positive definite, or numbers overflow.
     """
     with _in_range(table):
         return _flexible_constants(table, elements, modes)
@@ -360,19 +340,12 @@ def beam_basis(
     finite element model itself in other coordinates. The reduced set is that of Craig and Bampton:
     the static shapes of a unit force and a unit moment at the tip, where the rest of the arm acts,
     then the lowest modes with the tip also clamped, all diagonalised again within their span.
+    R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses", AIAA Journal
+    6(7), 1968, 1313-1319.
 
-    Args:
-        matrices: matrices of the link.
-        strain_to_nodal: (n, n) F of `strain_to_nodal`, whose rotation rows have the unit of
-            ``element_length`` h (m).
-        modes: m, or None for all n. 1 keeps the tip force shape, 2 also the tip moment shape.
-
-    Raises:
-        InputError: if the mass matrix is not positive definite.
-
-    Reference:
-        R. R. Craig and M. C. C. Bampton, "Coupling of substructures for dynamic analyses",
-        AIAA Journal 6(7), 1968, 1313-1319.
+    ``strain_to_nodal`` (n, n) is F of that function, whose rotation rows have the unit of
+    ``element_length`` h (m). ``modes`` is m, or None for all n: 1 keeps the shape of the tip force,
+    2 also that of the tip moment. InputError if the mass matrix is not positive definite.
     """
     from scipy.linalg import solve_triangular
 
@@ -387,9 +360,9 @@ def beam_basis(
     vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
     basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
     basis = basis * _signs(basis * units[:, None])
-    found = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
-    _check_stiffness(found, matrices.stiffness)
-    return found
+    beam = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
+    _check_stiffness(beam, matrices.stiffness)
+    return beam
 
 
 def _mass_factor(mass: FloatArray) -> FloatArray:
@@ -429,11 +402,11 @@ def _signs(shapes: FloatArray) -> FloatArray:
     return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
 
 
-def _check_stiffness(found: BeamBasis, stiffness: FloatArray) -> None:
+def _check_stiffness(beam: BeamBasis, stiffness: FloatArray) -> None:
     """Raise InputError unless the shapes diagonalise the stiffness to w2."""
-    error = np.abs(found.basis.T @ stiffness @ found.basis - np.diag(found.w2))
-    rounding = np.abs(found.basis).T @ np.abs(stiffness) @ np.abs(found.basis)
-    frequency = np.sqrt(found.w2)
+    error = np.abs(beam.basis.T @ stiffness @ beam.basis - np.diag(beam.w2))
+    rounding = np.abs(beam.basis).T @ np.abs(stiffness) @ np.abs(beam.basis)
+    frequency = np.sqrt(beam.w2)
     allowed = _DIAGONALITY * np.outer(frequency, frequency)
     allowed += 10 * len(stiffness) * np.finfo(float).eps * rounding
     if not np.all(error <= allowed):
@@ -502,3 +475,84 @@ def _shear_flexibility(
     products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
     np.add.at(gram, quadrature.element, products)
     return np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class PartConstants:
+    """Integrals from the root to each of k stations, over the m shapes of the link; (R.40)."""
+
+    mass: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    first_moment: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    inertia: FloatArray  # (k,) kg, kg m, kg m^2 about the root
+    S: FloatArray  # (k, m) integrals of mu Phi and of mu x Phi + rho I Psi
+    a: FloatArray  # (k, m) integrals of mu Phi and of mu x Phi + rho I Psi
+    D0: FloatArray  # (k, m, m) integrals of mu g and of mu x g
+    D1: FloatArray  # (k, m, m) integrals of mu g and of mu x g
+    spread: FloatArray  # (k, m, m) integral of mu Phi Phi^T, without rotary inertia
+
+
+def part_constants(link: LinkConstants, x: FloatArray, *, shortening: bool) -> PartConstants:
+    """Integrate a link from its root to stations x (k,) m; D0 and D1 only with ``shortening``."""
+    table, m = link.table, link.w2.size
+    quadrature = beam_quadrature(np.union1d(table.x, x), link.elements)
+    s, weights = quadrature.points, quadrature.weights
+    mass = weights * np.interp(s, table.x, table.mass_per_length)
+    rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
+    deflection, slope, rotation = link.deflection(s), link.slope(s), link.rotation(s)
+    inside = (s < x[:, None]).astype(np.float64)
+    D0, D1, spread = np.zeros((3, x.size, m, m))
+    for k, end in enumerate(x):
+        n = int(inside[k].sum())  # the points are in ascending order
+        spread[k] = _squared(deflection[:n], mass[:n])
+        if shortening:
+            # As for the whole link: a slope shortens the interval from it to the station.
+            beyond = [table.outboard_moment(np.array([end]), power)[0] for power in (0, 1)]
+            zeroth, first = (
+                weights[:n] * (table.outboard_moment(s[:n], power) - beyond[power])
+                for power in (0, 1)
+            )
+            D0[k] = _squared(slope[:n], zeroth)
+            D1[k] = _squared(slope[:n], first)
+    return PartConstants(
+        mass=inside @ mass,
+        first_moment=inside @ (mass * s),
+        inertia=inside @ (mass * s**2 + rotary),
+        S=inside @ (mass[:, None] * deflection),
+        a=inside @ ((mass * s)[:, None] * deflection + rotary[:, None] * rotation),
+        D0=D0,
+        D1=D1,
+        spread=spread,
+    )
+
+
+def inverse_inertia(mass: float, first_moment: float, inertia: float) -> float:
+    """Return the inverse inertia about the centre of mass, 1/(kg m^2), or 0 if not positive."""
+    central = inertia - first_moment / mass * first_moment if mass else 0.0
+    return 1.0 / central if central > 0.0 else 0.0
+
+
+def _squared(shapes: FloatArray, density: FloatArray) -> FloatArray:
+    """Sum density_p shape_pi shape_pj over points p, symmetric to the last digit: (m, m)."""
+    product: FloatArray = shapes.T @ (density[:, None] * shapes)
+    return (product + product.T) / 2
+
+
+def shortening_matrices(
+    link: LinkConstants, x: NDArray[np.float64]
+) -> NDArray[np.float64]:  # fmt: skip
+    """Return g(x) = int_0^x Phi' Phi'^T ds (k, m, m) at ascending stations x (k,), m.
+
+    The axial displacement at x is ``-eta^T g(x) eta / 2``. The result is exact: between element
+    ends the integrand is a quartic, which three Gauss points integrate. Theory page "link", second
+    order.
+    """
+    ends = np.linspace(0.0, link.length, link.elements + 1)
+    cuts = np.unique(np.concatenate([ends, x]))
+    points, weights = np.polynomial.legendre.leggauss(3)
+    half = np.diff(cuts)[:, None] / 2
+    nodes = (cuts[:-1, None] + half) + half * points
+    slopes = link.slope(nodes.ravel()).reshape(*nodes.shape, -1)
+    pieces = np.einsum("spi,spj,sp->sij", slopes, slopes, half * weights)
+    m = slopes.shape[-1]
+    total = np.concatenate([np.zeros((1, m, m)), np.cumsum(pieces, axis=0)])
+    return np.asarray(total[np.searchsorted(cuts, x)])

@@ -19,7 +19,7 @@ from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
 
 if TYPE_CHECKING:
-    from flexarm.bridges.c_code.exported import Exported
+    from flexarm.bridges.c_code.source import Exported
 
 #: Step times fastest rate below which the classical Runge-Kutta method is stable, whatever the
 #: damping: 2.83 without damping, 2.79 for real poles, and the least, 2.615, in between.
@@ -86,11 +86,7 @@ def export_c(
 
 
 def check_prefix(argument: str, name: object) -> str:
-    """Return a prefix of C functions.
-
-    Raises:
-        InputError: if it is not one.
-    """
+    """Return a prefix of C functions; InputError if it is not one."""
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name.startswith("casadi"):
         rule = "be at most 32 lower-case letters, digits and underscores, the first a letter"
         raise InputError(Problem(argument, rule, shown(name)))
@@ -119,9 +115,9 @@ def exported(
     observer: ExtendedKalmanFilter | None = None,
 ) -> Exported:
     """Return the functions of the arm, of the controller and of the filter."""
-    from flexarm.bridges.c_code.exported import Exported
     from flexarm.bridges.c_code.model_functions import model_functions
     from flexarm.bridges.c_code.observer import exported_observer
+    from flexarm.bridges.c_code.source import Exported
     from flexarm.bridges.c_code.traced_law import traced_controller
 
     arm = model.arm
@@ -137,11 +133,15 @@ def exported(
 
 def _texts(export: Exported) -> dict[str, str]:
     """Return the content of the files, by name."""
-    from flexarm.bridges.c_code.check_program import makefile, program, recorded_arrays
-    from flexarm.bridges.c_code.header import header
+    from flexarm.bridges.c_code.programs import (
+        makefile,
+        packet_layout,
+        program,
+        recorded_arrays,
+        udp_program,
+    )
     from flexarm.bridges.c_code.recording import record
-    from flexarm.bridges.c_code.source import source
-    from flexarm.bridges.c_code.udp_program import packet_layout, udp_program
+    from flexarm.bridges.c_code.source import header, source
 
     name, recording = export.name, record(export)
     layout = packet_layout(export) if export.controller else None

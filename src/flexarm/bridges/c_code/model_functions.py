@@ -1,20 +1,64 @@
 """Functions of an arm for C: dynamics, kinematics, and a step of fixed length with derivatives.
 
-The step is that of the classical Runge-Kutta method of order 4. For real time it has the right
-properties: its cost does not depend on the state, it does not iterate, and it is smooth, so that
-its derivative is exact. The coefficients are those of the integrator ``rk4``.
+A `NamedFunction` has the names and sizes of its arguments in C. The step is that of the classical
+Runge-Kutta method of order 4. For real time it has the right properties: its cost does not depend
+on the state, it does not iterate, and it is smooth, so that its derivative is exact. The
+coefficients are those of the integrator ``rk4``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi
 
-from flexarm.bridges.c_code.named_function import NamedFunction, named
 from flexarm.bridges.symbolic.casadi_model import CasadiModel
 from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
+
+
+@dataclass(frozen=True, eq=False)
+class NamedFunction:
+    """Function of the exported code."""
+
+    name: str  # in C, without the prefix of the arm
+    summary: str  # first sentence of its comment
+    #: With dense outputs. Matrices are transposed, because C stores rows.
+    function: casadi.Function
+
+    @property
+    def inputs(self) -> list[str]:
+        """Names of the inputs; those of size zero do not exist in C."""
+        sizes = [self.function.numel_in(k) for k in range(self.function.n_in())]
+        return [name for name, size in zip(self.function.name_in(), sizes, strict=True) if size]
+
+    @property
+    def memory(self) -> str | None:
+        """Name of the array that the caller keeps between samples, or None."""
+        names = [name for name in self.function.name_out() if name.endswith("memory_out")]
+        return names[0].removesuffix("_out") if names else None
+
+    @property
+    def given(self) -> list[str]:
+        """Names of the inputs without the memory, which is among the results."""
+        return [name for name in self.inputs if name != self.memory]
+
+    @property
+    def operations(self) -> int | None:
+        """Number of elementary operations; None if it calls other functions."""
+        function = self.function
+        return function.n_instructions() if function.is_a("SXFunction") else None
+
+
+def named(
+    name: str, summary: str, inputs: Mapping[str, Any], outputs: Mapping[str, Any]
+) -> NamedFunction:
+    """Return a function of symbols."""
+    dense = [casadi.densify(value.T) for value in outputs.values()]
+    function = casadi.Function(name, list(inputs.values()), dense, list(inputs), list(outputs))
+    return NamedFunction(name, summary, function)
+
 
 #: Output and summary of the functions of `CasadiModel`.
 _FUNCTIONS = {
@@ -32,16 +76,16 @@ _STEP_INPUTS = ("q", "qd", "torque", "tip_force", "step", "parameters")
 
 def model_functions(model: CasadiModel) -> list[NamedFunction]:
     """Return all functions of an arm; ``strain`` only if it has gauges."""
-    found = []
+    functions = []
     for name, (output, summary) in _FUNCTIONS.items():
         if name != "strain" or model.arm.gauges:
-            found.append(_of_model(name, output, summary, getattr(model, name)))
+            functions.append(_of_model(name, output, summary, getattr(model, name)))
     q, parameters = _symbol("q", model.tip), _symbol("parameters", model.tip)
     inputs = {"q": q, "parameters": parameters}
     jacobian = casadi.jacobian(model.tip(q, parameters), q)
     summary = "Derivative of the tip by the coordinates: rows x, y, angle."
-    found.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
-    return [*found, _step(model), _step_jacobian(model)]
+    functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
+    return [*functions, _step(model), _step_jacobian(model)]
 
 
 def _symbol(name: str, function: Any) -> Any:

@@ -17,10 +17,14 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.bridges.c_code.model_functions import dynamics_of_columns, runge_kutta
-from flexarm.bridges.c_code.named_function import NamedFunction, named
+from flexarm.bridges.c_code.model_functions import (
+    NamedFunction,
+    dynamics_of_columns,
+    named,
+    runge_kutta,
+)
 from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.bridges.symbolic.parameters import ParametricArm
+from flexarm.bridges.symbolic.kernel_calls import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
 from flexarm.control.filters.extended_kalman import ITERATIONS, ExtendedKalmanFilter
 from flexarm.control.filters.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
@@ -43,15 +47,10 @@ _REFUSED: dict[type[Any], str] = {
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """Functions of a filter.
+    """Functions of a filter."""
 
-    Attributes:
-        filter: a copy of the filter at its start.
-        functions: ``observer_start`` and ``observer_update``.
-    """
-
-    filter: ExtendedKalmanFilter
-    functions: tuple[NamedFunction, ...]
+    filter: ExtendedKalmanFilter  # a copy at its start
+    functions: tuple[NamedFunction, ...]  # ``observer_start`` and ``observer_update``
 
     @property
     def sample_time(self) -> float:
@@ -77,13 +76,7 @@ class Observer:
 
 
 def exported_observer(arm: Arm, observer: object) -> Observer:
-    """Return the functions of a filter for an arm.
-
-    Raises:
-        InputError: if it is not an `ExtendedKalmanFilter`, it estimates parameters, disturbance
-            torques or biases, its instruments have delays or sample times, its arm has other
-            joints, or its payload is so uncertain that it needs several Gaussians.
-    """
+    """Return the functions of a filter for an arm; InputError if the code cannot contain it."""
     if not isinstance(observer, ExtendedKalmanFilter):
         hint = next((why for kind, why in _REFUSED.items() if isinstance(observer, kind)), "")
         raise InputError(
@@ -177,11 +170,11 @@ class _Writer:
         nothing = casadi.DM.zeros(self.arm.dof)
         if not any(self.arm.spec.gravity):
             return straight, nothing
-        found, more = self._at_rest(straight, self.nominal), self.filter.payload_deviation
+        bent, more = self._at_rest(straight, self.nominal), self.filter.payload_deviation
         if more == 0.0:
-            return found, nothing
+            return bent, nothing
         more *= SAG_DIFFERENCE
-        return found, (self._at_rest(straight, self.nominal + more) - found) / more
+        return bent, (self._at_rest(straight, self.nominal + more) - bent) / more
 
     def _at_rest(self, q: Any, mass: float) -> Any:
         """Return the coordinates at rest with locked joints."""
@@ -195,8 +188,8 @@ class _Writer:
 
     def _free(self) -> list[int]:
         """Return the places of coordinates that are not joint angles."""
-        found: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
-        return found
+        places: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
+        return places
 
     def _static(self) -> tuple[Any, Any]:
         """Return static force and stiffness of bending, functions of q and payload."""
@@ -204,19 +197,19 @@ class _Writer:
         force = self.model.bias_force(q, casadi.DM.zeros(self.arm.dof), mass)[free]
         slope = casadi.densify(casadi.jacobian(force, q)[:, free])
         functions = ("force", force), ("stiffness", slope)
-        found = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
-        return found[0], found[1]
+        pair = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
+        return pair[0], pair[1]
 
     def _first_variance(self, straight: Any) -> Any:
         """Return the variances (states,) before the first reading; the mass has its own."""
         rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
-        found = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
+        variance = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
         free = self._free()
         if free:
             stiffness = casadi.diag(self._static()[1](straight, self.nominal))
             least = LEAST_STIFFNESS * casadi.mmax(stiffness)
-            found[free] /= casadi.fmax(stiffness, least)
-        return found
+            variance[free] /= casadi.fmax(stiffness, least)
+        return variance
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
         """Return mean, covariance, and its part with the torque error, after a sample time."""
@@ -320,5 +313,5 @@ def _solved(A: Any, B: Any) -> Any:
     """Return the solution of a small symmetric positive definite system by Cholesky's method."""
     a, b = casadi.SX.sym("a", *A.shape), casadi.SX.sym("b", *B.shape)
     root = casadi.chol(a)
-    found = casadi.solve(root, casadi.solve(root.T, b))
-    return casadi.Function("solved", [a, b], [casadi.densify(found)])(A, B)
+    solution = casadi.solve(root, casadi.solve(root.T, b))
+    return casadi.Function("solved", [a, b], [casadi.densify(solution)])(A, B)

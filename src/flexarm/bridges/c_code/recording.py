@@ -13,10 +13,9 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
-from flexarm.bridges.c_code.exported import Exported
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.bridges.c_code.traced_law import TracedController, gain_table, refusal
-from flexarm.bridges.c_code.traced_plans import around
+from flexarm.bridges.c_code.source import Exported
+from flexarm.bridges.c_code.traced_law import TracedController, around, gain_table, refusal
 from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
@@ -63,19 +62,13 @@ _FAST = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Recorded run.
+    """Recorded run."""
 
-    Attributes:
-        step: s, of the run.
-        inputs: (samples, size) by the name of the argument.
-        expected: (samples, size) by the name of the function, all its results in one row.
-        tolerance: (size,) by the name of the function.
-    """
-
-    step: float
-    inputs: dict[str, FloatArray]
+    step: float  # s, of the run
+    inputs: dict[str, FloatArray]  # (samples, size) by the name of the argument
+    #: (samples, size) by the name of the function, all its results in one row.
     expected: dict[str, FloatArray]
-    tolerance: dict[str, FloatArray]
+    tolerance: dict[str, FloatArray]  # (size,) by the name of the function
 
 
 def record(export: Exported) -> Recording:
@@ -83,7 +76,10 @@ def record(export: Exported) -> Recording:
     arm = _smoothed(export.arm)
     step = min(_LONGEST, _FRACTION * export.largest_step)
     count = SAMPLES * _STRIDE
-    torque = _torques(arm, count)
+    # Torques (count, joints) that accelerate the joints by some rad/s^2.
+    M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
+    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.joints + 1)
+    torque = 3.0 * M * np.sin(phase)
     with warnings.catch_warnings():
         # The run only compares two programs: it may leave the validity of the theory.
         warnings.simplefilter("ignore", FlexarmWarning)
@@ -99,10 +95,10 @@ def record(export: Exported) -> Recording:
     at = np.arange(SAMPLES) * _STRIDE
     q, qd = run.q.values, run.qd.values
     push = 0.1 * np.sin(np.arange(SAMPLES)[:, None] + np.arange(3.0))
-    found = Recording(
+    recording = Recording(
         step, {"q": q[at], "qd": qd[at], "torque": torque[at], "tip_force": push}, {}, {}
     )
-    _record_arm(found, export, np.hstack([q[at + 1], qd[at + 1]]))
+    _record_arm(recording, export, np.hstack([q[at + 1], qd[at + 1]]))
     if export.controller:
         readings = {
             "joint_angle": run.joint_angle.values[at],
@@ -111,10 +107,10 @@ def record(export: Exported) -> Recording:
             "tip": np.array([arm.tip(one)[:2] for one in q[at]]),
             "contact_force": contact_readings(export.controller.controller, SAMPLES),
         }
-        _record_controller(found, export, readings)
+        _record_controller(recording, export, readings)
     if export.observer:
-        _record_observer(found, export.observer)
-    return found
+        _record_observer(recording, export.observer)
+    return recording
 
 
 def _smoothed(arm: Arm) -> Arm:
@@ -129,16 +125,8 @@ def _smoothed(arm: Arm) -> Arm:
     return Arm(arm.spec.replace(joints=joints))
 
 
-def _torques(arm: Arm, count: int) -> FloatArray:
-    """Return torques (count, joints) that accelerate the joints by some rad/s^2."""
-    M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
-    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.joints + 1)
-    torque: FloatArray = 3.0 * M * np.sin(phase)
-    return torque
-
-
-def _record_arm(found: Recording, export: Exported, after: FloatArray) -> None:
-    arm, given = export.arm, found.inputs
+def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
+    arm, given = export.arm, data.inputs
     q, qd, torque, push = (given[name] for name in ("q", "qd", "torque", "tip_force"))
     qdd = np.array([arm.forward_dynamics(*one) for one in zip(q, qd, torque, push, strict=True)])
     # Half of the accelerations, because all of them would cancel the other forces.
@@ -160,12 +148,12 @@ def _record_arm(found: Recording, export: Exported, after: FloatArray) -> None:
     for function in export.functions:
         if function.name in results:
             rows = [np.ravel(results[function.name](k)) for k in range(SAMPLES)]
-            found.expected[function.name] = np.array(rows)
-            found.tolerance[function.name] = _ROUNDING * _largest(rows)
-    slopes = [step_jacobian(arm, q[k], qd[k], torque[k], found.step) for k in range(SAMPLES)]
+            data.expected[function.name] = np.array(rows)
+            data.tolerance[function.name] = _ROUNDING * _largest(rows)
+    slopes = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
     rows = [np.concatenate([one.state.ravel(), one.torque.ravel()]) for one in slopes]
-    found.expected["step_jacobian"] = np.array(rows)
-    _scale_by_energy(found, arm)
+    data.expected["step_jacobian"] = np.array(rows)
+    _scale_by_energy(data, arm)
 
 
 def _largest(rows: Any) -> FloatArray:
@@ -174,24 +162,24 @@ def _largest(rows: Any) -> FloatArray:
     return np.full(values.shape[1], values.max(initial=0.0))
 
 
-def _scale_by_energy(found: Recording, arm: Arm) -> None:
+def _scale_by_energy(data: Recording, arm: Arm) -> None:
     """Set the tolerances of coordinates as if they were energies.
 
     Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
     """
-    M = arm.mass_matrix(found.inputs["q"][0])
+    M = arm.mass_matrix(data.inputs["q"][0])
     scale = np.sqrt(np.diag(M))
     condition = np.linalg.cond(M / np.outer(scale, scale))
     limit = max(_ROUNDING, _CONDITION * np.finfo(float).eps * condition)
     n, m = arm.dof, arm.joints
     both = np.concatenate([scale, scale])
-    found.tolerance["forward_dynamics"] = (
-        limit * np.abs(scale * found.expected["forward_dynamics"]).max() / scale
+    data.tolerance["forward_dynamics"] = (
+        limit * np.abs(scale * data.expected["forward_dynamics"]).max() / scale
     )
-    after = np.abs(both * found.expected["step"])
+    after = np.abs(both * data.expected["step"])
     parts = [np.full(n, after[:, :n].max()), np.full(n, after[:, n:].max())]
-    found.tolerance["step"] = limit * np.concatenate(parts) / both
-    slopes = np.abs(found.expected["step_jacobian"])
+    data.tolerance["step"] = limit * np.concatenate(parts) / both
+    slopes = np.abs(data.expected["step_jacobian"])
     weight = np.concatenate([np.outer(both, 1.0 / both).ravel(), np.repeat(both, m)])
     block = np.concatenate(
         [
@@ -200,30 +188,30 @@ def _scale_by_energy(found: Recording, arm: Arm) -> None:
         ]
     )
     largest = [np.max((weight * slopes)[:, block == k], initial=0.0) for k in range(6)]
-    found.tolerance["step_jacobian"] = limit * np.array(largest)[block] / weight
+    data.tolerance["step_jacobian"] = limit * np.array(largest)[block] / weight
 
 
-def _record_controller(found: Recording, export: Exported, readings: dict[str, FloatArray]) -> None:
+def _record_controller(data: Recording, export: Exported, readings: dict[str, FloatArray]) -> None:
     """Record the torques of the controller for the readings of the run."""
     assert export.controller is not None
     inputs, torque = replay(export.arm, export.controller, readings)
-    found.inputs.update(inputs)
-    found.expected["controller"] = torque
+    data.inputs.update(inputs)
+    data.expected["controller"] = torque
     # Large gains of a filter amplify the rounding of its readings. Measure how much.
     change = np.abs(replay(export.arm, export.controller, _rounded(readings, 0))[1] - torque)
     limit = max(_ROUNDING * np.abs(torque).max(), _AMPLIFIED * change.max())
-    found.tolerance["controller"] = np.full(torque.shape[1], limit)
+    data.tolerance["controller"] = np.full(torque.shape[1], limit)
 
 
-def _record_observer(found: Recording, observer: Observer) -> None:
+def _record_observer(data: Recording, observer: Observer) -> None:
     """Record the estimates of the filter for a run of its own, at its sample time."""
     inputs, expected = record_observer(observer, SAMPLES)
-    found.inputs.update(inputs)
-    found.expected["observer"] = expected
+    data.inputs.update(inputs)
+    data.expected["observer"] = expected
     rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
     changes = [np.abs(estimates(observer.filter, one) - expected) for one in rounded]
     change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
-    found.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
+    data.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
 
 
 def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:
@@ -281,17 +269,10 @@ def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
 def replay(
     arm: Arm, traced: TracedController, readings: dict[str, FloatArray]
 ) -> tuple[dict[str, FloatArray], FloatArray]:
-    """Update a controller with recorded readings, along a motion of all joints.
+    """Return inputs (samples, size) by name and torques (samples, joints) of recorded readings.
 
     The motion passes the grid of postures of a controller with a schedule, and the recorded angles
-    are moved with it.
-
-    Returns:
-        The inputs of the exported function (samples, size) by name, and the torques (samples,
-        joints).
-
-    Raises:
-        InputError: if the step depends on attributes that it changes.
+    are moved with it. InputError if the step depends on attributes that it changes.
     """
     mine: Any = deepcopy(traced.controller)
     mine.reset()
@@ -339,9 +320,7 @@ def replay(
 class SlowRun:
     """Reference that passes a grid of postures in few samples, at the torques of a slow motion.
 
-    Args:
-        arm: the arm. ends: (2, joints) rad, the first and the last posture of the grid.
-        duration: s, from before the first posture until after the last one.
+    ``ends`` (2, joints) rad are the first and the last posture; the ``duration`` (s) includes both.
     """
 
     vectorized = True
@@ -399,12 +378,7 @@ def contact_readings(controller: object, count: int) -> FloatArray:
 class PressedRun:
     """Reference with a motion of the joints, and with and without a force and a surface.
 
-    Args:
-        motion: motion of the joints.
-        controller: controller of the tip, whose nominal force and speed are exceeded.
-        count: number of samples.
-        bent: factor of the joint motion.
-        friction: coefficient of friction of the motion.
+    Nominal force and speed of the controller are exceeded; ``bent`` is a factor of the motion.
     """
 
     def __init__(
@@ -465,12 +439,12 @@ class PressedRun:
 
 def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str, FloatArray]:
     """Return the inputs of an exported controller of the tip at t (s), by name."""
-    found = {
+    inputs = {
         "reference_force": [reference.contact_force(t)],
         "reference_normal": reference.normal(t),
     }
     for prefix, motion in {"reference": reference, "rougher": reference.rougher}.items():
-        found |= {
+        inputs |= {
             f"{prefix}_angle": motion.joint_angle(t),
             f"{prefix}_rate": motion.joint_rate(t),
             f"{prefix}_acceleration": motion.joint_acceleration(t),
@@ -479,9 +453,9 @@ def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str
         }
     if "surface" in planned:
         *path, speed, force_rate = planned["surface"]
-        found |= {
+        inputs |= {
             "path_position": path,
             "path_speed": [speed],
             "reference_force_rate": [force_rate],
         }
-    return {name: np.array(value, dtype=np.float64) for name, value in found.items()}
+    return {name: np.array(value, dtype=np.float64) for name, value in inputs.items()}

@@ -1,26 +1,282 @@
-"""Source file of the exported C code: bodies by CasADi, and functions with readable arguments."""
+"""Exported C code: its functions, its header, and its source with bodies by CasADi."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import chain
 
+import casadi
+
+from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.bridges.c_code.casadi_source import casadi_source
-from flexarm.bridges.c_code.exported import Exported, origin, prototype
-from flexarm.bridges.c_code.named_function import NamedFunction
+from flexarm.bridges.c_code.model_functions import NamedFunction
+from flexarm.bridges.c_code.observer import Observer
+from flexarm.bridges.c_code.traced_law import TracedController
+from flexarm.linear.models.signals import state_names
+
+#: Blocks of CasADi's file that this package does not use: exported names and their prefixes,
+#: functions that describe functions.
+_UNUSED = ("CASADI_SYMBOL_EXPORT", "CASADI_PREFIX", "CASADI_CODEGEN_PREFIX")
+_SIZES = re.compile(r"^static const casadi_int (casadi_s\d+)\[.*\};\n", re.MULTILINE)
+_HEAD = re.compile(r"^(static int casadi_f\d+\(.*int mem\) \{\n)", re.MULTILINE)
+_HELPER = re.compile(r"^(casadi_real|casadi_int|void) (casadi_\w+\()", re.MULTILINE)
+_EXPORTED = re.compile(r"int (\w+)\(const casadi_real\*\* arg[^{]*\{\s*return (casadi_f\d+)\(")
+
+
+def casadi_source(functions: Sequence[casadi.Function]) -> tuple[str, dict[str, str]]:
+    """Return the bodies of functions as static ones without state, and their names by function.
+
+    A function gets pointers to its inputs and outputs, and its scratch from the caller: integers
+    ``iw`` and numbers ``w`` of the sizes ``sz_iw`` and ``sz_w``. It allocates nothing.
+    """
+    generator = casadi.CodeGenerator("code", {"with_mem": False, "casadi_int": "int"})
+    for function in functions:
+        generator.add(function)
+    whole = generator.dump()
+    names = dict(_EXPORTED.findall(whole))
+    blocks = [one for one in whole.split("\n\n") if not any(word in one for word in _UNUSED)]
+    text = "\n\n".join(block.strip("\n") for block in blocks if block.strip())
+    used = Counter(re.findall(r"\bcasadi_s\d+", text))
+    text = _SIZES.sub(lambda size: size[0] if used[size[1]] > 1 else "", text)
+    # Names are private to the file, and unused arguments are no warnings.
+    text = _HELPER.sub(r"static \1 \2", text)
+    text = _HEAD.sub(r"\1  (void)arg; (void)res; (void)iw; (void)w; (void)mem;\n", text)
+    return text + "\n", {function.name(): names[function.name()] for function in functions}
+
+
+#: Size of an argument in terms of macros; that of others is written as a number.
+_EXTENTS = {
+    **dict.fromkeys(("q", "qd", "qdd", "q_next", "qd_next", "force", "bias"), "{DOF}"),
+    **dict.fromkeys(("torque", "joint_angle", "joint_rate", "feedforward"), "{JOINTS}"),
+    **dict.fromkeys(("reference_angle", "reference_rate", "reference_acceleration"), "{JOINTS}"),
+    **dict.fromkeys(("nominal_angle", "nominal_torque"), "{JOINTS}"),
+    **dict.fromkeys(("rougher_angle", "rougher_rate", "rougher_acceleration"), "{JOINTS}"),
+    **dict.fromkeys(("reference_pressing", "rougher_pressing"), "{JOINTS}"),
+    **dict.fromkeys(("strain", "strain_correction"), "{GAUGES}"),
+    "parameters": "{PARAMETERS}",
+    "memory": "{MEMORY}",
+    **dict.fromkeys(("estimated_q", "estimated_qd"), "{OBSERVER_DOF}"),
+    "last_torque": "{JOINTS}",
+    "readings": "{OBSERVER_READINGS}",
+    "observer_memory": "{OBSERVER_MEMORY}",
+    "mass": "{DOF} * {DOF}",
+    "jacobian": "3 * {DOF}",
+    "by_state": "2 * {DOF} * 2 * {DOF}",
+    "by_torque": "2 * {DOF} * {JOINTS}",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """Arm of an export with its functions, and the controller and the observer with theirs."""
+
+    name: str  # prefix of all names in C, and name of the files
+    arm: Arm
+    parameters: Sequence[str]  # their paths
+    nominal: FloatArray  # values of the parameters in the arm
+    functions: Sequence[NamedFunction]  # of the arm
+    controller: TracedController | None
+    observer: Observer | None
+    largest_step: float  # longest stable step about straight links, s
+
+    @property
+    def all_functions(self) -> list[NamedFunction]:
+        """Functions of the arm, then of the controller and the observer."""
+        others = [one.functions for one in (self.controller, self.observer) if one]
+        return [*self.functions, *chain.from_iterable(others)]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes by the names of their macros, without the prefix."""
+        macros = {"DOF": self.arm.dof, "JOINTS": self.arm.joints, "GAUGES": len(self.arm.gauges)}
+        macros["PARAMETERS"] = len(self.parameters)
+        if self.controller:
+            macros["MEMORY"] = self.controller.memory
+        return macros | (self.observer.sizes if self.observer else {})
+
+    def macro(self, name: str) -> str:
+        """Return a macro or constant with the prefix."""
+        return f"{self.name}_{name}".upper()
+
+    def arguments(self, function: NamedFunction) -> list[str]:
+        """Return the declarations of a function's arguments; ``memory`` is among the results."""
+        own = function.function
+        given = [
+            "double step" if name == "step" else f"const {self._array(name, own.numel_in(name))}"
+            for name in function.given
+        ]
+        outputs = {name: own.numel_out(name) for name in own.name_out()}
+        written = [self._array(name.removesuffix("_out"), size) for name, size in outputs.items()]
+        return given + written
+
+    def _array(self, name: str, size: int) -> str:
+        macros = {key: self.macro(key) for key in self.sizes}
+        return f"double {name}[{_EXTENTS.get(name, str(size)).format_map(macros)}]"
+
+
+def prototype(name: str, arguments: Sequence[str]) -> str:
+    """Return the head of a C function, over several lines if it is long."""
+    line = f"void {name}({', '.join(arguments)})"
+    if len(line) < 100:
+        return line
+    return f"void {name}(\n    " + ",\n    ".join(arguments) + ")"
+
+
+def origin(file: str, title: str) -> str:
+    """Return the first lines of the comment at the start of a file."""
+    programs = f"flexarm {version('flexarm')} with CasADi {version('casadi')}"
+    return f"/* {file}: {title}\n *\n * Generated by {programs}; do not edit.\n"
+
+
+#: Meaning of arguments.
+_MEANINGS = {
+    "q": "coordinates",
+    "qd": "rates of the coordinates",
+    "qdd": "accelerations of the coordinates",
+    "torque": "torque of each joint, N m",
+    "tip_force": "Fx, Fy (N) and Mz (N m) on the last tip; NULL for none",
+    "step": "length of the step, s",
+    "parameters": "in the units of the file; NULL for {name}_nominal",
+    "force": "generalised force; N m in the entries of joints",
+    "bias": "generalised force; N m in the entries of joints",
+    "mass": "mass matrix",
+    "energy": "kinetic, strain, gravity, J",
+    "tip_velocity": "rates of x, y (m/s) and of the angle (rad/s)",
+    "jacobian": "derivative of x, y (m) and angle (rad) by the coordinates",
+    "q_next": "coordinates after the step",
+    "qd_next": "rates after the step",
+    "by_state": "derivative of (q_next, qd_next) by (q, qd)",
+    "by_torque": "derivative of (q_next, qd_next) by the torque",
+    "memory": "memory of the controller between samples",
+    "joint_angle": "measured joint angles, relative, rad",
+    "joint_rate": "measured joint rates, relative, rad/s",
+    "strain": "strain at each gauge",
+    "contact_force": "measured force of the first contact on the arm, N, world axes",
+    "tip": "x, y (m) and, of the arm, the angle (rad) of the last tip",
+    "reference_angle": "joint angles to follow, rad",
+    "reference_rate": "joint rates to follow, rad/s",
+    "reference_acceleration": "joint accelerations to follow, rad/s^2",
+    "reference_pressing": "torque to press, in addition to that of the rigid model, N m",
+    "reference_force": "contact force of the tip on the surface, N; 0 for motion without contact",
+    "reference_normal": "outward unit normal of the surface, world axes; 0, 0 without a surface",
+    "reference_force_rate": "rate of the contact force, N/s",
+    "reference_friction": "coefficient of friction of the reference; NULL for 0",
+    "rougher_angle": "joint angles of the reference for more friction, rad",
+    "rougher_rate": "joint rates of the reference for more friction, rad/s",
+    "rougher_acceleration": "joint accelerations of the reference for more friction, rad/s^2",
+    "rougher_pressing": "torque to press of the reference for more friction, N m",
+    "rougher_friction": "its coefficient of friction, another than of the reference; NULL for 1",
+    "path_position": "x, y (m) of the path of the tip on the surface",
+    "path_speed": "speed along the surface, in the direction (-normal y, normal x), m/s",
+    "strain_correction": "strain along the reference minus static strain; NULL for 0",
+    "feedforward": "torque in the middle of the sample that is added, N m; NULL for none",
+    "readings": "of the instruments, in the order above",
+    "last_torque": "torque of each joint since the last sample, N m",
+    "observer_memory": "[q, qd, logarithm of the moved mass], then their covariance by rows",
+    "estimated_q": "coordinates",
+    "estimated_qd": "rates of the coordinates",
+    "estimated_payload": "mass of the payload, kg",
+    "innovation": "normalised innovation squared per reading, one on average",
+    "nominal_angle": "joint angles of the nominal motion, rad; NULL for rest",
+    "nominal_torque": "torque of the nominal motion, N m; NULL for rest",
+    "nominal_reading": "readings of the nominal motion; NULL for rest",
+    "nominal_tip": "x, y (m) of the nominal tip, of straight links on a reference; NULL for rest",
+    "nominal_force": "its elastic forces without actuator at the preview's nodes; NULL for rest",
+}
+_RULES = """\
+ *
+ * C99. No allocation, no data that change between calls, no loop whose length depends on a value:
+ * all functions may be called from several threads and from interrupts. Results must not overlap
+ * arguments. Matrices are stored by rows. SI units; forces and positions in world axes.
+"""
+
+
+def header(export: Exported) -> str:
+    """Return the text of the header."""
+    guard = export.macro("H")
+    title = "planar arm with flexible links"
+    lines = [origin(f"{export.name}.h", title) + _RULES + _coordinates(export) + " */"]
+    lines += [f"#ifndef {guard}", f"#define {guard}", "", "#ifdef __cplusplus"]
+    lines += ['extern "C" {', "#endif", ""]
+    lines += [f"#define {export.macro(key)} {value}" for key, value in export.sizes.items()]
+    lines += ["", "/* Longest stable step about straight links, s. */"]
+    lines += [f"#define {export.macro('LARGEST_STEP')} {export.largest_step!r}", ""]
+    if export.parameters:
+        lines += _parameters(export)
+    lines += _declarations(export, export.functions)
+    if export.controller:
+        lines += ["/* Time from one call of the controller to the next, s. */"]
+        lines += [f"#define {export.macro('SAMPLE_TIME')} {export.controller.sample_time!r}", ""]
+        lines += _declarations(export, export.controller.functions)
+    if export.observer:
+        rows = enumerate(export.observer.reading_names)
+        lines += ["/* Readings of the observer:", " *"]
+        lines += [*(f" *   readings[{k}]  {text}" for k, text in rows), " */", ""]
+        lines += ["/* Time from one call of the observer to the next, s. */"]
+        lines += [f"#define {export.macro('OBSERVER_TIME')} {export.observer.sample_time!r}", ""]
+        lines += _declarations(export, export.observer.functions)
+    lines += ["#ifdef __cplusplus", "}", "#endif", "", "#endif", ""]
+    return "\n".join(lines)
+
+
+def _coordinates(export: Exported) -> str:
+    names, units = state_names(export.arm)
+    rows = zip(names[: export.arm.dof], units, strict=False)
+    listed = [f" *   q[{k}]  {name}, {unit}" for k, (name, unit) in enumerate(rows)]
+    return "\n".join([" *", " * Coordinates, numbered from 1 by link and mode:", *listed, ""])
+
+
+def _parameters(export: Exported) -> list[str]:
+    places = [f"    {place}" for place in parameter_places(export)]
+    paths = [f"/* {path} */" for path in export.parameters]
+    last = len(places) - 1
+    rows = [
+        f"{place}{',' if k < last else ''} {path}"
+        for k, (place, path) in enumerate(zip(places, paths, strict=True))
+    ]
+    size = export.macro("PARAMETERS")
+    lines = ["/* Places of the parameters in their array. */", "enum {", *rows, "};", ""]
+    lines += ["/* Values of the parameters in the arm. */"]
+    return [*lines, f"extern const double {export.name}_nominal[{size}];", ""]
+
+
+def parameter_places(export: Exported) -> list[str]:
+    """Return the names of the places of parameters, such as ``ARM_PAYLOAD_MASS``."""
+    plain = str.maketrans({"[": "_", ".": "_", "]": ""})
+    return [export.macro(path.translate(plain)) for path in export.parameters]
+
+
+def _comment(export: Exported, function: NamedFunction) -> str:
+    count = f" {function.operations} operations." if function.operations else ""
+    outputs = [name.removesuffix("_out") for name in function.function.name_out()]
+    names = [*function.given, *outputs]
+    width = max(map(len, names))
+    meanings = {name: _MEANINGS.get(name, "planned input of the controller") for name in names}
+    rows = [f" *   {name:<{width}}  {meanings[name].format(name=export.name)}" for name in names]
+    return "\n".join([f"/* {function.summary}{count}", " *", *rows, " */"])
+
+
+def _declarations(export: Exported, functions: Iterable[NamedFunction]) -> Iterator[str]:
+    for function in functions:
+        declared = prototype(f"{export.name}_{function.name}", export.arguments(function)) + ";"
+        yield from (_comment(export, function), declared, "")
 
 
 def source(export: Exported) -> str:
     """Return the text of the source file."""
-    found = casadi_source([one.function for one in export.all_functions])
+    text, names = casadi_source([function.function for function in export.all_functions])
     parts = [origin(f"{export.name}.c", f"see {export.name}.h") + " */"]
-    parts += [f'#include "{export.name}.h"\n', found.text]
+    parts += [f'#include "{export.name}.h"\n', text]
     if export.parameters:
         parts.append(array(f"const double {export.name}_nominal", export.nominal))
     for name, values in (export.controller.defaults if export.controller else {}).items():
         parts.append(array(f"static const double {name}_at_rest", values))
     for function in export.all_functions:
-        parts.append(_wrapper(export, function, found.names[function.function.name()]))
+        parts.append(_wrapper(export, function, names[function.function.name()]))
     return "\n".join(parts)
 
 
@@ -43,7 +299,7 @@ def _wrapper(export: Exported, function: NamedFunction, body: str) -> str:
     head = prototype(f"{export.name}_{function.name}", export.arguments(function))
     own = function.function
     given = [
-        "&step" if name == "step" else _given(export, function, name) for name in own.name_in()
+        "&step" if name == "step" else _pointer(export, function, name) for name in own.name_in()
     ]
     memory = function.memory if function.memory in function.inputs else None
     written = [
@@ -55,14 +311,15 @@ def _wrapper(export: Exported, function: NamedFunction, body: str) -> str:
         lines.append(f"    double memory_next[{export.macro(memory)}];")
         lines.append("    int k;")
     lines += _scratch(function, given, written)
-    lines.append(f"    (void){body}(arg, res, {_iw(function)}, {_w(function)}, 0);")
+    scratch = ("iw" if own.sz_iw() else "0", "w" if own.sz_w() else "0")
+    lines.append(f"    (void){body}(arg, res, {', '.join(scratch)}, 0);")
     if memory:
         lines.append(f"    for (k = 0; k < {export.macro(memory)}; ++k) {{")
         lines += [f"        {memory}[k] = memory_next[k];", "    }"]
     return "\n".join([*lines, "}", ""])
 
 
-def _given(export: Exported, function: NamedFunction, name: str) -> str:
+def _pointer(export: Exported, function: NamedFunction, name: str) -> str:
     """Return the pointer to an input."""
     if name not in function.inputs:
         return "0"
@@ -84,11 +341,3 @@ def _scratch(function: NamedFunction, given: Iterable[str], written: Iterable[st
     if own.sz_w():
         lines.append(f"    double w[{own.sz_w()}];")
     return lines
-
-
-def _iw(function: NamedFunction) -> str:
-    return "iw" if function.function.sz_iw() else "0"
-
-
-def _w(function: NamedFunction) -> str:
-    return "w" if function.function.sz_w() else "0"

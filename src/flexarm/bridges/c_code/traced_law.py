@@ -1,12 +1,13 @@
 """Laws as functions of symbols: the source of ``step``, evaluated over CasADi scalars.
 
 There is no second law. The exported function has the numbers of the controller object, and calls
-the kernels of its rigid model over symbols.
+the kernels of its rigid model over symbols. Planned inputs are symbols, too, where the exported
+code computes them from the reference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,18 +18,17 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import InputError, Problem
-from flexarm.bridges.c_code.named_function import NamedFunction, named
-from flexarm.bridges.c_code.traced_plans import (
-    FRICTION,
-    PressedInputs,
-    around,
-    plan_over_symbols,
-)
-from flexarm.bridges.symbolic.branches import branched
+from flexarm.bridges.c_code.model_functions import NamedFunction, named
+from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
-from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
+from flexarm.bridges.symbolic.symbol_array import SymbolArray, branched, make_symbolic, symbol_array
 from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
+from flexarm.control.design.nominal import Nominal
 from flexarm.control.design.posture_grid import Interpolated
+from flexarm.control.design.surface_plan import SurfaceMotion, SurfacePlan
+from flexarm.control.design.task_plan import TaskPlan
+from flexarm.control.design.task_space import TaskSpace, TaskState
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import (
     LQG,
@@ -38,6 +38,176 @@ from flexarm.control.laws import (
     RepetitiveControl,
 )
 from flexarm.control.laws.force.task_controller import TaskController
+from flexarm.control.laws.vibration.strain_damping import StrainDamping
+from flexarm.kernels.controller_terms.task_dynamics import tip_torque
+
+#: Coefficients of friction of the two references, where they are not given.
+FRICTION = {"reference_friction": np.zeros(1), "rougher_friction": np.ones(1)}
+_Array = Callable[..., Any]
+
+
+def plan_over_symbols(law: Any, arm: Arm, array: _Array) -> Arrays | None:
+    """Return planned inputs of a symbolic law, its plans replaced; None if they are symbols."""
+    parts = list(around(law))
+    presses = any(isinstance(part, TaskController) for part in parts)
+    if not presses and not any(isinstance(part, StrainDamping) for part in parts):
+        return None
+    reference: Any = (PressedInputs if presses else ReferenceInputs)(array, arm.joints)
+    for part in parts:
+        if isinstance(part, TaskController) and not isinstance(part._task, SymbolicTask):
+            part._task = SymbolicTask(part.arm)
+            _plan_task(part, array)
+        if isinstance(part, StrainDamping) and not isinstance(part._nominal, StaticBending):
+            correction = array("strain_correction", len(arm.gauges))
+            part._nominal = StaticBending(part._nominal, correction)  # type: ignore[assignment]
+    planned = dict(law.planned(0.0, reference))
+    if "feedforward" in planned:
+        planned["feedforward"] = array("feedforward", arm.joints)
+    return planned
+
+
+def around(controller: Any) -> Iterator[Any]:
+    """Iterate over a controller, the controller inside it, and so on."""
+    while controller is not None:
+        yield controller
+        controller = getattr(controller, "inner", None)
+
+
+class ReferenceInputs:
+    """Reference whose values are symbols, at every time."""
+
+    def __init__(self, array: _Array, joints: int, prefix: str = "reference") -> None:
+        self._angle = array(f"{prefix}_angle", joints)
+        self._rate = array(f"{prefix}_rate", joints)
+        self._acceleration = array(f"{prefix}_acceleration", joints)
+
+    def joint_angle(self, t: float) -> Any:
+        return self._angle
+
+    def joint_rate(self, t: float) -> Any:
+        return self._rate
+
+    def joint_acceleration(self, t: float) -> Any:
+        return self._acceleration
+
+
+class PressedInputs(ReferenceInputs):
+    """Reference that presses, such as `PressedMotion`, whose values are symbols at every time.
+
+    ``rougher`` has the same force, and other joint motions for more friction.
+    """
+
+    def __init__(self, array: _Array, joints: int, prefix: str = "reference") -> None:
+        super().__init__(array, joints, prefix)
+        self._array, self._joints = array, joints
+        self._force = array("reference_force", 1)[0]
+        self._normal = array("reference_normal", 2)
+        self._pressing = array(f"{prefix}_pressing", joints)
+        self.friction = array(f"{prefix}_friction", 1)[0]
+
+    @property
+    def rougher(self) -> PressedInputs:
+        return PressedInputs(self._array, self._joints, "rougher")
+
+    def contact_force(self, t: float) -> Any:
+        return self._force
+
+    def normal(self, t: float) -> Any:
+        return self._normal
+
+    def pressing_torque(self, t: float) -> Any:
+        return self._pressing
+
+
+class StaticBending:
+    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance."""
+
+    def __init__(self, planned: Any, correction: Any) -> None:
+        self._planned, self._correction = planned, correction
+
+    def at(self, t: float, reference: Any) -> Nominal:
+        parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
+        rows_of_plan = self._planned.along(*(part(t)[None] for part in parts))
+        static = Nominal(*(rows[0] for rows in rows_of_plan))
+        return static._replace(shown=static.shown + self._correction)
+
+
+class SymbolicTask(TaskSpace):
+    """Kinematics and dynamics of the rigid model at its tip, over symbols.
+
+    The kernels of `TaskSpace` differentiate by complex numbers; here CasADi differentiates.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        model, self.joints = casadi_model(arm.rigid()), arm.joints
+        q, qd = casadi.SX.sym("q", self.joints), casadi.SX.sym("qd", self.joints)
+        none = casadi.SX(0, 1)
+        velocity = model.tip_velocity(q, qd, none)[:2]
+        parts = {
+            "motion": casadi.horzcat(
+                model.tip(q, none)[:2], velocity, casadi.jtimes(velocity, q, qd)
+            ).T,
+            "jacobian": casadi.jacobian(velocity, qd),
+            "mass": model.mass_matrix(q, none),
+            "bias": model.bias_force(q, qd, none),
+        }
+        self._function = casadi.Function("task", [q, qd], list(parts.values()))
+
+    def at(self, angle: Any, rate: Any) -> TaskState:
+        """See ``TaskSpace.at``."""
+        given = (casadi.vertcat(*map(plain, one)) for one in (angle, rate))
+        motion, jacobian, mass, bias = map(_entries, self._function(*given))
+        return TaskState(motion, jacobian, mass, bias[:, 0])
+
+    def torque(
+        self, state: TaskState, acceleration: Any, push: Any, posture: Any, added: Any
+    ) -> Any:
+        """See ``TaskSpace.torque``."""
+        torque = symbol_array(np.zeros(self.joints))
+        symbolic(tip_torque)(*state, posture, *acceleration, *push, added, torque)
+        return torque
+
+
+def _entries(matrix: Any) -> Any:
+    """Return a matrix of CasADi as an array of symbols."""
+    entries = objects(casadi.vertsplit(casadi.vec(casadi.densify(matrix.T))), casadi)
+    return symbol_array(entries.reshape(matrix.shape))
+
+
+class _Plan(TaskPlan):
+    """Requested motion of the tip, from the rigid model at the reference."""
+
+    def __init__(self, controller: Any) -> None:
+        super().__init__(controller.arm, controller.sample_time)
+        self._task = controller._task
+
+    def row(self, t: float, reference: Any) -> Any:
+        angle, rate = reference.joint_angle(t), reference.joint_rate(t)
+        acceleration = reference.joint_acceleration(t)
+        position, velocity, drift = (state := self._task.at(angle, rate)).motion
+        numbers = (position, velocity, drift + state.jacobian @ acceleration)
+        force = symbol_array([reference.contact_force(t)])
+        motion = (angle, rate, acceleration, reference.pressing_torque(t))
+        return symbol_array(np.concatenate([*numbers, force, reference.normal(t), *motion]))
+
+
+class _SurfacePlan(SurfacePlan):
+    """Requested motion along a surface, from symbols."""
+
+    def __init__(self, array: _Array) -> None:
+        speed, force_rate = array("path_speed", 1), array("reference_force_rate", 1)
+        self._motion_of = SurfaceMotion(*array("path_position", 2), *speed, *force_rate)
+
+    def along(self, t: float, reference: Any) -> SurfaceMotion:
+        return self._motion_of
+
+
+def _plan_task(controller: Any, array: _Array) -> None:
+    """Replace the requested motion of a controller by symbols."""
+    controller._plan = _Plan(controller)
+    if hasattr(controller, "_surface"):
+        controller._rougher, controller._surface = controller._plan, _SurfacePlan(array)
+
 
 #: Packages whose objects belong to a controller.
 _PACKAGES = ("flexarm.control.laws", "flexarm.control.design")
@@ -53,19 +223,13 @@ _MOST_MEMORY = 500
 
 @dataclass(frozen=True, eq=False)
 class TracedController:
-    """Functions of a controller.
+    """Functions of a controller."""
 
-    Attributes:
-        controller: the controller, which is not modified.
-        functions: ``controller_start`` and ``controller_update``; only the latter without memory.
-        memory: size of the memory between samples.
-        defaults: values of inputs whose pointer is NULL, by name.
-    """
-
-    controller: Controller
+    controller: Controller  # not modified
+    #: ``controller_start`` and ``controller_update``; only the latter without memory.
     functions: tuple[NamedFunction, ...]
-    memory: int
-    defaults: Mapping[str, FloatArray]
+    memory: int  # its size between samples
+    defaults: Mapping[str, FloatArray]  # values of inputs whose pointer is NULL, by name
 
     @property
     def sample_time(self) -> float:
@@ -88,11 +252,7 @@ class _Inputs:
 
 
 def traced_controller(arm: Arm, controller: Controller) -> TracedController:
-    """Return the functions of a controller of an arm.
-
-    Raises:
-        InputError: if the controller does not belong to the arm, or its law cannot be exported.
-    """
+    """Return the functions of a controller of an arm; InputError if it cannot be exported."""
     readings = _readings(arm, controller)
     law: Any = deepcopy(controller)
     # A reset and plans compute with numbers, so they come first.
@@ -116,13 +276,10 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
 
 
 def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, int]:
-    """Evaluate a law over symbols, along all paths through its conditions.
-
-    Returns:
-        The symbols; results of the first sample and of later ones; the size of the memory.
-    """
+    """Return symbols, results of the first sample and of later ones, and the size of the memory."""
     symbols, sizes = _Inputs(), reading_sizes(arm)
-    first_inputs = _planned_shapes(law, arm)
+    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
+    law.reset()
     table = gain_table(law)
     make_symbolic(law, _PACKAGES)
     shapes: dict[str, tuple[int, ...]] = {}
@@ -133,7 +290,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
     ) -> dict[str, Any]:
         readings = Measurement(**{name: symbols.array(name, *sizes[name]) for name in names})
         inputs = plan_over_symbols(law, arm, symbols.array) or {
-            name: symbols.array(name, *shape) for name, shape in first_inputs.items()
+            name: symbols.array(name, *np.shape(value)) for name, value in planned.items()
         }
         memory = memory_of(readings, inputs)
         after, torque = law.step(memory, readings, inputs)
@@ -173,13 +330,6 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
 
 def _count(shapes: Mapping[str, tuple[int, ...]]) -> int:
     return sum(int(np.prod(shape)) for shape in shapes.values())
-
-
-def _planned_shapes(law: Any, arm: Arm) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the planned inputs of a law."""
-    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
-    law.reset()
-    return {name: np.shape(value) for name, value in planned.items()}
 
 
 def _at_rest(controller: Controller) -> dict[str, Any]:
@@ -222,18 +372,14 @@ def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
 def _functions(
     controller: Controller, inputs: _Inputs, results: list[dict[str, Any]]
 ) -> tuple[NamedFunction, ...]:
-    """Create the functions; inputs on which no function depends are left out.
-
-    Raises:
-        InputError: if results depend on other symbols: those of an earlier evaluation.
-    """
+    """Create the functions, without unused inputs; InputError if they depend on other symbols."""
     used = set()
     given = casadi.vertcat(*inputs.symbols.values())
     known = {one.element_hash() for one in casadi.symvar(given)}  # by identity, as names repeat
     for outputs in results:
-        found = casadi.vertcat(*outputs.values())
-        used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(found, s)}
-        if not {one.element_hash() for one in casadi.symvar(found)} <= known:
+        column = casadi.vertcat(*outputs.values())
+        used |= {n for n, s in inputs.symbols.items() if s.numel() and casadi.depends_on(column, s)}
+        if not {one.element_hash() for one in casadi.symvar(column)} <= known:
             raise refusal(controller, "Its step changes attributes of the controller.")
     kind = type(controller).__name__
     summaries = {
@@ -277,14 +423,8 @@ class GainTable:
     """Gains at the nodes of a grid of postures, which exported code interpolates in a loop.
 
     The traced step has symbols for the gains at its posture, the ``view``, and returns this posture
-    as ``stored``.
-
-    Args:
-        depth: number of controllers around the one with the table.
-        table: the table.
-
-    Attributes:
-        ends: (2, joints) rad, the first and the last posture of the grid.
+    as ``stored``. ``depth`` controllers are around the one with the table; ``ends`` (2, joints) rad
+    are the first and the last posture of the grid.
     """
 
     def __init__(self, depth: int, table: Interpolated) -> None:
@@ -316,10 +456,10 @@ class GainTable:
         none = casadi.MX.zeros(self._lookup.numel_out())
         angles = casadi.vertsplit(posture(**symbols, view=none)["stored"].T)
         places = [_place(*pair) for pair in zip(angles, self._grids, strict=True)]
-        found = inner(**symbols, view=self._lookup(casadi.vertcat(*reversed(places))))
+        outputs = inner(**symbols, view=self._lookup(casadi.vertcat(*reversed(places))))
         kept = [name for name in inner.name_out() if name != "stored"]
         # Functions of C return columns as rows.
-        return named(core.name, core.summary, symbols, {name: found[name].T for name in kept})
+        return named(core.name, core.summary, symbols, {name: outputs[name].T for name in kept})
 
 
 def _place(angle: Any, values: Any) -> Any:

@@ -28,9 +28,8 @@ from flexarm.base.arguments import check_choice
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
-from flexarm.bridges.c_code.exported import Exported, origin
-from flexarm.bridges.c_code.named_function import NamedFunction
-from flexarm.bridges.c_code.source import array
+from flexarm.bridges.c_code.model_functions import NamedFunction
+from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
@@ -107,8 +106,7 @@ def export_fmu(
 
 
 def _archive(export: Exported, variables: _Variables, fmi: str) -> bytes:
-    from flexarm.bridges.c_code.header import header
-    from flexarm.bridges.c_code.source import source
+    from flexarm.bridges.c_code.source import header, source
 
     name, glue = export.name, f"fmi{fmi[0]}"
     own = files("flexarm.bridges.fmu") / "c"
@@ -274,24 +272,24 @@ def _initial(variable: _Variable) -> str:
 
 
 def _attributes(place: int, variable: _Variable) -> dict[str, str]:
-    found = {"name": variable.name, "valueReference": str(place)}
-    found |= {"description": variable.description, "causality": variable.causality}
-    found["variability"] = variable.variability
+    attributes = {"name": variable.name, "valueReference": str(place)}
+    attributes |= {"description": variable.description, "causality": variable.causality}
+    attributes["variability"] = variable.variability
     if _initial(variable):
-        found["initial"] = _initial(variable)
-    return found
+        attributes["initial"] = _initial(variable)
+    return attributes
 
 
 def _numbers(variable: _Variable, first: int) -> dict[str, str]:
     """Return the attributes of a number; states are counted from ``first``."""
-    found = {"unit": variable.unit} if variable.unit else {}
+    attributes = {"unit": variable.unit} if variable.unit else {}
     if variable.start is not None:
-        found["start"] = repr(variable.start)
+        attributes["start"] = repr(variable.start)
     if variable.nominal is not None:
-        found["nominal"] = repr(variable.nominal)
+        attributes["nominal"] = repr(variable.nominal)
     if variable.state is not None:
-        found["derivative"] = str(variable.state + first)
-    return found
+        attributes["derivative"] = str(variable.state + first)
+    return attributes
 
 
 def _add_structure(root: XML.Element, two: bool, variables: list[_Variable]) -> None:
@@ -449,9 +447,9 @@ _OTHER_INPUTS = {
 class _Variable:
     """Variable of an FMU; its value reference is its place in the list of all variables."""
 
-    name: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
-    unit: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
-    description: str  # as in ``flexarm.simulation.run.channels``; the unit may be empty.
+    name: str  # as in ``flexarm.simulation.run.channels``
+    unit: str  # likewise; may be empty
+    description: str  # likewise
     causality: str  # "independent", "input", "parameter", "output" or "local"
     variability: str = "continuous"  # "continuous", "discrete" or "fixed"
     start: float | None = None  # initial value; None for computed variables
@@ -460,17 +458,13 @@ class _Variable:
 
 
 class _Variables:
-    """All variables of the FMU of an arm, and the places of the groups.
-
-    Attributes:
-        all: the variables, by value reference.
-        places: first value reference by argument of the C functions, such as "q" or "torque".
-        units: (2 dof,) coordinates and rates that move the tip by one metre (per radian of phase).
-    """
+    """All variables of the FMU of an arm by value reference, and the places of the groups."""
 
     def __init__(self, export: Exported, q: FloatArray, qd: FloatArray) -> None:
         self.all: list[_Variable] = []
+        #: First value reference by argument of the C functions, such as "q" or "torque".
         self.places: dict[str, int] = {}
+        #: (2 dof,) coordinates and rates that move the tip by one metre (per radian of phase).
         self.units = tip_units(export.arm).reshape(2, -1)[:, export.arm.assembly.coordinates]
         self._put("time", [_Variable("time", "s", "time", "independent")])
         self._put_states(export, q, qd)

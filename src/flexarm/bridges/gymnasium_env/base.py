@@ -380,11 +380,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     # Common code of this environment and of vector environments ---------------------------------
 
     def draw_task(self, options: Mapping[str, Any] | None) -> FloatArray:
-        """Validate the options and draw a task; return the initial joint angles (joints,), rad.
-
-        Raises:
-            InputError: if an option is unknown to the task or not valid.
-        """
+        """Draw a task with validated options; return the initial joint angles (joints,), rad."""
         for name in options or {}:
             if name not in self.option_names:
                 rule = "be one of " + ", ".join(map(repr, self.option_names))

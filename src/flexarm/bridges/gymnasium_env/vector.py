@@ -241,14 +241,14 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
     ) -> tuple[Vector, dict[str, Any]]:
         """Return observations and infos of all sub-environments."""
         plants, task = self._plants, self._task
-        found = channels_of(plants.arm, plants.state, {*self._signals, "tip", "tip_velocity"})
+        channels = channels_of(plants.arm, plants.state, {*self._signals, "tip", "tip_velocity"})
         rows = np.minimum(plants.tick, self._table.shape[1] - 1)
         values = self._table[np.arange(self.num_envs), rows]
-        apart = found["tip"] - values[:, :2]
+        apart = channels["tip"] - values[:, :2]
         info = {
             "time": plants.time.copy(),
-            "tip": found["tip"],
-            "speed": np.hypot(*found["tip_velocity"].T),
+            "tip": channels["tip"],
+            "speed": np.hypot(*channels["tip_velocity"].T),
             "distance": np.hypot(*apart.T),
             "torque": torque,
             "reason": np.full(self.num_envs, "", dtype=object),
@@ -258,7 +258,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         for place, reason in reasons.items():
             info["reason"][place] = reason
             info["is_success"][place] = False
-        readings = {name: found[name] for name in self._signals}
+        readings = {name: channels[name] for name in self._signals}
         with np.errstate(over="ignore"):  # states of failed simulations may have any size
             return task.layout.vector(readings, values), info
 

@@ -134,12 +134,12 @@ def _result_structure(result: xr.Dataset) -> dict[str, Any]:
     MATLAB arithmetic with integers rounds; texts become cell arrays.
     """
     arrays = {str(name): array for name, array in result.variables.items()}
-    found: dict[str, Any] = {name: _numbers(array.values) for name, array in arrays.items()}
-    found["units"] = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}
-    found["attributes"] = {
+    structure: dict[str, Any] = {name: _numbers(array.values) for name, array in arrays.items()}
+    structure["units"] = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}
+    structure["attributes"] = {
         str(name): _numbers(np.asarray(value)) for name, value in result.attrs.items()
     }
-    return found
+    return structure
 
 
 def _numbers(values: np.ndarray[Any, Any]) -> Any:

@@ -50,11 +50,7 @@ class RigidChain:
 
 
 def rigid_chain(arm: Arm, count: int) -> RigidChain:
-    """Replace every flexible link by rigid bars on ``count`` virtual joints.
-
-    Raises:
-        InputError: if a joint has friction, limits or a rotor.
-    """
+    """Replace flexible links by rigid bars on virtual joints; InputError for friction, stops."""
     problems = [
         Problem(f"joints[{k}].{name}", "is not supported")
         for k, joint in enumerate(arm.spec.joints)
@@ -163,12 +159,12 @@ def coordinates(chain: Arm, driven: Sequence[int]) -> list[int]:
 def _comparisons(arm: Arm, chain: Arm, driven: list[int]) -> tuple[Comparison, ...]:
     if arm.dof == arm.joints:
         return ()
-    exact, found = locked(arm, arm.joint_index.tolist()), locked(chain, coordinates(chain, driven))
+    exact, bars = locked(arm, arm.joint_index.tolist()), locked(chain, coordinates(chain, driven))
     rows = [
-        Comparison("tip deflection per force, m/N", exact[1][1, 1], found[1][1, 1]),
-        Comparison("tip rotation per moment, rad/(N m)", exact[1][2, 2], found[1][2, 2]),
+        Comparison("tip deflection per force, m/N", exact[1][1, 1], bars[1][1, 1]),
+        Comparison("tip rotation per moment, rad/(N m)", exact[1][2, 2], bars[1][2, 2]),
     ]
-    for k, pair in enumerate(zip(exact[0][:4], found[0][:4], strict=False), 1):
+    for k, pair in enumerate(zip(exact[0][:4], bars[0][:4], strict=False), 1):
         rows.append(Comparison(f"frequency {k}, Hz", *(one / (2.0 * np.pi) for one in pair)))
     return tuple(Comparison(row.name, float(row.flexible), float(row.chain)) for row in rows)
 
@@ -193,14 +189,10 @@ class Body(NamedTuple):
 
 
 def bodies(chain: RigidChain) -> list[Body]:
-    """Return the bodies from the base to the tip: bars, then a payload with an offset.
-
-    Raises:
-        InputError: if a body has no mass or no inertia, which simulators refuse.
-    """
+    """Return bars, then a payload with an offset; InputError for a body without mass or inertia."""
     arm, constants = chain.arm, chain.arm.assembly.constants
     numbers = {place: number for number, place in enumerate(chain.driven, 1)}
-    link, bar, found, offset = 0, 0, [], 0.0
+    link, bar, chain_bodies, offset = 0, 0, [], 0.0
     for i in range(arm.assembly.bodies):
         length, tip = float(constants.length[i]), float(constants.tip_mass[i])
         mass = float(constants.mass[i]) + tip
@@ -214,7 +206,7 @@ def bodies(chain: RigidChain) -> list[Body]:
         bar += 1
         name = f"link{link}_{bar}" if is_bar else "payload"
         joint = f"joint{numbers[i]}" if i in numbers else f"bending{link}_{bar - 1}"
-        found.append(
+        chain_bodies.append(
             Body(
                 name,
                 offset,
@@ -232,9 +224,9 @@ def bodies(chain: RigidChain) -> list[Body]:
         offset = length
     problems = [
         Problem("arm", f"has no mass or no inertia in {body.name}")
-        for body in found
+        for body in chain_bodies
         if body.mass <= 0.0 or body.inertia <= 0.0
     ]
     if problems:
         raise InputError(*problems)
-    return found
+    return chain_bodies

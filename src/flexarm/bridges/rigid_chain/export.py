@@ -114,7 +114,7 @@ _REACH = 1.0
 _RADIUS = 0.01
 
 
-def _mjcf(chain: RigidChain, found: list[Body], name: str) -> str:
+def _mjcf(chain: RigidChain, masses: list[Body], name: str) -> str:
     """Return a model of MuJoCo: hinges with springs, motors, sensors of joints and tip."""
     root = Element("mujoco", model=name)
     root.append(Comment(_explained(chain, "")))
@@ -127,8 +127,8 @@ def _mjcf(chain: RigidChain, found: list[Body], name: str) -> str:
     parent = SubElement(root, "worldbody")
     actuators, sensors = SubElement(root, "actuator"), SubElement(root, "sensor")
     radius = repr(_RADIUS * float(np.sum(chain.arm.lengths)))
-    tip = [body for body in found if body.name != "payload"][-1]
-    for body in found:
+    tip = [body for body in masses if body.name != "payload"][-1]
+    for body in masses:
         parent = SubElement(parent, "body", name=body.name, pos=f"{body.offset!r} 0 0")
         if body.joint is None:
             parent.set("euler", f"0 0 {body.angle!r}")
@@ -152,13 +152,13 @@ def _mjcf(chain: RigidChain, found: list[Body], name: str) -> str:
     return _text(root)
 
 
-def _urdf(chain: RigidChain, found: list[Body], name: str) -> str:
+def _urdf(chain: RigidChain, masses: list[Body], name: str) -> str:
     """Return a robot in URDF; springs are tags for Gazebo, because URDF itself has none."""
     root = Element("robot", name=name)
     root.append(Comment(_explained(chain, _URDF)))
     SubElement(root, "link", name="base")
     parent = "base"
-    for body in found:
+    for body in masses:
         link = SubElement(root, "link", name=body.name)
         inertial = SubElement(link, "inertial")
         SubElement(inertial, "origin", xyz="{!r} {!r} 0".format(*body.centre), rpy="0 0 0")
@@ -167,13 +167,13 @@ def _urdf(chain: RigidChain, found: list[Body], name: str) -> str:
         SubElement(inertial, "inertia", values | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
         _connect(root, parent, body)
         parent = body.name
-    tip = [body for body in found if body.name != "payload"][-1]
+    tip = [body for body in masses if body.name != "payload"][-1]
     SubElement(root, "link", name="tip")
     joint = SubElement(root, "joint", name="at_tip", type="fixed")
     SubElement(joint, "parent", link=tip.name)
     SubElement(joint, "child", link="tip")
     SubElement(joint, "origin", xyz=f"{tip.length!r} 0 0", rpy="0 0 0")
-    for body in found:
+    for body in masses:
         if body.joint is not None and body.stiffness:
             tag = SubElement(root, "gazebo", reference=body.joint)
             SubElement(tag, "springStiffness").text = repr(body.stiffness)
@@ -380,11 +380,11 @@ class _Part:
         return f'    ("{self.name}", {", ".join(map(repr, numbers))}),'
 
 
-def _exudyn_script(chain: RigidChain, found: list[Body], name: str) -> str:
+def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
     """Return a script that builds the chain in Exudyn; welded bodies are part of those before."""
     parts: list[_Part] = []
     root, angle, tip = 0j, 0.0, 0j  # axes of the last body, in those of its hinge
-    for body in found:
+    for body in masses:
         root += body.offset * _turned(angle)
         angle += body.angle
         if body.joint is not None:

@@ -139,62 +139,23 @@ class Scalar:
         is_constant = getattr(self.value, "is_constant", None)
         return is_constant is not None and bool(is_constant())
 
-    # NumPy calls these methods when its functions are applied to an object.
-    def sin(self) -> Scalar:
-        """Sine."""
-        return self._new(self.library.sin(self.value))
-
-    def cos(self) -> Scalar:
-        """Cosine."""
-        return self._new(self.library.cos(self.value))
-
-    def exp(self) -> Scalar:
-        """Exponential."""
-        return self._new(self.library.exp(self.value))
-
-    def sqrt(self) -> Scalar:
-        """Square root."""
-        return self._new(self.library.sqrt(self.value))
-
-    def tanh(self) -> Scalar:
-        """Hyperbolic tangent."""
-        return self._new(self.library.tanh(self.value))
-
-    def tan(self) -> Scalar:
-        """Tangent."""
-        return self._new(self.library.tan(self.value))
-
-    def arcsin(self) -> Scalar:
-        """Inverse sine."""
-        return self._new(self.library.arcsin(self.value))
-
-    def arccos(self) -> Scalar:
-        """Inverse cosine."""
-        return self._new(self.library.arccos(self.value))
-
-    def arctan(self) -> Scalar:
-        """Inverse tangent."""
-        return self._new(self.library.arctan(self.value))
-
-    def sinh(self) -> Scalar:
-        """Hyperbolic sine."""
-        return self._new(self.library.sinh(self.value))
-
-    def cosh(self) -> Scalar:
-        """Hyperbolic cosine."""
-        return self._new(self.library.cosh(self.value))
-
-    def log(self) -> Scalar:
-        """Natural logarithm."""
-        return self._new(self.library.log(self.value))
-
     def arctan2(self, x: Any) -> Scalar:
         """Angle of the point (x, self)."""
         return self._new(self.library.arctan2(self.value, plain(x)))
 
-    def arctanh(self) -> Scalar:
-        """Inverse hyperbolic tangent."""
-        return self._new(self.library.arctanh(self.value))
+
+def _method(name: str) -> Callable[[Scalar], Scalar]:
+    """Return the method that NumPy calls when its function is applied to an object."""
+    return lambda self: self._new(getattr(self.library, name)(self.value))
+
+
+#: Functions of NumPy that are methods of `Scalar`.
+FUNCTIONS = (
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan"),
+    *("sinh", "cosh", "tanh", "arctanh", "exp", "log", "sqrt"),
+)
+for _name in FUNCTIONS:
+    setattr(Scalar, _name, _method(_name))
 
 
 def _is(other: Any, number: float) -> bool:

@@ -14,7 +14,7 @@ from flexarm.control.design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.reference_motions.pressed import PressedMotion, pressed_motion
 from flexarm.model import Scenario
-from flexarm.model.environment.contacts import RoundWall, Surface, Wall
+from flexarm.model.environment import RoundWall, Surface, Wall
 from flexarm.model.scenarios.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
 from flexarm.motion import (
     Motion,

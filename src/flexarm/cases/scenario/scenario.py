@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm, described_arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call

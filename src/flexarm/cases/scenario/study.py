@@ -20,9 +20,8 @@ from flexarm.cases.scenario.scenario import Prepared, check_fit, prepare
 from flexarm.control.contract.base import Reference
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware, Scenario, StudySpec, locate_study
-from flexarm.model.arm.plausibility import implausible
 from flexarm.model.drives import CONTROLLED, ControllerDrive
-from flexarm.model.plausible import warn_of
+from flexarm.model.plausible import implausible, warn_of
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.simulation.calls.compare import (

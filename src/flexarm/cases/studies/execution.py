@@ -20,7 +20,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, StudySpec
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.paths import with_numbers
-from flexarm.model.scenarios.events import DURATION
+from flexarm.model.scenarios.scenario import DURATION
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.compare import Evaluation, evaluated

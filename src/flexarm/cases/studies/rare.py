@@ -21,7 +21,7 @@ from flexarm.cases.studies.execution import executor_of
 from flexarm.cases.studies.table import DIMS
 from flexarm.cases.studies.workers import cluster, execute
 from flexarm.integrate.base import FloatArray
-from flexarm.model.scenarios.sampling import RareFailures
+from flexarm.model.scenarios.study import RareFailures
 from flexarm.simulation.run.progress import Meter
 
 if TYPE_CHECKING:

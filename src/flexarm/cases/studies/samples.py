@@ -15,7 +15,7 @@ from flexarm.cases.scenario.file_errors import Where
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.paths import number_at
-from flexarm.model.scenarios.sampling import (
+from flexarm.model.scenarios.study import (
     Distribution,
     ListedValues,
     LogUniformDistribution,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexarm.base.errors import AccuracyWarning, warn_caller
 from flexarm.cases.studies.execution import RECORDED
 from flexarm.integrate.base import FloatArray
-from flexarm.model.scenarios.sampling import SamplePlan
+from flexarm.model.scenarios.study import SamplePlan
 
 #: Samples of the first decision; each other one has twice as many.
 FIRST = 64

@@ -40,11 +40,10 @@ from flexarm.cases.studies.workers import check_client, cluster, execute
 from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
-from flexarm.model.arm.plausibility import implausible
 from flexarm.model.checks import checked_arguments
-from flexarm.model.plausible import warn_of
+from flexarm.model.plausible import implausible, warn_of
 from flexarm.model.quantities import Count, CountOrZero, Flag, Workers
-from flexarm.model.scenarios.sampling import RareFailures
+from flexarm.model.scenarios.study import RareFailures
 from flexarm.simulation.batch.lanes import arm_fits_lanes
 from flexarm.simulation.run.progress import Meter
 

@@ -34,9 +34,8 @@ def check(
     from flexarm.cases.scenario.study import PreparedStudy
     from flexarm.cases.scenario.summary import about_arm, about_run
     from flexarm.model import load_arm_spec, locate_scenario, locate_study
-    from flexarm.model.arm.plausibility import implausible
     from flexarm.model.file_format.files import describes_arm_only
-    from flexarm.model.plausible import warn_of
+    from flexarm.model.plausible import implausible, warn_of
 
     document = changed_document(file, sets)
     if "records" in document.value:
@@ -105,12 +104,7 @@ def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
 def _about_vibration(
     arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
 ) -> Rows:
-    """Return the lowest frequencies with locked joints, and the sample time that suits them.
-
-    Args:
-        angles: posture (joints,), rad; zero by default.
-        sample_time: of the controller, s.
-    """
+    """Return the frequencies with locked joints at ``angles``, rad, and suitable sample times."""
     from flexarm.control.analysis.sample_time import (
         PHASE,
         controlled_modes,

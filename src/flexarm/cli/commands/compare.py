@@ -63,8 +63,7 @@ def compare(
     from flexarm.cases.results import FIGURE_SUFFIXES
     from flexarm.cases.scenario.study import PreparedStudy
     from flexarm.model import locate_study
-    from flexarm.model.arm.plausibility import implausible
-    from flexarm.model.plausible import warn_of
+    from flexarm.model.plausible import implausible, warn_of
 
     located = locate_study(study)
     check_places(("--out", out, (".nc", ".csv")), ("--plot", plot, FIGURE_SUFFIXES))

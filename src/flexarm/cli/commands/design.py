@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import textwrap
 import warnings
-from enum import StrEnum
 from math import isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -34,23 +33,8 @@ _MARGINS = (
 _WIDTH = 78
 
 
-class Task(StrEnum):
-    """Tasks of a controller."""
-
-    HOLD = "hold"
-    POINT_TO_POINT = "point_to_point"
-    TRACK = "track"
-    FORCE = "force"
-
-
-class Computing(StrEnum):
-    """Computing power for a controller."""
-
-    LOW = "low"
-    MEDIUM = "medium"
-    HIGH = "high"
-
-
+Task = Literal["hold", "point_to_point", "track", "force"]
+Computing = Literal["low", "medium", "high"]
 _Place = option(LIST, "Joint angles, rad, or for track and force the tip x,y, m.")
 
 
@@ -63,7 +47,7 @@ def design(
     ] = None,
     computing: Annotated[
         Computing, typer.Option(help="Computing power for one sample.")
-    ] = Computing.MEDIUM,
+    ] = "medium",
     payload_uncertainty: Annotated[
         float, option("FRACTION", "Largest relative error of the payload.")
     ] = 0.0,
@@ -94,7 +78,7 @@ def design(
     limits = _numbers("--torque-limit", torque_limit)
     options: dict[str, Any] = {
         "sensors": None if sensors is None else comma_separated(sensors),
-        "computing": computing.value,
+        "computing": computing,
         "payload_uncertainty": payload_uncertainty,
         "rigidity_uncertainty": rigidity_uncertainty,
         "start": places[0],
@@ -108,7 +92,7 @@ def design(
     proposals.check_new("--out", out, overwrite=overwrite, hint=hint)
     with warnings.catch_warnings():  # the reasons have it
         warnings.simplefilter("ignore", UnstableLoopWarning)
-        proposal = proposals.design(loaded, task.value, **options)
+        proposal = proposals.design(loaded, task, **options)
     screen = console()
     screen.print(_errors_of(proposal))
     screen.print(_margins_of(proposal.table))

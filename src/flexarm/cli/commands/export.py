@@ -200,7 +200,7 @@ def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.model import load_arm_spec, locate_scenario
     from flexarm.model.file_format.files import describes_arm_only, load_document
-    from flexarm.view.plot.drawn_arm import arm_of
+    from flexarm.view.plot.drawn_result import arm_of
 
     if path.suffix.lower() == ".nc":
         result = read_result(path)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -34,11 +33,8 @@ if TYPE_CHECKING:
 _SAMPLES, _SHOWN_EVERY = 81, 10
 
 
-class JointState(StrEnum):
-    """State of the joints while the arm vibrates."""
-
-    LOCKED = "locked"
-    FREE = "free"
+#: State of the joints while the arm vibrates.
+JointState = Literal["locked", "free"]
 
 
 def modes(
@@ -105,7 +101,7 @@ def _joints(
 ) -> tuple[Joints, str]:
     """Return the condition of the joints, and its text for a title."""
     if proportional is None and derivative is None:
-        word = "free" if state == JointState.FREE else "locked"
+        word = state or "locked"
         return word, f" with the joints {word}" if arm.joints else ", no joint turns"
     if state is not None:
         rule = "cannot be combined with --proportional or --derivative"

@@ -48,14 +48,14 @@ def paper(
 
     check_folder("--out", out)
     if report:
-        from flexarm.view.reporting.document import template_engine
+        from flexarm.view.reporting import template_engine
 
         template_engine()
     with Drawing() as drawing:
         # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.cases.results import write_result
-        from flexarm.view.paper import FAST, SLOW, PaperCase
-        from flexarm.view.plot.paper.paper_data import FIGURE_NAMES, histories
+        from flexarm.view.paper import FAST, SLOW, PaperCase, histories
+        from flexarm.view.plot.paper.paper_data import FIGURE_NAMES
 
         slow, fast = PaperCase(SLOW), PaperCase(FAST)
         shown = histories(slow)

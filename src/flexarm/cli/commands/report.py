@@ -31,8 +31,8 @@ def report(
     from flexarm.cases.results import read_result
     from flexarm.identification.result import is_identification
     from flexarm.view import reporting
-    from flexarm.view.plot.drawn_arm import check_drawable
-    from flexarm.view.reporting.document import template_engine
+    from flexarm.view.plot.drawn_result import check_drawable
+    from flexarm.view.reporting import template_engine
 
     template_engine()
     dataset = read_result(result)

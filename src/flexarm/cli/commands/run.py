@@ -48,7 +48,7 @@ def run(
     from flexarm.model.file_format.files import load_document
     from flexarm.model.file_format.yaml_text import Change, change_of, changed
     from flexarm.simulation.calls.compare import warnings_of
-    from flexarm.view.plot.animation.video import check_animation_place
+    from flexarm.view.plot.animation import check_animation_place
 
     changes = [change_of("--set", text) for text in sets or ()]
     for name, number in (("duration", duration), ("accuracy", accuracy)):

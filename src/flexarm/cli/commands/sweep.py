@@ -92,11 +92,7 @@ def sweep(
 
 
 def read_study_file(path: Path) -> Study:
-    """Read the file of a study; print the warnings.
-
-    Raises:
-        InputError: if the file is not valid.
-    """
+    """Read the file of a study; print the warnings."""
     from flexarm.cases.studies.study import Study
 
     with reported_warnings():
@@ -106,11 +102,7 @@ def read_study_file(path: Path) -> Study:
 def print_statistics(
     table: xr.Dataset, limits: dict[str, float], nominal: xr.Dataset | None = None
 ) -> None:
-    """Print the statistics of a study, and the first failure and the first warning of each run.
-
-    Args:
-        nominal: table without variation, for the ratios to it.
-    """
+    """Print the statistics of a study, by ratios to ``nominal``, and the first failures."""
     from flexarm.cases.studies.statistics import study_statistics
 
     statistics = study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
@@ -148,11 +140,7 @@ def draw_samples(table: xr.Dataset, plot: Path | None) -> None:
 
 
 def limits_of(texts: Sequence[str] | None) -> dict[str, float]:
-    """Return limits of metrics from texts ``NAME=VALUE``.
-
-    Raises:
-        InputError: if a text is not such a limit.
-    """
+    """Return limits of metrics from texts ``NAME=VALUE``; InputError for another text."""
     return dict(map(_limit, texts or ()))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.assembly.kernel_view import KernelView

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, few, public_call
 from flexarm.base.notebook import html_table
-from flexarm.identification.labels import Label, place_of
+from flexarm.identification.record import Label, place_of
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import Modes, linearize
 
@@ -71,17 +71,17 @@ def fitted(
         numbers = problem.refined(numbers, _FINE if number == count else _COARSE)
     poles = numbers[1:].reshape(-1, 2)
     order = np.argsort(poles[:, 0])
-    residues, found = problem.residues(numbers)
+    residues, predicted = problem.residues(numbers)
     residues, poles = residues[order], poles[order]
     deviations = problem.deviations(numbers)[order]
-    lost = np.linalg.norm(response - found, axis=0) / np.linalg.norm(response, axis=0)
+    lost = np.linalg.norm(response - predicted, axis=0) / np.linalg.norm(response, axis=0)
     return FittedModes(
         np.exp(poles[:, 0]) / (2.0 * np.pi),
         _DAMPED * _share(poles[:, 1]),
         np.exp(poles[:, 0]) / (2.0 * np.pi) * deviations[:, 0],
         _DAMPED * _share(poles[:, 1]) * (1.0 - _share(poles[:, 1])) * deviations[:, 1],
         residues,
-        found,
+        predicted,
         100.0 * (1.0 - lost),
     )
 
@@ -190,7 +190,7 @@ class _Problem:
 
     def slopes(self, numbers: FloatArray) -> FloatArray:
         """Return derivatives (errors, numbers) of the errors; Kaufman, BIT 15 (1975) 49."""
-        terms, found = self._terms(numbers), []
+        terms, columns = self._terms(numbers), []
         changed = [
             (self._terms(numbers + change) - self._terms(numbers - change)) / (2.0 * _STEP)
             for change in _STEP * np.eye(numbers.size)
@@ -200,8 +200,8 @@ class _Problem:
             basis, triangle = np.linalg.qr(_parts(factor * terms))
             linear = np.linalg.lstsq(triangle, basis.T @ values, rcond=None)[0]
             moved = np.stack([_parts(factor * each) @ linear for each in changed], axis=1)
-            found.append(basis @ (basis.T @ moved) - moved)
-        return np.concatenate(found)
+            columns.append(basis @ (basis.T @ moved) - moved)
+        return np.concatenate(columns)
 
     def refined(self, numbers: FloatArray, precision: float) -> FloatArray:
         """Return the numbers with the least errors near the given ones."""
@@ -211,7 +211,7 @@ class _Problem:
         count = numbers.size // 2
         lower = np.array([low - 7.0, *(count * [low - 0.5, -12.0])])
         upper = np.array([low + 2.0, *(count * [high + 0.5, 12.0])])
-        found = least_squares(
+        fit = least_squares(
             self.errors,
             np.clip(numbers, lower + 1e-6, upper - 1e-6),
             jac=self.slopes,
@@ -221,7 +221,7 @@ class _Problem:
             ftol=precision,
             max_nfev=100,
         )
-        return np.asarray(found.x)
+        return np.asarray(fit.x)
 
     def deviations(self, numbers: FloatArray) -> FloatArray:
         """Return standard deviations (k, 2); larger errors than the noise increase them."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,10 +24,15 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.identification.filtering import coefficients
 from flexarm.identification.frequency.fit import MeasuredModes, fitted
-from flexarm.identification.labels import MEASURED, Label
-from flexarm.identification.record import MeasuredRecord, Records, check_some_records
+from flexarm.identification.record import (
+    MEASURED,
+    Label,
+    MeasuredRecord,
+    Records,
+    check_some_records,
+    coefficients,
+)
 from flexarm.integrate.base import FloatArray
 
 #: Least power of an input at a frequency, as a fraction of its largest one, and least ratio of the
@@ -102,11 +107,11 @@ class FrequencyResponse:
             rule = f"contain at least {2 * count + _SPARE} frequencies for {count} modes"
             raise InputError(Problem("band", rule, shown(int(np.count_nonzero(inside)))))
         rates = np.array([MEASURED[one.channel].unit.endswith("/s") for one in self._labels])
-        found = fitted(
+        fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        self._warn_of_poor_fits(found.fit)
-        return MeasuredModes(*found, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
+        self._warn_of_poor_fits(fit.fit)
+        return MeasuredModes(*fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
     def _warn_of_poor_fits(self, fit: FloatArray) -> None:
         poor = [
@@ -302,8 +307,6 @@ class _Spectra(NamedTuple):
 
 def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _Spectra:
     """Return the spectra of whole periods (s) of a record, without a drift between periods."""
-    from scipy.signal import csd
-
     rate, values = record.rate, _signals(record)
     size = round(period * rate)
     if size < _FEWEST or abs(period * rate - size) > _WHOLE:
@@ -321,17 +324,19 @@ def _periodic_spectra(record: MeasuredRecord, period: float, start: float) -> _S
         slope = ends / ((count - 1) * size)
         values = values - slope[:, None] * np.arange(count * size)
         _warn_of_other_period(values[: len(record.inputs)], count, period)
-    frequency, found = csd(
-        values[:, None],
-        values[None],
-        fs=rate,
-        window="boxcar",
-        nperseg=size,
-        noverlap=0,
-        detrend=False,
-        scaling="spectrum",
-    )
-    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), float(count))
+    transform = {"window": "boxcar", "nperseg": size, "noverlap": 0, "detrend": False}
+    return _Spectra(*_cross_spectra(values, rate, transform), float(count))
+
+
+def _cross_spectra(
+    values: FloatArray, rate: float, transform: dict[str, Any]
+) -> tuple[FloatArray, _ComplexArray]:
+    """Return frequencies (F,) Hz and the spectra (F, n, n) of signals (n, samples)."""
+    from scipy.signal import csd
+
+    pairs = values[:, None], values[None]
+    frequency, spectra = csd(*pairs, fs=rate, scaling="spectrum", **transform)
+    return frequency, np.moveaxis(spectra, -1, 0).transpose(0, 2, 1)
 
 
 def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None:
@@ -348,8 +353,6 @@ def _warn_of_other_period(inputs: FloatArray, count: int, period: float) -> None
 
 def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float) -> _Spectra:
     """Return the spectra of segments (s) that overlap by half, with Hann's window (Welch)."""
-    from scipy.signal import csd
-
     rate = record.rate
     values = _signals(record)[:, int(np.ceil(start * rate - _WHOLE)) :]
     length = values.shape[1]
@@ -360,19 +363,10 @@ def _segment_spectra(record: MeasuredRecord, segment: float | None, start: float
     if not _FEWEST <= size <= length:
         rule = f"have {_FEWEST} to {length} samples"
         raise InputError(Problem("segment", rule, shown(size)))
-    frequency, found = csd(
-        values[:, None],
-        values[None],
-        fs=rate,
-        window="hann",
-        nperseg=size,
-        noverlap=size // 2,
-        detrend="linear",
-        scaling="spectrum",
-    )
+    transform = {"window": "hann", "nperseg": size, "noverlap": size // 2, "detrend": "linear"}
     count = (length - size // 2) // (size - size // 2)
     averages = count / (1.0 + 2.0 * _OVERLAP**2 * (1.0 - 1.0 / count))
-    return _Spectra(frequency, np.moveaxis(found, -1, 0).transpose(0, 2, 1), averages)
+    return _Spectra(*_cross_spectra(values, rate, transform), averages)
 
 
 def _signals(record: MeasuredRecord) -> FloatArray:
@@ -395,19 +389,19 @@ def _instrument_response(record: MeasuredRecord, label: Label, hertz: FloatArray
     from scipy.signal import freqz
 
     settings, rate = record.settings, record.rate
-    found = np.exp(-2j * np.pi * hertz * settings.delays.get(label.channel, 0.0))
+    response = np.exp(-2j * np.pi * hertz * settings.delays.get(label.channel, 0.0))
     if label in record.inputs:
         hold = np.sinc(hertz / rate)
         if record.interpolation == "hold":
-            found = found * hold * np.exp(-1j * np.pi * hertz / rate)
+            response = response * hold * np.exp(-1j * np.pi * hertz / rate)
         elif record.interpolation == "linear":
-            found = found * hold**2
+            response = response * hold**2
     for item in settings.filters.get(label.channel, ()):
         if not item.recorded or item.kind == "remove_mean":
             continue
         if item.kind == "gain":
             assert item.factor is not None
-            found = found * item.factor
+            response = response * item.factor
             continue
-        found = found * freqz(*coefficients(item, rate), worN=hertz, fs=rate)[1]
-    return np.asarray(found)
+        response = response * freqz(*coefficients(item, rate), worN=hertz, fs=rate)[1]
+    return np.asarray(response)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arm.actions.environment import Environment
-from flexarm.arm.actions.loads import marker, parts_of, place_loads
+from flexarm.arm.actions import Environment, marker, parts_of, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView

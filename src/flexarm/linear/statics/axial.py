@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.bending import bending_warning, warn_of_first

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size

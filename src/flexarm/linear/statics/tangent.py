@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.environment import EMPTY, Environment
+from flexarm.arm.actions import EMPTY, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import coordinate_sizes

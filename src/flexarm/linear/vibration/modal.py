@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arm.actions.environment import Environment
-from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.actions import Environment, marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView

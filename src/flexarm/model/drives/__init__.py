@@ -1,25 +1,113 @@
-"""Drives of a scenario: controllers, prescribed torques, or none."""
+"""Drives of a scenario: controllers, prescribed or precomputed torques, or none."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from flexarm.model.checks import Record
+from pydantic import Field
+
+from flexarm.model.arm.spec import ArmSpec
+from flexarm.model.checks import Given, Record
 from flexarm.model.drives.around import AROUND, FilterSpec
 from flexarm.model.drives.base import ControllerDrive
-from flexarm.model.drives.registry import GROUPS, one_of
-from flexarm.model.drives.torques import (
-    FEEDFORWARD_DRIVES,
-    FlexibleTorqueDrive,
-    IntegralManifoldDrive,
-    NoDrive,
-    QuasiStaticDrive,
-    RigidInverseDynamicsDrive,
-    TipInversionDrive,
-    TorqueDrive,
-    in_volts,
-    winding_faults,
+from flexarm.model.drives.controllers import GROUPS, one_of
+from flexarm.model.quantities import Listed, Number, Positive, length_of
+from flexarm.model.wording import Fault
+
+
+class RigidInverseDynamicsDrive(Record):
+    """Inverse dynamics of the rigid model along the motion, without feedback."""
+
+    kind: Literal["rigid_inverse_dynamics"] = "rigid_inverse_dynamics"
+
+
+class QuasiStaticDrive(Record):
+    """Torques of the statically bent arm whose tip follows the motion, without feedback."""
+
+    kind: Literal["quasi_static"] = "quasi_static"
+
+
+class IntegralManifoldDrive(Record):
+    """Torques as for `quasi_static`, with the bending due to the accelerations of the bending."""
+
+    kind: Literal["integral_manifold"] = "integral_manifold"
+
+
+class FlexibleTorqueDrive(Record):
+    """Torques with which the joints of the flexible arm follow the motion, without feedback."""
+
+    kind: Literal["flexible_torque"] = "flexible_torque"
+
+
+class TipInversionDrive(Record):
+    """Torques with which the tip of the flexible arm follows the motion, without feedback."""
+
+    kind: Literal["tip_inversion"] = "tip_inversion"
+    pre_actuation: Positive | None = None
+    """Duration of the torques before the motion (s); by default until 1e-6 of the bending
+    remains."""
+    post_actuation: Positive | None = None
+    """Duration of the torques after the motion, likewise (s)."""
+    reduction: Positive = 2e-3
+    """Tip error that ends the search, as a fraction of that under rigid torques."""
+
+
+class TorqueDrive(Record):
+    """Sampled joint torques as a function of time."""
+
+    kind: Literal["torque"] = "torque"
+    rate: Positive
+    """Samples per second (Hz)."""
+    values: Listed[Listed[Number]] = Field(json_schema_extra={"minItems": 1})
+    """One row for each sample: the torque of each joint (N m), or its voltage."""
+    interpolation: Literal["cubic", "linear", "hold"] = "cubic"
+    """Interpolation between samples; a cubic overshoots where samples jump. After the last sample
+    the torque is constant."""
+
+    quantity: Literal["torque", "voltage"] = "torque"
+    """Quantity of the values: torque, or voltage of the motors of joints with a winding (in V)."""
+
+    _columns: ClassVar[tuple[str, ...]] = ("values",)
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        samples = length_of(given.raw("values"))
+        if samples == 0:
+            yield Fault(("values",), "is empty")
+        if samples == 1 and given.has("interpolation") and given.interpolation != "hold":
+            rule = f"have at least two samples for {given.interpolation} interpolation"
+            yield Fault(("values",), rule, "1")
+
+
+def in_volts(drive: object) -> bool:
+    """Return whether a drive has samples of voltages."""
+    return isinstance(drive, TorqueDrive) and drive.quantity == "voltage"
+
+
+def winding_faults(arm: ArmSpec) -> Iterator[Fault]:
+    """Yield the faults of a drive with samples of voltages: joints of the arm without a winding."""
+    for k, joint in enumerate(arm.joints):
+        if not joint.fixed and joint.winding is None:
+            rule = f"voltage is not supported without arm.joints[{k}].winding"
+            yield Fault(("quantity",), rule)
+
+
+#: Drives without feedback whose torques are computed from the motion.
+FEEDFORWARD_DRIVES: tuple[str, ...] = (
+    "rigid_inverse_dynamics",
+    "quasi_static",
+    "integral_manifold",
+    "flexible_torque",
+    "tip_inversion",
 )
+
+
+class NoDrive(Record):
+    """No torque: the arm moves freely."""
+
+    kind: Literal["none"] = "none"
+
 
 #: All drives of files, by the title of their group in lists.
 DRIVES: dict[str, tuple[type[Record], ...]] = {

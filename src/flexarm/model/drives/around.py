@@ -9,9 +9,14 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives.base import ControllerParameters, drive_of
-from flexarm.model.drives.parameters import Parameters, parameters_of, record_of
-from flexarm.model.drives.registry import ALONE, GROUPS, one_of
+from flexarm.model.drives.base import (
+    ControllerParameters,
+    Parameters,
+    drive_of,
+    parameters_of,
+    record_of,
+)
+from flexarm.model.drives.controllers import ALONE, GROUPS, one_of
 from flexarm.model.hardware import Instrument
 from flexarm.model.quantities import (
     Count,

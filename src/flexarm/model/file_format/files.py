@@ -1,4 +1,4 @@
-"""Arm, scenario and study files: strict reading with the line of each problem, atomic writing."""
+"""Arm, scenario and study files: strict reading with the line of each problem, writing, schemas."""
 
 from __future__ import annotations
 
@@ -19,13 +19,34 @@ from pydantic import ValidationError
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text
+from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
-from flexarm.model.file_format.content import content_of
 from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
+from flexarm.model.units import QUANTITY_PATTERN, unit_of
 from flexarm.model.wording import Path, suggestion
+
+
+def content_of(value: Any) -> Any:
+    """Return the content of a file for a value of a record, without defaults."""
+    if isinstance(value, Material) and value in MATERIALS.values():
+        return next(name for name, preset in MATERIALS.items() if preset == value)
+    if isinstance(value, Record):
+        fields = type(value).model_fields
+        reported = {
+            name: content_of(part)
+            for name, part in value
+            if name in value.model_fields_set
+            and (part != fields[name].default or name in value._written)
+        }
+        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
+        return {**kind, **reported}
+    if isinstance(value, dict):
+        return {name: content_of(part) for name, part in value.items()}
+    return [content_of(part) for part in value] if isinstance(value, tuple) else value
+
 
 FILE_VERSION = 1
 
@@ -35,23 +56,13 @@ R = TypeVar("R", bound=Record)
 
 
 def load_document(path: AnyPath) -> Document:
-    """Read a YAML file whose content is a mapping; other functions accept it in place of a path.
-
-    This permits reading a pipe, which can be read only once.
-
-    Raises:
-        ModelError: if the file cannot be read or is not a mapping in YAML.
-    """
+    """Read a YAML file, once, as of a pipe; ModelError if it cannot be read or is not a mapping."""
     file = FilePath(path)
     return _parsed(file, _text(file))
 
 
 def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
-    """Read the arm of an arm file, or of a scenario or study file, whose other keys are ignored.
-
-    Raises:
-        ModelError: if the file cannot be read or has no valid arm; lists all problems with lines.
-    """
+    """Read the arm of an arm, scenario or study file; ModelError lists all problems with lines."""
     problems: list[Problem] = []
     document = path if isinstance(path, Document) else load_document(path)
     holder = _holder_of_arm(document, problems, ())
@@ -74,20 +85,12 @@ def load_scenario(path: AnyPath) -> Scenario:
 
 
 def locate_scenario(path: AnyPath | Document) -> tuple[Scenario, Callable[[Path], str]]:
-    """Read a scenario file, and return the scenario with a function from key path to line.
-
-    The function returns ``file:line``, for problems that are found after reading. See
-    `load_scenario`.
-    """
+    """Read a scenario file; return it with a function from key path to ``file:line``."""
     return _located(Scenario, path)
 
 
 def locate_study(path: AnyPath | Document) -> tuple[StudySpec, Callable[[Path], str]]:
-    """Read a study file, and return the study with a function from key path to line.
-
-    Raises:
-        ModelError: if the file or its arm file is invalid; lists all problems with lines.
-    """
+    """Read a study file; return it with a function from key path to ``file:line``."""
     return _located(StudySpec, path)
 
 
@@ -154,23 +157,12 @@ _WORDS: dict[Any, Any] = {Scenario: ("scenario", "run"), StudySpec: ("study", "c
 
 
 def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
-    """Write an arm file; `load_arm_spec` returns an equal arm.
-
-    Values equal to their defaults are omitted. The file is written completely or not at all;
-    missing folders are created.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
+    """Write an arm file, completely or not at all; InputError if it cannot be written."""
     write_text(file_text(spec), path)
 
 
 def save_scenario(scenario: Scenario, path: AnyPath) -> None:
-    """Write a scenario file that contains the arm; see `save_arm_spec`.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
+    """Write a scenario file that contains the arm, completely or not at all."""
     write_text(file_text(scenario), path)
 
 
@@ -182,11 +174,7 @@ def file_text(record: ArmSpec | Scenario | StudySpec) -> str:
 
 
 def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
-    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`.
-
-    Raises:
-        ModelError: if the file cannot be read or is invalid; lists all problems with lines.
-    """
+    """Read a file of any kind: a study has `drives`, an arm file has no other key than `arm`."""
     document = path if isinstance(path, Document) else load_document(path)
     if "drives" in document.value:
         return locate_study(document)[0]
@@ -196,32 +184,17 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
 
 
 def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | StudySpec:
-    """Return the arm, scenario or study of a file's content; see `arm_spec_of_text`, `load_any`.
-
-    Raises:
-        ModelError: if the content is too long, is not text or describes none of them.
-    """
+    """Return the arm, scenario or study of the content of a file that names no other file."""
     return load_any(_whole(_decoded(FilePath(file), raw), file))
 
 
 def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:
-    """Return the arm of the text of an arm or scenario file that names no other file.
-
-    Args:
-        text: as `file_text` writes it. file: where it comes from, for messages.
-
-    Raises:
-        ModelError: the text describes no arm.
-    """
+    """Return the arm of a text of `file_text` from ``file``; ModelError if it describes none."""
     return load_arm_spec(_whole(text, file))
 
 
 def scenario_of_text(text: str, file: AnyPath) -> Scenario:
-    """Return the scenario of a text; see `arm_spec_of_text`.
-
-    Raises:
-        ModelError: the text describes no scenario.
-    """
+    """Return the scenario of a text of `file_text`; ModelError if it describes none."""
     return locate_scenario(_whole(text, file))[0]
 
 
@@ -243,10 +216,7 @@ def _checked(
     problems: list[Problem],
     reported: Path = (),
 ) -> R | None:
-    """Return a record of the value at the path `inside`, and add its faults to `problems`.
-
-    Problems at the path `reported` have been reported before and are omitted.
-    """
+    """Return a record of the value at `inside`; add faults other than `reported` to `problems`."""
     try:
         return kind.model_validate(value)
     except ValidationError as error:
@@ -296,10 +266,7 @@ def _holder_of_arm(
 
 
 def _head_problems(document: Document, kind: type[Record] | None) -> list[Problem]:
-    """Return the problems of the version and of the names of the top-level keys.
-
-    If only the arm is read, the file may be of any kind.
-    """
+    """Return the problems of the version and of top-level keys; without ``kind``, of any kind."""
     if kind is None:
         kind = StudySpec if "drives" in document.value else Scenario
     keys = ("flexarm", *kind.model_fields)
@@ -406,9 +373,7 @@ _AT_ONCE = 1 << 20
 def read_bytes(file: FilePath, most: int) -> bytes:
     """Return the content of a file, a pipe or a terminal, at most ``most`` bytes.
 
-    Raises:
-        OSError: if it cannot be read, or is a pipe that has no writer or remains empty.
-        ValueError: if the path has a null character or half of a surrogate pair.
+    OSError if it cannot be read, or is a pipe without a writer; ValueError for an impossible path.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
     descriptor = os.open(file, flags)
@@ -445,3 +410,63 @@ def _read(descriptor: int, most: int, pipe: bool) -> bytes:
         else:
             time.sleep(0.02)
     return b"".join(parts)
+
+
+_KINDS = {"arm": ArmSpec, "scenario": Scenario, "study": StudySpec}
+
+
+@public_call
+def json_schema(kind: str = "scenario") -> dict[str, Any]:
+    """Return the JSON schema of a kind of file.
+
+    Args:
+        kind: ``"scenario"``, which is valid for arm files too (only `flexarm` and `arm` are
+            required), ``"arm"``, which permits no other keys, or ``"study"``.
+
+    Raises:
+        ModelError: if there is no such kind of file.
+    """
+    if kind not in _KINDS:
+        rule = f"be one of {', '.join(map(repr, _KINDS))}"
+        hint = suggestion(kind, _KINDS) if isinstance(kind, str) else ""
+        raise ModelError(Problem("kind", rule, shown(kind), hint))
+    whole = (StudySpec if kind == "study" else Scenario).model_json_schema()
+    definitions = whole["$defs"]
+    for definition in definitions.values():
+        if "const" in definition.get("properties", {}).get("kind", {}):
+            # The field has a default, so pydantic lists it as optional, but files require it.
+            definition["required"] = ["kind", *definition.get("required", [])]
+        for name, field in definition.get("properties", {}).items():
+            if unit_of(field.get("description", "")):
+                definition["properties"][name] = _with_quantities(field)
+    material: list[Any] = definitions["Link"]["properties"]["material"]["anyOf"]
+    material.insert(0, {"enum": list(MATERIALS)})  # names are replaced before validation
+    properties: dict[str, Any] = whole["properties"]
+    parts = ["arm"] if kind == "arm" else list(properties)
+    arm = properties["arm"]
+    file = {"type": "string", "description": "An arm file, relative to this file."}
+    properties["arm"] = {"description": arm.pop("description", ""), "anyOf": [arm, file]}
+    version = {"const": FILE_VERSION, "description": "Version of the file format."}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"flexarm {kind} file",
+        "type": "object",
+        "properties": {"flexarm": version, **{part: properties[part] for part in parts}},
+        "required": ["flexarm", *(whole["required"] if kind == "study" else ["arm"])],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }
+
+
+def _with_quantities(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a field with a unit, whose numbers may be text with a unit."""
+    if schema.get("type") == "number":
+        return {**schema, "type": ["number", "string"], "pattern": QUANTITY_PATTERN}
+    changed = dict(schema)
+    for key in ("anyOf", "oneOf", "prefixItems"):
+        if key in schema:
+            changed[key] = [_with_quantities(member) for member in schema[key]]
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            changed[key] = _with_quantities(schema[key])
+    return changed

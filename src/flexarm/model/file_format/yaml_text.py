@@ -118,13 +118,10 @@ Entries = dict[str, tuple[yaml.Node, yaml.Node]]
 
 
 class Document:
-    """A YAML file that was read.
+    """A YAML file that was read: its path as given by the user, its ``value`` as plain values.
 
-    Attributes:
-        file: path of the file, as given by the user.
-        value: content of the file as plain Python values.
-        problems: problems of the content as YAML that did not prevent reading.
-        changes: values that replaced those of the file, of which a later one prevails.
+    ``problems`` of the content as YAML did not prevent reading. ``changes`` are values in place of
+    those of the file; a later one prevails.
     """
 
     def __init__(self, file: FilePath, root: yaml.Node) -> None:
@@ -145,20 +142,17 @@ class Document:
         return other
 
     def where(self, path: Path) -> str:
-        """Return ``file:line`` of the value at a path, or of the nearest container of it.
-
-        For a value that was replaced, return the change.
-        """
+        """Return ``file:line`` of a path or its nearest container; the change of a new value."""
         for change in reversed(self.changes):
             if path[: len(change.path)] == change.path:
                 return change.origin
         node, line = self._root, self._root.start_mark.line
         for part in path:
             if isinstance(node, yaml.MappingNode):
-                found = self._entries_of(node).get(str(part))
-                if found is None:
+                entry = self._entries_of(node).get(str(part))
+                if entry is None:
                     break
-                line, node = found[0].start_mark.line, found[1]
+                line, node = entry[0].start_mark.line, entry[1]
             elif isinstance(node, yaml.SequenceNode) and isinstance(part, int):
                 node = node.value[part]
                 line = node.start_mark.line
@@ -239,15 +233,7 @@ class Document:
 
 
 def parse(file: FilePath, text: str) -> Document:
-    """Read YAML text.
-
-    Args:
-        file: path of the file, for messages.
-        text: one YAML document.
-
-    Raises:
-        ModelError: if the text is not YAML, is empty, or contains too many values.
-    """
+    """Read YAML text of a file; ModelError if it is not YAML, is empty, or has too many values."""
     try:
         root = _composed(text)
         if root is None:
@@ -292,16 +278,11 @@ def _whole(text: str) -> int | float:
     return int(text) if len(text) < 400 else float(text)
 
 
-def _real(text: str) -> float:
-    """Convert text with a point or an exponent, ``.inf`` or ``.nan``, to a number."""
-    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-
-
 _NUMBERS = {_TAG + "int", _TAG + "float"}
 #: Conversion of a scalar by its tag; any other scalar is text.
 _SCALARS: dict[str, Callable[[str], Any]] = {
     _TAG + "int": _whole,
-    _TAG + "float": _real,
+    _TAG + "float": lambda text: float(text.lower().replace(".inf", "inf").replace(".nan", "nan")),
     _TAG + "bool": lambda text: text.lower() == "true",
     _TAG + "null": lambda text: None,
 }
@@ -310,28 +291,15 @@ _TAGS = {*_SCALARS, *(_TAG + name for name in ("str", "seq", "map", "merge"))}
 
 @dataclass(frozen=True)
 class Change:
-    """A value at a key path of a file.
+    """A value at a key path of a file."""
 
-    Attributes:
-        origin: the option with its value, in place of the line of the file in messages.
-        path: the key path.
-        value: plain value in place of the one of the file.
-    """
-
-    origin: str
+    origin: str  # the option with its value, in place of the line of the file in messages
     path: Path
-    value: Any
+    value: Any  # plain value in place of the one of the file
 
 
 def change_of(option: str, text: str) -> Change:
-    """Return the change that an option requests as ``PATH=VALUE``, with the value in YAML.
-
-    Args:
-        option: name of the option, for messages.
-
-    Raises:
-        InputError: if the text does not have this form, or the value is not YAML.
-    """
+    """Return the change of an option ``PATH=VALUE``, the value in YAML, or raise InputError."""
     name, given, value = text.partition("=")
     path = tuple(parts_of(name.strip()))
     if not given or not path:
@@ -355,10 +323,7 @@ def changed(document: Document, changes: Sequence[Change]) -> Document:
 
     Keys of the document that are paths themselves, such as those of ``vary``, are found in the path
     of a change. Changes inside an arm that the document names by its file are kept for that file.
-
-    Raises:
-        ModelError: if a path leads through a value that has no keys or entries, or to an entry of a
-            list that does not exist.
+    ModelError if a path leads to an entry that cannot exist.
     """
     value = document.value
     changes = [replace(change, path=_with_keys(value, change.path)) for change in changes]

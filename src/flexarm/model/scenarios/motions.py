@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import FEEDFORWARD_DRIVES
 from flexarm.model.drives.base import OF_JOINTS
-from flexarm.model.environment.tables import TimeTable
+from flexarm.model.environment import TimeTable
 from flexarm.model.quantities import (
     Count,
     Direction,

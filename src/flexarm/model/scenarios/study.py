@@ -1,36 +1,217 @@
-"""Description of a study, which compares drives on plants along motions."""
+"""Description of a study, which compares drives on plants along motions, and what it varies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from flexarm.base.errors import InputError, shown
-from flexarm.model.arm.joints import Friction
-from flexarm.model.arm.spec import ArmSpec
-from flexarm.model.arm.variation import varied_spec
+from flexarm.model.arm.spec import ArmSpec, Friction, varied_spec
 from flexarm.model.checks import Given, Record, faults_of
 from flexarm.model.drives import CONTROLLED, Drive, in_volts
-from flexarm.model.environment.changes import Change, file_change_faults, motor_change_faults
-from flexarm.model.environment.contacts import Contact
-from flexarm.model.environment.loads import Load, off_the_arm
+from flexarm.model.environment import (
+    Change,
+    Contact,
+    Load,
+    file_change_faults,
+    motor_change_faults,
+    off_the_arm,
+)
 from flexarm.model.hardware import Hardware, instrument_faults
 from flexarm.model.quantities import (
+    Count,
+    Flag,
     Listed,
     Mapped,
     Named,
     NonNegative,
+    Number,
     OneOrMany,
     Positive,
+    Probability,
     Word,
+    plain,
 )
 from flexarm.model.scenarios.motions import MotionSpec
-from flexarm.model.scenarios.sampling import Distribution, RareFailures, SamplePlan, sampling_faults
 from flexarm.model.scenarios.scenario import RunSpec, Scenario
 from flexarm.model.wording import Fault, Path
+
+#: Samples of a study, which bounds the size of its index.
+MOST_SAMPLES = 10**10
+Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), BeforeValidator(plain)]
+#: Samples of a level of subset simulation, of which a tenth starts chains.
+LevelSize = Annotated[int, Field(strict=True, ge=100, le=10**6), BeforeValidator(plain)]
+
+
+class _Distribution(Record):
+    """Base of distributions."""
+
+    relative: Flag = False
+    """Whether the numbers are factors of the value in the file."""
+
+
+class _Range(_Distribution):
+    """Base of distributions between two bounds."""
+
+    levels: Count = 5
+    """Number of values in a grid, with both bounds."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("low", "high") and given.high <= given.low:
+            yield Fault(("high",), f"be greater than low, {given.low:g}", shown(given.high))
+
+
+class UniformDistribution(_Range):
+    """Equally likely values between two bounds."""
+
+    kind: Literal["uniform"] = "uniform"
+    low: Number
+    """Lower bound, in the unit of the number."""
+    high: Number
+    """Upper bound, in the unit of the number."""
+
+
+class LogUniformDistribution(_Range):
+    """Values whose logarithm is uniform between two bounds."""
+
+    kind: Literal["log_uniform"] = "log_uniform"
+    low: Positive
+    """Lower bound, in the unit of the number."""
+    high: Positive
+    """Upper bound, in the unit of the number."""
+
+
+class NormalDistribution(_Distribution):
+    """Values of a normal distribution; not in a grid."""
+
+    kind: Literal["normal"] = "normal"
+    mean: Number
+    """Mean, in the unit of the number."""
+    deviation: Positive
+    """Standard deviation, in the unit of the number."""
+
+
+class ListedValues(_Distribution):
+    """Values of a list, equally likely, or all of them in a grid."""
+
+    kind: Literal["values"] = "values"
+    values: Listed[Number] = Field(json_schema_extra={"minItems": 1})
+    """The values, in the unit of the number."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("values") and not given.values:
+            yield Fault(("values",), "must not be empty")
+
+
+Distribution = Annotated[
+    UniformDistribution | LogUniformDistribution | NormalDistribution | ListedValues,
+    Field(discriminator="kind"),
+]
+
+
+class StopRule(Record):
+    """Precision of a quantile of a metric at which a study ends."""
+
+    metric: Word
+    """Name of the metric, for all drives, plants and motions."""
+    quantile: Probability = 0.95
+    """Probability of the quantile."""
+    within: Positive = 0.05
+    """Half the width of its interval, divided by the quantile."""
+    confidence: Probability = 0.95
+    """Probability that the interval contains the quantile."""
+
+
+class SamplePlan(Record):
+    """Number and choice of the samples of a study."""
+
+    method: Literal["latin_hypercube", "sobol", "random", "grid"] = "latin_hypercube"
+    """Choice of the samples; a grid has all combinations."""
+    count: Count | None = None
+    """Number of samples; a grid has its own number."""
+    seed: Seed = 0
+    """Seed of the samples and of their noise."""
+    noise: Literal["same", "different"] = "same"
+    """Whether all samples have the same noise of the hardware, or each its own."""
+    stop: StopRule | None = None
+    """When fewer samples than `count` suffice; not with a grid."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if not given.has("method"):
+            return
+        if given.method == "grid" and not given.absent("count"):
+            hint = "The levels of the distributions determine it."
+            yield Fault(("count",), "cannot be combined with a grid", hint=hint)
+        if given.method == "grid" and not given.absent("stop"):
+            yield Fault(("stop",), "cannot be combined with a grid")
+        if given.method != "grid" and given.absent("count"):
+            yield Fault(("count",), f"is required with method {given.method}")
+
+
+class RareFailures(Record):
+    """Failures whose probability is estimated by subset simulation."""
+
+    limits: Mapped[Positive] = Field(default={}, validate_default=True)
+    """Largest acceptable metrics by name; runs that stop early fail without one."""
+    samples: LevelSize = 1000
+    """Samples of each level; a level reaches a tenth further."""
+    seed: Seed = 0
+    """Seed of the samples."""
+
+
+def _hardware(given: Given) -> list[Any]:
+    """Return the hardware of each plant of a study with valid plants: its own or the study's."""
+    shared = given.hardware if given.has("hardware") else None
+    return [plant.hardware or shared for plant in given.plants.values()]
+
+
+def _without_noise(given: Given) -> bool:
+    """Return whether no noise acts on any drive of a valid study."""
+    if not given.has("drives", "plants") or not (given.absent("hardware") or given.has("hardware")):
+        return False
+    parts = [item for item in _hardware(given) if item is not None]
+    noisy = any(item.noise > 0.0 for part in parts for item in part.instruments or ())
+    return not noisy or all(drive.kind not in CONTROLLED for drive in given.drives.values())
+
+
+def sampling_faults(given: Given) -> Iterator[Fault]:
+    """Yield the faults between the distributions, the plan and the hardware of a study."""
+    if not given.has("vary"):
+        return
+    vary: Mapping[str, Any] = given.vary
+    rare = not given.absent("rare_failures")
+    if rare and not vary:
+        yield Fault(("vary",), "is required with rare_failures")
+    if vary and given.absent("samples") and not rare:
+        yield Fault(("samples",), "is required with vary")
+    if not given.has("samples"):
+        return
+    plan: SamplePlan = given.samples
+    if not vary and plan.method == "grid":
+        yield Fault(("vary",), "is required with a grid")
+    bare = given.absent("hardware") and given.has("plants") and not any(_hardware(given))
+    if plan.noise == "different" and bare:
+        yield Fault(("samples", "noise"), "requires hardware, whose noise it is")
+    elif not vary and plan.noise == "same" and (plan.count or 1) > 1:
+        hint = "All samples would be equal. Give each its own noise with `noise: different`."
+        yield Fault(("vary",), f"is required with {plan.count} samples", hint=hint)
+    elif not vary and plan.noise == "different" and _without_noise(given):
+        hint = "All samples would be equal, because no drive reads an instrument with `noise`."
+        yield Fault(("vary",), "is required without noise", hint=hint)
+    count = plan.count or 1
+    for name, item in vary.items() if plan.method == "grid" else ():
+        if isinstance(item, NormalDistribution):
+            yield Fault(("vary", name, "kind"), "is not supported with a grid", shown("normal"))
+            return
+        count *= len(item.values) if isinstance(item, ListedValues) else item.levels
+    if count > MOST_SAMPLES:
+        yield Fault(("samples",), f"be at most {MOST_SAMPLES:.0e} samples", f"{count:.3g}")
 
 
 class PlantSpec(Record):
@@ -126,7 +307,7 @@ class StudySpec(Record):
         if not all(given.absent(name) or given.has(name) for name in _SHARED):
             return  # their own faults are reported
         reported: set[Fault] = set()
-        for drive, motion in _pairs(given):
+        for drive, motion in product(given.drives, given.motions):
             for fault in _of_one(given, drive, motion):
                 if fault not in reported:
                     reported.add(fault)
@@ -135,11 +316,6 @@ class StudySpec(Record):
     def scenario(self, drive: str, motion: str) -> Scenario:
         """Return the scenario of one drive along one motion, on the arm without variation."""
         return Scenario(**_content(self, drive, motion))
-
-
-def _pairs(given: Given) -> Iterator[tuple[str, str]]:
-    """Yield all pairs of a drive and a motion, some of which may be incompatible."""
-    yield from product(given.drives, given.motions)
 
 
 def _of_one(given: Given, drive: str, motion: str) -> Iterator[Fault]:
@@ -194,10 +370,6 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
 
 
 def plant_spec(arm: ArmSpec, plant: PlantSpec) -> ArmSpec:
-    """Return the description of a simulated arm, without its loads and changes.
-
-    Raises:
-        InputError: if a list does not fit the links, or the arm has no payload to change.
-    """
+    """Return the description of a simulated arm, without loads and changes, or raise InputError."""
     factors = [name for name in PlantSpec.model_fields if name not in _NOT_OF_ARM]
     return varied_spec(arm, **{name: getattr(plant, name) for name in factors})

@@ -25,8 +25,7 @@ from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
 from flexarm.model.checks import checked_arguments
-from flexarm.model.identification.parameters import FreeParameter
-from flexarm.model.identification.records import RecordSettings
+from flexarm.model.identification import FreeParameter, RecordSettings
 from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder

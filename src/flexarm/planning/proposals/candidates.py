@@ -21,9 +21,8 @@ from flexarm.control.design.rigid_model import RigidModel
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Contact, Hardware, Scenario
 from flexarm.model.checks import checked_arguments
-from flexarm.model.drives.base import ControllerParameters
-from flexarm.model.drives.force import HybridForceParameters, ImpedanceParameters
-from flexarm.model.drives.parameters import parameters_of
+from flexarm.model.drives.base import ControllerParameters, parameters_of
+from flexarm.model.drives.controllers import HybridForceParameters, ImpedanceParameters
 from flexarm.motion import inverse_kinematics
 from flexarm.planning.proposals.requirements import Requirements, rounded
 

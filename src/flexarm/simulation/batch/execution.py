@@ -17,7 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.control.contract.base import Controller
 from flexarm.integrate.base import FloatArray
-from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.actions.environment import EMPTY
+from flexarm.arm.actions import EMPTY
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import SimulationError
 from flexarm.integrate.base import FloatArray, Status, Tolerance

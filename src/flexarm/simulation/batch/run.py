@@ -29,7 +29,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
-from flexarm.model.scenarios.events import FAILURE
+from flexarm.model.scenarios.scenario import FAILURE
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.simulation.batch.execution import ACTING, ClosedLoop, OpenLoop, Outcome, attempt
 from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes

@@ -26,7 +26,7 @@ from flexarm.base.errors import (
 )
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.model import Change, Hardware, Load
-from flexarm.model.scenarios.events import DURATION
+from flexarm.model.scenarios.scenario import DURATION
 from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.simulation.calls.result import exceeded_bound
 from flexarm.simulation.calls.run import simulate

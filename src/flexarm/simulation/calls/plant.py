@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import contact_forces
 from flexarm.base.arguments import (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import BaseAcceleration, Environment
+from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import (
     about_degrees,
@@ -25,8 +25,7 @@ from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
-from flexarm.model.arm.plausibility import weights
-from flexarm.model.plausible import Number, Range, judge
+from flexarm.model.plausible import Number, Range, judge, weights
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.simulation.histories.functions import function_history
 from flexarm.simulation.histories.loads import LoadHistory, load_history

@@ -25,7 +25,7 @@ from flexarm.base.errors import (
 )
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
-from flexarm.model.scenarios.events import DURATION, FAILURE
+from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.calls.integration_error import with_error
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.calls.preparation import (

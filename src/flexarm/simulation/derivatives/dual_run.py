@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import Observed, named_channels, with_energies
 from flexarm.arm.stations import place_gauges

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion

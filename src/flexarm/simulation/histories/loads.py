@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
-from flexarm.arm.actions.loads import parts_of
+from flexarm.arm.actions import Environment, parts_of
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_function
 from flexarm.base.errors import InputError
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.layout import Contacts, Loads
 from flexarm.model import AccelerationTable, FactorTable, Load
-from flexarm.model.environment.tables import is_table
+from flexarm.model.environment import is_table
 from flexarm.simulation.histories.functions import Row, function_history
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arm.actions.loads import marker, place_loads
+from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values

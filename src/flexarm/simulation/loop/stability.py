@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_forces

@@ -21,7 +21,7 @@ from flexarm.base.errors import InputError, Problem, shown
 from flexarm.base.user_functions import call
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Change
-from flexarm.model.environment.changes import (
+from flexarm.model.environment import (
     PAYLOAD_MASS,
     ValueTable,
     change_faults,

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexarm.arm.actions.contacts import place_contacts, point_of
-from flexarm.arm.actions.loads import SAME_PLACE
+from flexarm.arm.actions import SAME_PLACE, place_contacts, point_of
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import InputError, Problem, few

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.contacts import place_contacts
+from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.arm.observe import contact_values, tips_of
@@ -19,7 +19,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Contacts
 from flexarm.model import Contact, EventSpec, JointEvent
-from flexarm.model.scenarios.events import DURATION, FAILURE, event_names
+from flexarm.model.scenarios.scenario import DURATION, FAILURE, event_names
 
 #: Function of t (s), q (dof,) and qd (dof,) that returns a number.
 EventFunction = Callable[[Any, Any, Any], Any]

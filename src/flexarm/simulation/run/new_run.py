@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexarm.arm.actions.environment import Environment
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, check_array
 from flexarm.integrate.base import FloatArray, Progress

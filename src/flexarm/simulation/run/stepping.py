@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.actions.environment import EMPTY, Environment
-from flexarm.arm.actions.loads import loads_inboard
+from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at

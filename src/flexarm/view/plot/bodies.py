@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
-from flexarm.view.plot.drawn_arm import (
+from flexarm.view.plot.drawn_result import (
     STATIONS,
     FloatArray,
     arm_of,
@@ -19,11 +18,12 @@ from flexarm.view.plot.drawn_arm import (
     check_drawable,
     check_magnify,
     deflections,
+    readable_unit,
     rigid_result,
     shapes_of,
 )
-from flexarm.view.plot.selection import readable_unit
 from flexarm.view.plot.style import (
+    AGES,
     BLUE,
     GREY,
     INK,
@@ -39,8 +39,6 @@ from flexarm.view.plot.style import (
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Colours by time: early postures light, late ones dark.
-AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 _MOST = 200
 _SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
 
@@ -145,13 +143,13 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     result = check_drawable("result", result)
     count = check_count("count", count, 1, _MOST)
     arm = arm_of("result", result)
-    found = deflections(arm, result)
-    scale, unit = readable_unit("m", found)
-    chosen = np.linspace(0, len(found) - 1, count).round().astype(int)
+    bent = deflections(arm, result)
+    scale, unit = readable_unit("m", bent)
+    chosen = np.linspace(0, len(bent) - 1, count).round().astype(int)
     shown_times = np.linspace(result["time"].values[0], result["time"].values[-1], count)
     along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
     with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
-        low, high = scale * found.min(axis=0), scale * found.max(axis=0)
+        low, high = scale * bent.min(axis=0), scale * bent.max(axis=0)
         for link in range(arm.links):
             label = "range of the run" if link == 0 else "_"
             panel.fill_between(along[link], low[link], high[link], label=label, **_SPAN)
@@ -161,7 +159,7 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
                 named = link == 0 and k in (chosen[0], chosen[-1])
                 label = f"{time:.3g} s" if named else "_"
                 look = {"color": AGES(age), "linewidth": 1.1, "label": label}
-                panel.plot(along[link], scale * found[k, link], **look)
+                panel.plot(along[link], scale * bent[k, link], **look)
         _finish_along(panel, arm, "Deflection from the root tangent", f"deflection [{unit}]")
     return panel
 

@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from numpy.typing import NDArray
 
 from flexarm.view.plot.animation.scene import thin
-from flexarm.view.plot.selection import Signals, readable_unit
+from flexarm.view.plot.drawn_result import Signals, readable_unit
 from flexarm.view.plot.style import BLUE, GREY, VERMILLION, Sheet, legend_above, margins, styled
 
 FloatArray = NDArray[np.float64]

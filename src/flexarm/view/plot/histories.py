@@ -12,8 +12,14 @@ from matplotlib.lines import Line2D
 
 from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
+from flexarm.view.plot.drawn_result import (
+    Signals,
+    named_results,
+    readable_unit,
+    several,
+    signals_of,
+)
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.selection import Signals, named_results, readable_unit, several, signals_of
 from flexarm.view.plot.style import (
     BLUE,
     GREEN,
@@ -80,10 +86,10 @@ def history(
             channel, or Plotly is requested and not installed.
     """
     result = check_dataset("result", result)
-    found = several("channels", channels, result)
+    channels_drawn = several("channels", channels, result)
     if _plotly_requested(backend, axes):
-        return _history_page(found)
-    return _panels(channels, found, axes, draw_signals)
+        return _history_page(channels_drawn)
+    return _panels(channels, channels_drawn, axes, draw_signals)
 
 
 @public_call_as("plot.compare")
@@ -111,18 +117,18 @@ def compare(
     named = named_results(results)
     by_result = {name: several("channels", channels, result) for name, result in named.items()}
     first = next(iter(by_result.values()))
-    if any(len(found) != len(first) for found in by_result.values()):
+    if any(len(group) != len(first) for group in by_result.values()):
         rule = "are required, because the results have different ones"
         raise InputError(Problem("channels", rule))
     for signals in first:
-        if max(len(found[first.index(signals)].keys) for found in by_result.values()) > 4:
+        if max(len(group[first.index(signals)].keys) for group in by_result.values()) > 4:
             hint = f"Name one, such as '{signals.name}[{signals.keys[0]}]'."
             rule = "have at most four components each"
             raise InputError(Problem("channels", rule, shown(signals.name), hint))
 
     def draw(panel: Axes, signals: Signals) -> None:
         k = first.index(signals)
-        _draw_compared(panel, {name: found[k] for name, found in by_result.items()})
+        _draw_compared(panel, {name: group[k] for name, group in by_result.items()})
 
     return _panels(channels, first, axes, draw)
 
@@ -183,12 +189,12 @@ def _plotly_requested(backend: object, axes: object) -> bool:
     return True
 
 
-def _panels(given: object, found: list[Signals], axes: Any, draw: Any) -> Any:
+def _panels(given: object, chosen: list[Signals], axes: Any, draw: Any) -> Any:
     """Draw each channel into its panel; return one axes object for a name, an array for a list."""
-    size = (WIDTH, _EDGES + _ROW * len(found))
-    spacing = 0.3 if len(found) > 1 else 0.0
-    with panels(axes, len(found), size, rows(len(found), hspace=spacing)) as made:
-        for panel, signals in zip(made, found, strict=True):
+    size = (WIDTH, _EDGES + _ROW * len(chosen))
+    spacing = 0.3 if len(chosen) > 1 else 0.0
+    with panels(axes, len(chosen), size, rows(len(chosen), hspace=spacing)) as made:
+        for panel, signals in zip(made, chosen, strict=True):
             draw(panel, signals)
             if axes is None and panel is not made[-1]:
                 panel.set_xlabel("")
@@ -219,22 +225,22 @@ def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
 _PLOTLY_ROW = 230  # pixels
 
 
-def _history_page(found: list[Signals]) -> Any:
+def _history_page(chosen: list[Signals]) -> Any:
     """Return a Plotly figure of channels over time: panels in a column with a common time axis."""
     _, subplots = _plotly()
-    titles = [signals.title for signals in found]
-    gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(found)}
-    figure = subplots.make_subplots(len(found), 1, subplot_titles=titles, **gaps)
+    titles = [signals.title for signals in chosen]
+    gaps = {"shared_xaxes": True, "vertical_spacing": 0.25 / len(chosen)}
+    figure = subplots.make_subplots(len(chosen), 1, subplot_titles=titles, **gaps)
     figure.update_annotations(x=0.0, xanchor="left")  # the titles
-    for row, signals in enumerate(found, start=1):
+    for row, signals in enumerate(chosen, start=1):
         for line, label, color in _lines(signals):
             look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
             legend = {"legendgroup": str(row), "legendgrouptitle": {"text": signals.title}}
             figure.add_scatter(x=signals.time, y=line, row=row, col=1, **look, **legend)
         figure.update_yaxes(title_text=signals.axis_label, row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(found), col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(chosen), col=1)
     figure.update_layout(
-        height=120 + _PLOTLY_ROW * len(found), template="simple_white", font_color=INK
+        height=120 + _PLOTLY_ROW * len(chosen), template="simple_white", font_color=INK
     )
     return figure
 
@@ -300,20 +306,17 @@ def signals_figure(result: xr.Dataset) -> Sheet:
         grid = sheet.add_gridspec(rows, 2)
         margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
         _draw_tip_path(sheet.add_subplot(grid[0, 0]), result)
-        _draw_channel(sheet.add_subplot(grid[0, 1]), result, "joint_angle")
-        _draw_channel(sheet.add_subplot(grid[1, 0]), result, "link_tip_deflection")
-        _draw_channel(sheet.add_subplot(grid[1, 1]), result, "joint_rate")
-        _draw_energies(sheet.add_subplot(grid[2, 0]), result)
-        _draw_channel(sheet.add_subplot(grid[2, 1]), result, "torque")
-        if "strain" in result:
-            _draw_channel(sheet.add_subplot(grid[3, :]), result, "strain")
+        places = {"joint_angle": grid[0, 1], "link_tip_deflection": grid[1, 0]}
+        places |= {"joint_rate": grid[1, 1], "energy": grid[2, 0], "torque": grid[2, 1]}
+        for name, place in (places | ({"strain": grid[3, :]} if rows == 4 else {})).items():
+            axes = sheet.add_subplot(place)
+            if name == "energy":
+                _draw_energies(axes, result)
+            else:
+                draw_signals(axes, signals_of("result", result, name))
         for axes in sheet.axes:
             place_labels(axes)
     return sheet
-
-
-def _draw_channel(axes: Axes, result: xr.Dataset, name: str) -> None:
-    draw_signals(axes, signals_of("result", result, name))
 
 
 def draw_signals(axes: Axes, signals: Signals) -> None:

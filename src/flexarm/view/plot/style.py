@@ -15,6 +15,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -40,6 +41,8 @@ RIGID: dict[str, Any] = {
 }
 SECOND_ORDER: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "label": "second order"}
 
+#: Colours by time: early postures light, late ones dark.
+AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 #: Dots per inch of bitmaps, sufficient for print at the width of a column.
 DPI = 200
 #: Dots per inch of windows and notebooks.
@@ -271,8 +274,8 @@ def _checked_axes(axes: object, count: int) -> list[Axes]:
     if len(given) == count and all(isinstance(each, Axes) for each in given):
         return given
     rule = "be Matplotlib axes" if count == 1 else f"be {count} Matplotlib axes, one for each panel"
-    found = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
-    raise InputError(Problem("axes", rule, found))
+    value = f"{len(given)} axes" if all(isinstance(e, Axes) for e in given) else shown(axes)
+    raise InputError(Problem("axes", rule, value))
 
 
 def rows(count: int, **edges: float) -> _Arrange:
@@ -288,6 +291,6 @@ def rows(count: int, **edges: float) -> _Arrange:
 
 def array_of(axes: Sequence[Axes], *shape: int) -> AxesArray:
     """Return axes as an array of the given shape; by default one-dimensional."""
-    found = np.empty(len(axes), dtype=object)
-    found[:] = axes
-    return found.reshape(shape) if shape else found
+    array = np.empty(len(axes), dtype=object)
+    array[:] = axes
+    return array.reshape(shape) if shape else array

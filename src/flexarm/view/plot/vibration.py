@@ -72,10 +72,10 @@ def modes_figure(modes: Modes, count: int = 6) -> Sheet:
     Raises:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
-    found = check_kind("modes", modes, Modes)
-    shown = min(check_count("count", count), found.frequency_hz.size)
+    result = check_kind("modes", modes, Modes)
+    shown = min(check_count("count", count), result.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    return page(size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, found))
+    return page(size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, result))
 
 
 def _rows(count: int) -> int:
@@ -88,15 +88,15 @@ def _grid(sheet: Sheet, count: int) -> list[Axes]:
     return [sheet.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]
 
 
-def _draw_shapes(made: Sequence[Axes], found: Modes) -> None:
-    curves = found.curves(amplitude=0.12 * float(found.arm.lengths.sum()))
-    rest = found.arm.shape(found.q)
+def _draw_shapes(made: Sequence[Axes], result: Modes) -> None:
+    curves = result.curves(amplitude=0.12 * float(result.arm.lengths.sum()))
+    rest = result.arm.shape(result.q)
     for k, axes in enumerate(made):
-        for link in range(found.arm.links):
+        for link in range(result.arm.links):
             axes.plot(*rest[link].T, **{**RIGID, "label": "_"})
             axes.plot(*curves[k, link].T, color=BLUE, linewidth=1.3)
             axes.plot(*(2 * rest[link] - curves[k, link]).T, color=GREY, linewidth=0.7)
-        axes.set(title=_title(found, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
+        axes.set(title=_title(result, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
         axes.set_aspect("equal", adjustable="datalim")
 
 

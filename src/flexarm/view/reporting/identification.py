@@ -12,11 +12,13 @@ from flexarm.cases.scenario.summary import about_arm
 from flexarm.identification.result import (
     FIT_HEADS,
     HEADS,
+    LAGS,
     SIGNIFICANT,
     Identification,
+    correlation_of,
+    cross_correlation,
     fit_rows,
 )
-from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot.animation.scene import style
@@ -27,7 +29,7 @@ from flexarm.view.plot.fits import (
     fit_picture,
     matrix_picture,
 )
-from flexarm.view.reporting.document import Table, clean, file_item, number, text_of
+from flexarm.view.reporting import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
 _BAND = 2.576
@@ -37,39 +39,39 @@ _RELATED = 0.9
 _MOST_DRAWN = 24
 
 
-def identification_page(engine: Any, found: Identification, title: str, notes: str) -> str:
+def identification_page(engine: Any, result: Identification, title: str, notes: str) -> str:
     """Return the page of an identification."""
-    names = found.parameters["parameter"].values.tolist()
+    names = result.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
-    matrix = found.parameters["correlation"].values
-    files = [("identified.yaml", file_text(found.arm.spec))]
+    matrix = result.parameters["correlation"].values
+    files = [("identified.yaml", file_text(result.arm.spec))]
     page: str = engine.get_template("identification.html").render(
         title=clean(title),
         notes=clean(notes.strip()),
         style=style() + text_of("report.css"),
-        version=clean(found.flexarm_version),
+        version=clean(result.flexarm_version),
         writer=package_version(),
-        warnings=[clean(text) for text in _warnings(found)],
-        figures=_figures(found),
-        estimates=_estimates(found),
+        warnings=[clean(text) for text in _warnings(result)],
+        figures=_figures(result),
+        estimates=_estimates(result),
         matrix=matrix_picture([clean(name) for name in names], matrix) if drawn else "",
-        fits=_fits(found),
-        explained=_explained(found),
-        records=[_record(found, name, table) for name, table in found.histories.items()],
-        about=about_arm(found.arm),
+        fits=_fits(result),
+        explained=_explained(result),
+        records=[_record(result, name, table) for name, table in result.histories.items()],
+        about=about_arm(result.arm),
         files=[file_item(*each) for each in files],
     )
     return page
 
 
-def _warnings(found: Identification) -> list[str]:
-    texts = list(found.remarks)
-    bound = found.parameters["parameter"].values[found.parameters["at_bound"].values].tolist()
+def _warnings(result: Identification) -> list[str]:
+    texts = list(result.remarks)
+    bound = result.parameters["parameter"].values[result.parameters["at_bound"].values].tolist()
     if bound:
         texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")
     failed = [
         f"{channel} of {record} ({test})"
-        for table in (found.fit, found.validation)
+        for table in (result.fit, result.validation)
         for record, channel, *_, white, independent in fit_rows(table)
         for test, passed in (("whiteness", white), ("independence", independent))
         if passed == "failed"
@@ -82,36 +84,39 @@ def _warnings(found: Identification) -> list[str]:
     return texts
 
 
-def _figures(found: Identification) -> list[tuple[str, str, str]]:
-    rows = [("Method", found.method.replace("_", " "), "")]
-    rows.append(("Smallest fit", number(float(np.nanmin(found.fit["fit"].values))), "%"))
-    if found.validation.sizes["record"]:
-        smallest = float(np.nanmin(found.validation["fit"].values))
+def _figures(result: Identification) -> list[tuple[str, str, str]]:
+    rows = [("Method", result.method.replace("_", " "), "")]
+    rows.append(("Smallest fit", number(float(np.nanmin(result.fit["fit"].values))), "%"))
+    if result.validation.sizes["record"]:
+        smallest = float(np.nanmin(result.validation["fit"].values))
         rows.append(("Smallest fit, validation", number(smallest), "%"))
-    rows.append(("Parameters", str(found.parameters.sizes["parameter"]), ""))
-    rows.append(("Statements on what is not determined", str(len(found.undetermined)), ""))
+    rows.append(("Parameters", str(result.parameters.sizes["parameter"]), ""))
+    rows.append(("Statements on what is not determined", str(len(result.undetermined)), ""))
     return rows
 
 
-def _estimates(found: Identification) -> list[Table]:
-    tables = [_values("Parameters", found.rows(), found.parameters)]
-    if found.initial.sizes["parameter"]:
+def _estimates(result: Identification) -> list[Table]:
+    tables = [_values("Parameters", result.rows(), result.parameters)]
+    if result.initial.sizes["parameter"]:
         rows = [
             (name, number(0.0), number(value), number(deviation), "")
             for name, value, deviation in zip(
-                *(found.initial[k].values for k in ("parameter", "estimate", "standard_deviation")),
+                *(
+                    result.initial[k].values
+                    for k in ("parameter", "estimate", "standard_deviation")
+                ),
                 strict=True,
             )
         ]
-        tables.append(_values("Initial states: changes from the start", rows, found.initial))
-    related = _related(found.parameters)
+        tables.append(_values("Initial states: changes from the start", rows, result.initial))
+    related = _related(result.parameters)
     if related:
         tables.append(Table("Estimates with a large correlation", ("", "", "correlation"), related))
-    noise = [(name, number(value)) for name, value in found.noise.items()]
-    if found.torque_noise is not None:
+    noise = [(name, number(value)) for name, value in result.noise.items()]
+    if result.torque_noise is not None:
         noise += [
             (f"torque of joint {joint} (N m, in each sample)", number(float(value)))
-            for joint, value in zip(found.arm.joint_numbers, found.torque_noise, strict=True)
+            for joint, value in zip(result.arm.joint_numbers, result.torque_noise, strict=True)
         ]
     tables.append(Table("Noise", ("", "std. deviation"), tuple(noise)))
     return tables
@@ -137,16 +142,16 @@ def _related(parameters: xr.Dataset) -> tuple[tuple[str, str, str], ...]:
     )
 
 
-def _fits(found: Identification) -> list[Table]:
-    tables = [("Fitted records", found.fit)]
-    if found.validation.sizes["record"]:
-        tables.append(("Validation: records that were not fitted", found.validation))
+def _fits(result: Identification) -> list[Table]:
+    tables = [("Fitted records", result.fit)]
+    if result.validation.sizes["record"]:
+        tables.append(("Validation: records that were not fitted", result.validation))
     return [Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables]
 
 
-def _explained(found: Identification) -> str:
+def _explained(result: Identification) -> str:
     what = "simulated channels"
-    if found.method == "prediction_error":
+    if result.method == "prediction_error":
         what = "predictions from the samples before"
     return (
         f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
@@ -155,9 +160,9 @@ def _explained(found: Identification) -> str:
     )
 
 
-def _record(found: Identification, name: str, table: xr.Dataset) -> dict[str, str]:
-    fitted = name in found.fit["record"].values
-    word = "predicted" if found.method == "prediction_error" else "simulated"
+def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, str]:
+    fitted = name in result.fit["record"].values
+    word = "predicted" if result.method == "prediction_error" else "simulated"
     times = np.asarray(table["time"].values, dtype=np.float64)
     channels, rows = [], []
     for channel in table["channel"].values.tolist():

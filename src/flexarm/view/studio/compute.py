@@ -20,13 +20,11 @@ from flexarm.cases.scenario.scenario import Prepared, prepare
 from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
 from flexarm.model import PlantSpec
-from flexarm.model.arm.plausibility import implausible
+from flexarm.model.plausible import implausible
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
-from flexarm.view.plot.drawn_arm import rigid_result
-from flexarm.view.plot.selection import Signals, several
-from flexarm.view.reporting import clock, report
-from flexarm.view.reporting.document import error_panel, few_lines
+from flexarm.view.plot.drawn_result import rigid_result, several
+from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
@@ -115,29 +113,26 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     arm = plant or prepared.arm
     reference = prepared.followed.motion
     times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
+    histories = several("channels", None, result)
+    if reference is not None:
+        histories = [*histories, error_panel(result, arm, reference)]
     wishes = SceneOptions(1.0, trace=True, torque=arm.links <= _MOST_ARROWS)
     scene = scene_of(
         "",
         arm,
         result,
-        float(result["time"].values[0]) + times,
+        times,
         wishes,
         rigid_result(True, arm, result),
         reference,
         prepared.options.get("contacts", ()),
-        [thin(few_lines(each), _INTERVALS) for each in _histories(result, arm, reference)],
+        [thin(few_lines(each), _INTERVALS) for each in histories],
     )
     data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
     texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
-    found = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
-    spent = time.perf_counter() - began
-    return Picture(data, texts, found, spent)
-
-
-def _histories(result: xr.Dataset, arm: Arm, reference: Any) -> list[Signals]:
-    found = several("channels", None, result)
-    return [*found, error_panel(result, arm, reference)] if reference is not None else found
+    lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
+    return Picture(data, texts, lowest, time.perf_counter() - began)
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:

@@ -9,11 +9,10 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
 from flexarm.base.errors import InputError
-from flexarm.model.file_format.content import content_of
+from flexarm.model.file_format.files import content_of
 from flexarm.model.file_format.yaml_text import change_of, flow_text
 from flexarm.model.wording import Path
-from flexarm.view.studio.state import ORIGIN, STUDIED, Choice, Project
-from flexarm.view.studio.values.edits import FORM
+from flexarm.view.studio.state import FORM, ORIGIN, STUDIED, Choice, Project
 from flexarm.view.studio.values.fields import Field, Group, Part, alike, fields_in, groups_of
 
 #: Groups that are open when a window opens; the others of many links would fill the screen.
@@ -65,10 +64,10 @@ class Panel:
 
     def explain(self, path: Path, message: str) -> None:
         """Show a message beside the field of an edit, or remove it if it is empty."""
-        found = self._controls()
+        controls = self._controls()
         value = path[:-1] if path[-1] == FORM else path
-        at = [each for each in found if each.field.path[: len(value)] == value]
-        exact = [each for each in found if each.field.path == path]
+        at = [each for each in controls if each.field.path[: len(value)] == value]
+        exact = [each for each in controls if each.field.path == path]
         for control in (exact or at)[:1]:
             control.explain(message)
 

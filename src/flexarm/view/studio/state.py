@@ -1,25 +1,230 @@
-"""State of a window: an immutable scenario or study, its edits, and undo and redo."""
+"""State of a window: an immutable scenario or study, its edits, and undo and redo.
+
+Edits that are more than a value, such as another kind or form, a table, new and removed entries,
+are paths with one of the words below at their end. They are converted to a value in place of
+another one, so that all edits are checked in the same way.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import count, zip_longest
 from pathlib import Path as FilePath
 from typing import Any
 
+from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.places import AnyPath
-from flexarm.model import ArmSpec, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model import ArmSpec, Link, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model.arm.sections import MATERIALS, Material
 from flexarm.model.checks import Record
-from flexarm.model.file_format.content import content_of
-from flexarm.model.file_format.files import load_any, record_of_bytes
+from flexarm.model.file_format.files import content_of, load_any, record_of_bytes
 from flexarm.model.file_format.yaml_text import Change, changed, parse
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
-from flexarm.view.studio.values.edits import WORDS, explicit, plain_edit
-from flexarm.view.studio.values.starts import scenario_around
+from flexarm.view.studio.values.forms import Forms, forms_at
+from flexarm.view.studio.values.starts import (
+    first_entries,
+    new_record,
+    new_value,
+    scenario_around,
+    short,
+)
+
+#: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
+#: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
+#: or its material.
+KIND, FORM, TABLE, NEW, REMOVE = "kind", "<form>", "<table>", "<new>", "<remove>"
+WAY, PRESET = "<way>", "<preset>"
+WORDS = (KIND, FORM, TABLE, NEW, REMOVE, WAY, PRESET)
+#: A material that is not a preset.
+OWN = "other"
+#: Descriptions of a link, and the fields of each.
+WAYS: dict[str, tuple[str, ...]] = {
+    "constants": (
+        "flexural_rigidity",
+        "mass_per_length",
+        "rotary_inertia_per_length",
+        "shear_rigidity",
+    ),
+    "material and section": ("material", "section"),
+    "table": ("table",),
+}
+
+
+def way_of(link: Link) -> str:
+    """Return the name of the way in which a link is described."""
+    if link.table is not None:
+        return "table"
+    return "constants" if link.section is None else "material and section"
+
+
+def plain_edit(
+    record: Scenario | StudySpec, scenario: Scenario, place: Path, path: Path, value: Any
+) -> tuple[Path, Sequence[Any]]:
+    """Return an edit of a scenario's path as a place in the record and the values to try there."""
+    word, place, path = place[-1], place[:-1], path[:-1]
+    old = _at(record, place)
+    if word == TABLE:
+        kept = {k: v for k, v in content_of(old).items() if k not in old._columns}
+        return place, [{**kept, **table_content(value, old)}]
+    if word == REMOVE:
+        return _removed(record, place)
+    if word == WAY:
+        return place, [_described(old, value)]
+    if word == PRESET:
+        return place, [value if value in MATERIALS else explicit(old)]
+    forms = forms_at(record, place)
+    if word == KIND and isinstance(old, Record) and not forms.kinds:
+        return place, _of_other_kind(scenario, old, value)
+    if word == KIND:
+        omitted = forms.optional and value not in [form.kind for form in forms.kinds]
+        if omitted and value == "none":
+            return place, [None]
+        return place, [new_value(scenario, path, forms, value, old)]
+    if word == NEW:
+        entries = forms.named("list")
+        if entries is None:
+            return place, [new_value(scenario, path, forms, value)]
+        if old is None and (first := first_entries(scenario, entries.items())):
+            return place, [first]
+        kinds = entries.items().kinds
+        new = new_value(scenario, path, entries.items(), value or (kinds and kinds[0].kind) or None)
+        return place, [[*content_of(old or ()), new]]
+    return place, _in_form(scenario, forms, value, old)
+
+
+def shown_by(record: Scenario | StudySpec, place: Path, path: Path) -> Path:
+    """Return the path, or its beginning, of the field to continue with after an edit."""
+    if path[-1] == REMOVE:
+        return (*path[: -2 if isinstance(path[-2], int) else -1], NEW)
+    if path[-1] == NEW:
+        entries = _at(record, place[:-1])
+        return (*path[:-1], len(entries) - 1) if isinstance(entries, tuple) else path[:-1]
+    return path[:-1] if path[-1] == FORM else path
+
+
+def _at(record: Scenario | StudySpec, place: Path) -> Any:
+    value: Any = record
+    for part in place:
+        value = look(value, part)
+    return value
+
+
+def _removed(record: Scenario | StudySpec, place: Path) -> tuple[Path, list[Any]]:
+    """Return the edit that removes an entry of a list, or a value that may be omitted."""
+    if not isinstance(place[-1], int):
+        return place, [None]
+    entries = _at(record, place[:-1])
+    kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
+    optional = forms_at(record, place[:-1]).optional
+    return place[:-1], [None if optional and not kept else kept]
+
+
+def _of_other_kind(scenario: Scenario, old: Record, kind: Any) -> list[Any]:
+    """Return a record with another required kind, with a number more or less if that needs it."""
+    kept = {**content_of(old), KIND: kind}
+    fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
+    return [kept, {**new_record(scenario, type(old)), **kept}, *fewer]
+
+
+def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]:
+    """Return values in another form, as near to the old value as possible."""
+    form = forms.named(name)
+    if form is None:
+        raise LookupError(name)
+    if form is forms.of(old):  # a button that was pressed twice
+        return [content_of(old)]
+    if name == "record":
+        return [new_record(scenario, form.type, old)]
+    if name == "list":
+        lengths = [Arm(scenario.arm).joints] if form.per_joint else [len(scenario.arm.links), 1]
+        return [[old] * length for length in lengths]
+    if isinstance(old, Record):
+        old = getattr(old, old._columns[-1])
+        return [content_of(old[0])]
+    return [old[0]]
+
+
+def explicit(value: Any) -> Any:
+    """Return the content of a file for a value, in which a material is not the name of a preset."""
+    if isinstance(value, Material):
+        return dict(value)
+    return content_of(value)
+
+
+def _described(link: Link, way: str) -> dict[str, Any]:
+    """Return a link in another way with the same properties at its root, as a file has it."""
+    dropped = {name for names in WAYS.values() for name in names}
+    kept = {k: v for k, v in content_of(link).items() if k not in dropped}
+    beam = link.beam()
+    if way == "table":
+        columns = {name: getattr(beam, name) for name in beam._columns}
+        return {**kept, "table": {k: list(v) for k, v in columns.items() if v and any(v)}}
+    if way == "constants":
+        values = {name: getattr(beam, name) for name in WAYS[way]}
+        return {**kept, **{name: short(v[0]) for name, v in values.items() if v and v[0]}}
+    rigidity = beam.flexural_rigidity[0] if beam.flexural_rigidity else 100.0
+    material = "aluminium"
+    # A tube with a wall of a tenth of its diameter D has I = pi/64 (1 - 0.8^4) D^4.
+    moment = rigidity / MATERIALS[material].youngs_modulus
+    diameter = short((moment * 64.0 / (math.pi * (1.0 - 0.8**4))) ** 0.25)
+    tube = {"kind": "tube", "outer_diameter": diameter, "thickness": short(0.1 * diameter)}
+    return {**kept, "material": material, "section": tube}
+
+
+_SPACES = re.compile(r"\s*[,;\t]\s*|\s+")
+_NAME = re.compile(r"(\w+)(?:\[(\d{1,3})\])?$")
+
+
+def table_text(record: Record) -> str:
+    """Return the table of a record; the numbers of a list in a column have columns of their own."""
+    columns = {name: getattr(record, name) for name in record._columns}
+    head: list[str] = []
+    cells: list[list[str]] = []
+    for name, values in columns.items():
+        if values is None:
+            continue
+        width = max((len(each) for each in values if isinstance(each, tuple)), default=0)
+        head += [f"{name}[{k}]" for k in range(width)] or [name]
+        rows = [each if isinstance(each, tuple) else (each,) for each in values]
+        cells += [[repr(row[k]).removesuffix(".0") for row in rows] for k in range(max(width, 1))]
+    rows_text = [", ".join(row) for row in zip_longest(*cells, fillvalue="")]
+    return "\n".join([", ".join(head), *rows_text])
+
+
+def table_content(text: str, record: Record) -> dict[str, Any]:
+    """Return the columns of a table in text; names may be missing, other cells remain text."""
+    rows = [_SPACES.split(line.strip()) for line in text.splitlines() if line.strip()]
+    head = _SPACES.split(table_text(record).splitlines()[0])
+    if rows and any(isinstance(_value(cell), str) for cell in rows[0]):
+        head = rows.pop(0)
+    columns: dict[str, Any] = dict.fromkeys(record._columns)
+    for k, row in enumerate(rows):
+        if len(row) != len(head):
+            rule = f"have {len(head)} values, one for each name"
+            raise InputError(Problem(f"row {k + 1} of the table", rule, str(len(row))))
+    for k, name in enumerate(head):
+        match = _NAME.match(name)
+        values = [_value(row[k]) for row in rows]
+        if match is None or match[2] is None:
+            columns[name] = values
+        else:
+            entries = columns.get(match[1]) or [[] for _ in rows]
+            columns[match[1]] = [[*old, value] for old, value in zip(entries, values, strict=True)]
+    return {name: values for name, values in columns.items() if values is not None}
+
+
+def _value(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
 
 #: Location of an edited value in messages.
 ORIGIN = "studio"
@@ -80,7 +285,7 @@ class Project:
         """Return a project with another value at a path of the simulated scenario.
 
         This is the override of ``flexarm run --set``, with its messages. Paths that end with a word
-        of `flexarm.view.studio.values.edits` are other edits, such as a new entry of a list.
+        of `flexarm.view.studio.state` are other edits, such as a new entry of a list.
         """
         place = self.placed(path)
         values: Sequence[Any] = (value,)
@@ -137,14 +342,14 @@ class Project:
 
     def files(self) -> dict[str, tuple[str, str]]:
         """Return name and text of the files that a user can save, by their kind."""
-        found = {
+        texts = {
             "model": (f"{self.name}-arm.yaml", file_text(self.record.arm)),
             "scenario": (f"{self.name}.yaml", file_text(self.scenario)),
         }
         if isinstance(self.record, StudySpec):
-            found["scenario"] = (f"{self.name}-scenario.yaml", found["scenario"][1])
-            found["study"] = (f"{self.name}.yaml", file_text(self.record))
-        return found
+            texts["scenario"] = (f"{self.name}-scenario.yaml", texts["scenario"][1])
+            texts["study"] = (f"{self.name}.yaml", file_text(self.record))
+        return texts
 
 
 def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iterator[Change]:

@@ -12,7 +12,7 @@ from flexarm.control.design.task_plan import NUMBERS, TaskPlan, TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.hybrid_force import HybridForce
 from flexarm.control.laws.force.task_controller import felt_force
-from flexarm.model.drives.force import AdaptiveForceParameters
+from flexarm.model.drives.controllers import AdaptiveForceParameters
 
 #: Largest coefficient of friction that is estimated.
 _MOST_FRICTION = 2.0

@@ -8,7 +8,7 @@ from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
-from flexarm.model.drives.force import AdmittanceParameters
+from flexarm.model.drives.controllers import AdmittanceParameters
 
 
 class Admittance(AdmittanceParameters, TaskController):

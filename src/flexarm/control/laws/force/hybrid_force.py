@@ -8,7 +8,7 @@ from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
 from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
-from flexarm.model.drives.force import HybridForceParameters
+from flexarm.model.drives.controllers import HybridForceParameters
 
 #: Limit of the integral, relative to the requested force. It prevents windup without contact,
 #: which would make the tip hit the surface.

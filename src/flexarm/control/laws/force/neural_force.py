@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm.control.contract.base import Arrays, FloatArray
 from flexarm.control.laws.force.adaptive_force import AdaptiveForce, surface_of
-from flexarm.model.drives.force import NeuralForceParameters
+from flexarm.model.drives.controllers import NeuralForceParameters
 
 
 class NeuralForce(NeuralForceParameters, AdaptiveForce):

@@ -14,7 +14,7 @@ from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.joint.follower import JointFollower
-from flexarm.model.drives.joint import ComputedTorqueParameters
+from flexarm.model.drives.controllers import ComputedTorqueParameters
 
 
 class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
-from flexarm.model.drives.joint import JointPDParameters
+from flexarm.model.drives.controllers import JointPDParameters
 
 
 class JointPD(JointFollower, JointPDParameters):

@@ -24,7 +24,7 @@ from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.gravity_compensation import SaggingArm
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.joint.follower import JointFollower
-from flexarm.model.drives.joint import JointPIDParameters
+from flexarm.model.drives.controllers import JointPIDParameters
 
 
 class JointPID(JointFollower, JointPIDParameters):

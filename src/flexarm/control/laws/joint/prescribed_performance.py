@@ -12,7 +12,7 @@ from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
-from flexarm.model.drives.uncertain import PrescribedPerformanceParameters
+from flexarm.model.drives.controllers import PrescribedPerformanceParameters
 
 
 class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):

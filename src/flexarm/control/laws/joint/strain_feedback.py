@@ -22,7 +22,7 @@ from flexarm.control.contract.gains import applied
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.hardware.instruments import filter_of
 from flexarm.control.laws.joint.follower import JointFollower
-from flexarm.model.drives.joint import StrainFeedbackParameters
+from flexarm.model.drives.controllers import StrainFeedbackParameters
 
 #: Default cutoff of the strain rates, relative to the sampling frequency.
 _CUTOFF = 0.1

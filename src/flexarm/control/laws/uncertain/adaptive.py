@@ -14,7 +14,7 @@ from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters, parameter_names
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import adaptive_torque
-from flexarm.model.drives.uncertain import AdaptiveParameters
+from flexarm.model.drives.controllers import AdaptiveParameters
 from flexarm.model.wording import nearest
 
 

@@ -11,7 +11,7 @@ from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
-from flexarm.model.drives.uncertain import RBFAdaptiveParameters
+from flexarm.model.drives.controllers import RBFAdaptiveParameters
 
 #: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000

@@ -7,7 +7,7 @@ import numpy as np
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
-from flexarm.model.drives.uncertain import SlidingModeParameters
+from flexarm.model.drives.controllers import SlidingModeParameters
 
 
 class SlidingMode(SlidingModeParameters, SlidingController):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm.arm.actions.contacts import arc_of, pieces_of
+from flexarm.arm.actions import arc_of, pieces_of
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
@@ -21,9 +21,15 @@ from flexarm.cases.scenario.motions import motion_of
 from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference
-from flexarm.view.plot.drawn_arm import FloatArray, RigidMotion, at_times, scenario_of, shapes_of
+from flexarm.view.plot.drawn_result import (
+    FloatArray,
+    RigidMotion,
+    Signals,
+    at_times,
+    scenario_of,
+    shapes_of,
+)
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.selection import Signals
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,9 +91,9 @@ def scene_of(
     contacts: Sequence[Contact],
     histories: Sequence[Signals],
 ) -> Scene:
-    """Create the scene of a result at times (F,) s, which may exceed those of the result."""
+    """Create the scene of a result at times (F,) s from its start, also beyond its end."""
     time = result["time"].values
-    now = np.clip(times, time[0], time[-1])
+    now = np.clip(float(time[0]) + times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
     links = shapes_of(arm, q, options.magnify, stations_of(arm.links))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
@@ -301,7 +307,9 @@ def style() -> str:
 def fragment(scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None) -> str:
     """Return the player, with ``beside`` histories beside the arm, for pages with `style`."""
     # A title may contain "</script>", so write "<" as an escape sequence.
-    text = _as_json(player_data(scenes, fps, speed, beside)).replace("<", "\\u003c")
+    content = player_data(scenes, fps, speed, beside)
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False, default=_listed)
+    text = text.replace("<", "\\u003c")
     place = "document.currentScript.previousElementSibling"
     data = f"JSON.parse({place}.textContent)"
     return (
@@ -335,17 +343,13 @@ def player_data(
     }
 
 
-def _as_json(data: Any) -> str:
-    """Return data as JSON in its shortest form, with null for numbers that are not finite."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False, default=_listed)
-
-
 def _listed(values: FloatArray) -> Any:
+    """Return numbers for JSON, with null for those that are not finite."""
     if np.isfinite(values).all():
         return values.tolist()
-    found = values.astype(object)
-    found[~np.isfinite(values)] = None
-    return found.tolist()
+    numbers = values.astype(object)
+    numbers[~np.isfinite(values)] = None
+    return numbers.tolist()
 
 
 def inline(text: str, height: int) -> str:

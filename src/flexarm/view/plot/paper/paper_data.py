@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from flexarm.arm.arm import Arm
-
 FloatArray = NDArray[np.float64]
-
-#: Number of postures in figure 3.
-POSTURES = 10
-_STATIONS = 25
-_CHANNELS = (
-    "torque",
-    "link_angle",
-    "link_rate",
-    "link_tip_deflection",
-    "link_tip_deflection_rate",
-    "link_tip_slope",
-    "link_tip_slope_rate",
-    "tip",
-)
 
 
 class Panel(NamedTuple):
@@ -65,30 +45,13 @@ PANELS = (
 )
 
 
-def _file_name(panel: Panel) -> str:
-    return f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}"
-
-
 #: Figures 5 to 16 by file name.
-HISTORY_NAMES = {_file_name(panel): panel for panel in PANELS}
+HISTORY_NAMES = {
+    f"fig{panel.figure:02d}_link{panel.link + 1}_{panel.channel.removeprefix('link_')}": panel
+    for panel in PANELS
+}
 #: Names of all the paper's figures.
 FIGURE_NAMES = ("fig03_path", "fig04_torques", *HISTORY_NAMES)
-
-
-class Case(Protocol):
-    """Interface of ``flexarm.view.paper.PaperCase``, which is in a higher layer."""
-
-    duration: float
-    arm: Arm
-    rigid_counterpart: Arm
-
-    @property
-    def flexible(self) -> xr.Dataset:
-        """Result of the arm."""
-
-    @property
-    def rigid(self) -> xr.Dataset:
-        """Result of its rigid counterpart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,25 +69,3 @@ class Histories:
     #: Model to (postures, links, stations, 2) m, at evenly spaced times of the motion; "flexible"
     #: and "rigid"
     postures: dict[str, FloatArray]
-
-
-def histories(case: Case, models: Sequence[str] = ("flexible", "rigid")) -> Histories:
-    """Extract the data of the figures from the results of a case."""
-    return Histories(
-        duration=case.duration,
-        time=case.flexible["time"].values,
-        runs={
-            model: {name: getattr(case, model)[name].values for name in _CHANNELS}
-            for model in models
-        },
-        postures={
-            "flexible": _postures(case.arm, case.flexible, case.duration),
-            "rigid": _postures(case.rigid_counterpart, case.rigid, case.duration),
-        },
-    )
-
-
-def _postures(arm: Arm, result: xr.Dataset, duration: float) -> FloatArray:
-    moments = np.linspace(0.0, duration, POSTURES)
-    states = result["q"].sel(time=moments, method="nearest").values
-    return np.stack([arm.shape(q, _STATIONS) for q in states])

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import MultipleLocator
 
 from flexarm.view.plot.paper.paper_data import (
@@ -20,6 +19,7 @@ from flexarm.view.plot.paper.paper_data import (
     Panel,
 )
 from flexarm.view.plot.style import (
+    AGES,
     BLUE,
     FLEXIBLE,
     GREY,
@@ -41,8 +41,6 @@ _END_OF_TORQUES: dict[str, Any] = {
     "linestyle": ":",
     "zorder": 0.5,
 }
-#: Colours by time: early postures light, late ones dark.
-_AGES = LinearSegmentedColormap.from_list("ages", ["#BBDDF0", BLUE])
 
 
 def _draw_history(axes: Axes, panel: Panel, case: Histories, frame: bool = False) -> None:
@@ -74,7 +72,7 @@ def _draw_path(axes: Axes, case: Histories) -> None:
     ages = np.linspace(0.0, 1.0, len(bent))
     rigid_look = {**RIGID, "linewidth": 0.5, "label": "_"}
     for links, rigid_links, age in zip(bent, straight, ages, strict=True):
-        color = _AGES(age)
+        color = AGES(age)
         axes.plot(*links.reshape(-1, 2).T, color=color, linewidth=1.4)
         axes.plot(*links[1:, 0].T, "o", color=color, markersize=3.2, markeredgewidth=0.0)
         axes.plot(*rigid_links.reshape(-1, 2).T, **rigid_look)

@@ -15,26 +15,26 @@ from typing import Any, Literal
 
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import Link, StudySpec
-from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.sections import MATERIALS, Material
-from flexarm.model.checks import Record
+from flexarm.model.arm.spec import Joint
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware
-from flexarm.model.help_text import descriptions_of
 from flexarm.model.scenarios.scenario import RunSpec
 from flexarm.model.units import unit_of
 from flexarm.model.wording import Path, path_text
-from flexarm.view.studio.state import STUDIED, Project
-from flexarm.view.studio.values.edits import (
+from flexarm.view.studio.state import (
     FORM,
     KIND,
     NEW,
     OWN,
     PRESET,
     REMOVE,
+    STUDIED,
     TABLE,
     WAY,
     WAYS,
+    Project,
     table_text,
     way_of,
 )
@@ -368,7 +368,7 @@ _Choices = tuple[tuple[str, tuple[tuple[Any, str], ...]], ...]
 class Field:
     """One value with its control, or a button."""
 
-    path: Path  # in the simulated scenario, or of an edit; see `flexarm.view.studio.values.edits`.
+    path: Path  # in the simulated scenario, or of an edit; see `flexarm.view.studio.state`.
     label: str  # name in words
     value: Any  # current one; of a table its text
     #: Slider (a number), list (one of ``choices``), switch (true or false), text (YAML), table

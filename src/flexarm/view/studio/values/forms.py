@@ -125,9 +125,9 @@ def _of_field(record: type[Record], name: str) -> Forms:
 
 def forms_of(annotation: Any) -> Forms:
     """Return the forms of a type, or of a field of a record."""
-    found = list(_forms(annotation, ()))
-    given = tuple(form for form in found if form.name not in ("none", "function"))
-    return Forms(any(form.name == "none" for form in found), given)
+    forms = list(_forms(annotation, ()))
+    given = tuple(form for form in forms if form.name not in ("none", "function"))
+    return Forms(any(form.name == "none" for form in forms), given)
 
 
 def _forms(annotation: Any, marks: tuple[Any, ...]) -> Iterator[Form]:
@@ -172,21 +172,21 @@ def _form_name(annotation: Any, origin: Any, parts: tuple[Any, ...]) -> FormName
 def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
     """Return the forms of the value at a path, which may be omitted; LookupError without one."""
     value: Any = record
-    found: Forms | None = None
+    forms: Forms | None = None
     for part in path:
         if isinstance(value, Record) and part in type(value).model_fields:
-            found = _of_field(type(value), str(part))
-        elif found is not None and isinstance(value, tuple | dict):
-            form = found.of(value)
+            forms = _of_field(type(value), str(part))
+        elif forms is not None and isinstance(value, tuple | dict):
+            form = forms.of(value)
             if form is None:
                 raise LookupError(path)
-            found = form.items()
+            forms = form.items()
         else:
             raise LookupError(path)
         value = look(value, part)
-    if found is None:
+    if forms is None:
         raise LookupError(path)
-    return found
+    return forms
 
 
 def field_forms(record: Record, name: str) -> Forms:

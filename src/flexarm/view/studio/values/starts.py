@@ -17,19 +17,32 @@ from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.motions import motion_of
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
-from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
+from flexarm.model.arm.spec import Friction, JointLimits, Winding
 from flexarm.model.checks import Record
 from flexarm.model.drives import DRIVES, TorqueDrive
-from flexarm.model.environment.changes import PAYLOAD_MASS, Change, ValueTable
-from flexarm.model.environment.contacts import Contact, RoundWall, SurfaceTable, Wall
-from flexarm.model.environment.loads import Load
-from flexarm.model.environment.tables import AccelerationTable, FactorTable
-from flexarm.model.file_format.content import content_of
-from flexarm.model.scenarios.events import JointEvent, TipEvent
+from flexarm.model.environment import (
+    PAYLOAD_MASS,
+    AccelerationTable,
+    Change,
+    Contact,
+    FactorTable,
+    Load,
+    RoundWall,
+    SurfaceTable,
+    ValueTable,
+    Wall,
+)
+from flexarm.model.file_format.files import content_of
 from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
-from flexarm.model.scenarios.scenario import FollowingJoint, HeldJoint, TabulatedJoint
+from flexarm.model.scenarios.scenario import (
+    FollowingJoint,
+    HeldJoint,
+    JointEvent,
+    TabulatedJoint,
+    TipEvent,
+)
 from flexarm.model.wording import Path
 from flexarm.motion import Motion, rigid_torque
 from flexarm.view.studio.values.forms import Form, Forms, forms_of, kind_of
@@ -146,13 +159,13 @@ def new_record(scenario: Scenario, record: type[Record], old: Any = None) -> dic
     """Return starting values of a record; required fields without an entry get simple ones."""
     fields = record.model_fields
     kind = kind_of(record)
-    found = {} if kind is None else {"kind": kind}
-    found |= _STARTS[record](scenario, old) if record in _STARTS else {}
+    content = {} if kind is None else {"kind": kind}
+    content |= _STARTS[record](scenario, old) if record in _STARTS else {}
     for name, field in fields.items():
-        if field.is_required() and name not in found:
+        if field.is_required() and name not in content:
             length = 2 if name in record._columns else 1
-            found[name] = _plain(scenario, forms_of(field).given[0], length)
-    return found
+            content[name] = _plain(scenario, forms_of(field).given[0], length)
+    return content
 
 
 def _plain(scenario: Scenario, form: Form, length: int, old: Any = None) -> Any:
@@ -190,9 +203,11 @@ def _number(form: Form, k: int) -> float:
 def _stiffness(scenario: Scenario) -> float:
     """Return the stiffness (N/m) of the tip of the arm, stretched and clamped at the base."""
     links = scenario.arm.links
-    found = [link.beam().flexural_rigidity for link in links if link.flexible]
+    rigidities = [link.beam().flexural_rigidity for link in links if link.flexible]
     length = sum(link.reach for link in links)
-    return 3.0 * min(table[0] for table in found if table) / length**3 if found else 1000.0
+    return (
+        3.0 * min(table[0] for table in rigidities if table) / length**3 if rigidities else 1000.0
+    )
 
 
 def _tips(scenario: Scenario) -> tuple[FloatArray, FloatArray, float]:
@@ -383,9 +398,13 @@ class _Design:
     @cached_property
     def bandwidth(self) -> float:
         """Bandwidth of a joint loop, rad/s."""
-        found = modes(self.arm, self.ends[0]).frequency_hz
-        found = found[found > 0.0]
-        return float(_BANDWIDTH * 2.0 * np.pi * found[0]) if found.size else _RIGID_BANDWIDTH
+        frequencies = modes(self.arm, self.ends[0]).frequency_hz
+        frequencies = frequencies[frequencies > 0.0]
+        return (
+            float(_BANDWIDTH * 2.0 * np.pi * frequencies[0])
+            if frequencies.size
+            else _RIGID_BANDWIDTH
+        )
 
     @cached_property
     def inertia(self) -> FloatArray:
@@ -460,24 +479,24 @@ _GAIN_STARTS: dict[str, _Start] = {
 def _drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
     """Return a drive with gains well below the vibration of the arm; of unknown kind, alone."""
     records = {form.model_fields["kind"].default: form for form in chain(*DRIVES.values())}
-    found: dict[str, Any] = {"kind": kind}
+    content: dict[str, Any] = {"kind": kind}
     if kind not in records:
-        return found
+        return content
     of = _Design(scenario, Arm(scenario.arm))
     if records[kind] is TorqueDrive:
-        return found | _sampled(of)
+        return content | _sampled(of)
     for name, field in records[kind].model_fields.items():
         default = None if field.is_required() else field.default
         value = _GAIN_STARTS[name](of, default) if name in _GAIN_STARTS else None
         if value is not None:
-            found[name] = value
-    return found
+            content[name] = value
+    return content
 
 
 def _instruments(arm: Arm) -> list[dict[str, Any]]:
-    found = [{"signal": "joint_angle", "noise": 1e-4}]
+    instruments = [{"signal": "joint_angle", "noise": 1e-4}]
     gauges = any(link.gauges for link in arm.spec.links)
-    return [*found, {"signal": "strain", "noise": 1e-6}] if gauges else found
+    return [*instruments, {"signal": "strain", "noise": 1e-6}] if gauges else instruments
 
 
 def _sampled(of: _Design) -> dict[str, Any]:

@@ -1,26 +1,67 @@
-"""Description of measured records: columns of files, and the treatment of their channels."""
+"""Description of an identification: measured records, free parameters, and the whole study."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from flexarm.base.errors import shown
+from flexarm.base.writing.places import AnyPath
+from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
+from flexarm.model.file_format.files import _located
+from flexarm.model.file_format.yaml_text import Document
+from flexarm.model.hardware import Motors, Seed
 from flexarm.model.quantities import (
     Count,
     Flag,
     Listed,
     Mapped,
+    Named,
     NonNegative,
     Number,
+    OneOrMany,
     Positive,
     Word,
     plain,
 )
-from flexarm.model.wording import Fault
+from flexarm.model.wording import Fault, Path
+
+
+def _by_key(key: str) -> Callable[[Any], Any]:
+    """Return a function that converts text to the mapping of the key for which it stands."""
+    return lambda value: {key: value} if isinstance(value, str) else value
+
+
+class FreeParameter(Record, kw_only=False):
+    """A number of an arm or of its motors that is estimated from measured records.
+
+    ``prior`` and ``prior_deviation`` describe what is known before the measurement, as a normal
+    distribution; they count as one more measurement.
+    """
+
+    path: Word
+    """Path of the number, such as links[0].flexural_rigidity or payload.mass."""
+    lower: Number | None = None
+    """Lower bound; by default 0 if the number cannot be negative."""
+    upper: Number | None = None
+    """Upper bound; none by default."""
+    prior: Number | None = None
+    """Expected value; by default that of the arm."""
+    prior_deviation: Positive | None = None
+    """Standard deviation of the expected value; no prior by default."""
+    per_record: Flag = False
+    """Whether each record has its own value; shared by default."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("lower", "upper") and given.upper <= given.lower:
+            yield Fault(("upper",), f"be greater than lower ({given.lower:g})", shown(given.upper))
+        if not given.absent("prior") and given.absent("prior_deviation"):
+            yield Fault(("prior_deviation",), "is required with prior")
+
 
 Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 
@@ -81,11 +122,6 @@ UNITS: dict[str, dict[str, float]] = {
 }
 
 
-def _column(value: Any) -> Any:
-    """Convert the name of a column to the mapping that it stands for."""
-    return {"column": value} if isinstance(value, str) else value
-
-
 class Column(Record, kw_only=False):
     """A column of a file of measurements; its values become ``gain * value + offset``."""
 
@@ -99,12 +135,11 @@ class Column(Record, kw_only=False):
     """Constant added after the factor."""
 
 
-def _filters(value: Any) -> Any:
-    """Convert a single filter to a list of filters."""
-    return [value] if isinstance(value, dict | Filter) else value
-
-
-Filters = Annotated[Listed[Filter], BeforeValidator(_filters)]
+#: A list of filters, or a single one.
+Filters = Annotated[
+    Listed[Filter],
+    BeforeValidator(lambda value: [value] if isinstance(value, dict | Filter) else value),
+]
 
 
 class RecordSettings(Record):
@@ -142,7 +177,7 @@ class RecordFile(RecordSettings):
 
     file: Word
     """Path of the .csv, .mat, .nc or .parquet file, relative to this file."""
-    channels: Mapped[Annotated[Column, BeforeValidator(_column)]] = Field(
+    channels: Mapped[Annotated[Column, BeforeValidator(_by_key("column"))]] = Field(
         default={}, validate_default=True
     )
     """Columns by channel, such as joint_angle_1 or tip_x; by default the columns whose names are
@@ -173,3 +208,63 @@ class RecordFile(RecordSettings):
         if given.has("start", "end") and given.end <= given.start:
             rule = f"be greater than start ({given.start:g})"
             yield Fault(("end",), rule, shown(given.end))
+
+
+class FitSettings(Record):
+    """Settings of the least-squares fit and of its runs."""
+
+    starts: Count = 1
+    """Number of starts; all but the first are drawn at random."""
+    seed: Seed = 0
+    """Seed of the random starts."""
+    loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
+    """Loss of a residual; all but linear are robust to outliers."""
+    method: Literal["output_error", "prediction_error"] = "output_error"
+    """Errors that are fitted: those of the simulated channels, or of the predictions of an extended
+    Kalman filter, which disturbance torques bias less."""
+    torque_noise: OneOrMany[NonNegative] | None = None
+    """Standard deviation of a random torque error in each sample, one for all joints or one for
+    each, for prediction_error (N m); estimated by default."""
+    iterations: Count = 200
+    """Most evaluations of the residuals of a fit from one start."""
+    integrator: Word = "auto"
+    """Name of the integrator."""
+    step: Positive | None = None
+    """Fixed step of the integrator (s)."""
+    rtol: Positive = 1e-7
+    """Relative tolerance of a step."""
+    atol: Positive | None = None
+    """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
+
+
+class IdentificationStudy(Record):
+    """Estimation of parameters of an arm from measured records."""
+
+    arm: ArmSpec
+    """The arm with the values from which the estimation starts."""
+    motors: Motors | None = None
+    """Motors, for records with currents as inputs."""
+    records: Named[RecordFile]
+    """Records that are fitted, by name."""
+    validation: Mapped[RecordFile] = Field(default={}, validate_default=True)
+    """Records that are predicted with the estimates and not fitted, by name."""
+    free: Listed[Annotated[FreeParameter, BeforeValidator(_by_key("path"))]]
+    """Parameters to estimate: their paths, or mappings with a path."""
+    fit: FitSettings = FitSettings()
+    """Settings of the fit."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("free") and not given.free:
+            yield Fault(("free",), "has no entry")
+        if given.has("records", "validation"):
+            for name in given.validation:
+                if name in given.records:
+                    yield Fault(("validation", name), "repeats the name of a fitted record")
+
+
+def locate_identification(
+    path: AnyPath | Document,
+) -> tuple[IdentificationStudy, Callable[[Path], str]]:
+    """Read the file of an identification; return it with a function from key path to line."""
+    return _located(IdentificationStudy, path)

@@ -1,1 +1,0 @@
-"""External actions on an arm: loads, acceleration of its base, and contacts."""

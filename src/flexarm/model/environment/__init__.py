@@ -1,1 +1,0 @@
-"""Description of the environment of an arm: contacts and loads."""

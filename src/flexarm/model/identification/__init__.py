@@ -1,1 +1,0 @@
-"""Measured records, free parameters and studies of an identification."""
