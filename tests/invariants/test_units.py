@@ -124,6 +124,24 @@ def sensors(units: Units) -> list[fa.Instrument]:
     return [encoder, tachometer, fa.Instrument("strain", noise=2e-5)]
 
 
+def pressing(units: Units, kind, **options):
+    """Return a force controller with default arguments in contact, and on its way to it."""
+    arm = two_links(units, gravity=(0.0, 0.0))
+    ends = np.array([[1.0, 0.2], [1.05, 0.25]]) * units.length
+    line = fa.line_motion(arm, *ends, 0.5 * units.time)
+    force, turn = units.factor("N"), 20.0 / units.time
+
+    def requested(t):
+        return force * (2.0 + np.sin(turn * np.asarray(t)))
+
+    pressed = fa.pressed_motion(arm, line, requested, [-1.0, 1.0], friction=0.1)
+    wall = fa.Contact(fa.Wall((1.0002, 0.2), (-1.0, 1.0)), 1e3, damping=0.5)
+    walls = [units.record(wall)]
+    law = kind(arm, sample_time=0.002 * units.time, **options)
+    given = {"controller": law, "reference": pressed, "contacts": walls}
+    return run(units, arm, **given, initial=None)
+
+
 def sampled(kind, **options):
     """Return a function that creates a controller with a sample time in the units of the arm."""
     torque = options.pop("torque_limit", None)
@@ -149,6 +167,29 @@ LOOPS = {
     "composite": sampled(fa.Composite),
     "loop shaping": sampled(fa.LoopShaping),
     "disturbance observer": lambda u, arm: fa.DisturbanceObserver(arm, pd(u)),
+    "adaptive": lambda u, arm: fa.Adaptive(
+        arm, 3.0 / u.time, u.factor("N m s/rad") * np.array([3.0, 1.0]), 0.0, ["friction"],
+        strain_gain=0.1 * u.factor("rad m/s"), sample_time=0.002 * u.time,
+    ),
+    "sliding mode": lambda u, arm: fa.SlidingMode(
+        arm, 3.0 / u.time, 0.5 / u.time, strain_gain=0.1 * u.factor("rad m/s"),
+        sample_time=0.002 * u.time,
+    ),
+    "prescribed performance": lambda u, arm: fa.PrescribedPerformance(
+        8.0 / u.time, u.factor("N m s/rad") * np.array([3.0, 1.0]), 0.05, 5.0 / u.time, 0.2,
+        sample_time=0.002 * u.time,
+    ),
+    "repetitive": lambda u, arm: fa.RepetitiveControl(
+        pd(u), 0.08 * u.time, 5.0 * u.factor("N m/rad")
+    ),
+}  # fmt: skip
+#: Force controllers with default arguments.
+FORCED = {
+    "hybrid force": fa.HybridForce,
+    "adaptive force": fa.AdaptiveForce,
+    "neural force": fa.NeuralForce,
+    "impedance": fa.Impedance,
+    "admittance": fa.Admittance,
 }
 FILTERS = {
     "extended": estimated(fa.ExtendedKalmanFilter),
@@ -283,6 +324,7 @@ CASES = {
     "motions": motions,
     **{name: lambda u, make=make: damped(u, make) for name, make in LOOPS.items()},
     **{name: lambda u, make=make: damped(u, make, True) for name, make in FILTERS.items()},
+    **{name: lambda u, kind=kind: pressing(u, kind) for name, kind in FORCED.items()},
 }
 
 
@@ -335,7 +377,7 @@ SIZES = [
 
 
 @pytest.mark.sampled("LQG", "disturbance observer")
-@pytest.mark.parametrize("name", [*LOOPS, *FILTERS])
+@pytest.mark.parametrize("name", [*LOOPS, *FILTERS, *FORCED])
 def test_loops_with_default_arguments_are_the_same_for_arms_of_any_size(name):
     usual = outcome(CASES[name], Units())
     for units in SIZES:

@@ -31,7 +31,7 @@ _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("con
 _BRISK = 0.25
 #: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
 #: scale is that of its loop.
-_FASTEST, _RIGID = 0.08, 0.0064
+_FASTEST, RIGID = 0.08, 0.0064
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
 #: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
@@ -62,7 +62,7 @@ def typical_rate(arm: Arm, sample_time: float) -> float:
     requirements suit the loop; 0.0064 rad in a sample time for a rigid arm.
     """
     lowest = lowest_frequency(arm)
-    return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else _RIGID / sample_time
+    return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else RIGID / sample_time
 
 
 def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:

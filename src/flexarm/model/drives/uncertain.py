@@ -45,7 +45,15 @@ StrainGain = Annotated[
     ),
 ]
 Washout = Annotated[
-    Positive, Field(description="Cutoff of the high-pass filter of the curvature (Hz).")
+    Any,
+    Typed(Positive | None),
+    Field(
+        description=(
+            "Cutoff of the high-pass filter of the curvature (Hz); by default half of the lowest "
+            "frequency of the straight arm with locked joints, but at most 0.005 of the sampling "
+            "frequency."
+        )
+    ),
 ]
 
 
@@ -72,7 +80,7 @@ class AdaptiveParameters(ControllerParameters):
     dead_zone: NonNegative = 0.0
     """Norm of the rate errors below which the estimates are constant (rad/s)."""
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -88,11 +96,13 @@ class SlidingModeParameters(ControllerParameters):
     """Largest error of parameters, by names such as payload.mass or link_2.mass."""
     disturbance: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Bound of other disturbance torques, one for all joints or one for each (N m)."""
-    reaching: Annotated[Any, PerJoint(Positive)] = 0.1
-    """Excess of the switching torque over the bounds, one for all joints or one for each (N m)."""
+    reaching: Annotated[Any, PerJoint(Positive)] | None = None
+    """Excess of the switching torque over the bounds, one for all joints or one for each (N m); by
+    default 1 % of the torque that accelerates the joint of the straight rigid arm by w^2 / 4, where
+    w is the lowest angular frequency with locked joints, but at most 0.0064 rad in a sample time."""
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -120,7 +130,7 @@ class RBFAdaptiveParameters(ControllerParameters):
     """Whether to add the torque of the arm's rigid model, so that the network learns the
     remainder."""
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -141,8 +151,9 @@ class PrescribedPerformanceParameters(ControllerParameters):
     start_bound: Annotated[Any, PerJoint(Positive)] | None = None
     """Bound of the angle error at the start, which must exceed the first error (rad); that after a
     long time by default."""
-    decay: NonNegative = 1.0
-    """Rate at which the bound of the angle error decreases (1/s)."""
+    decay: Annotated[Any, Typed(NonNegative | None)] = None
+    """Rate at which the bound of the angle error decreases (1/s); by default an eighth of the least
+    bandwidth."""
     gain_limit: Annotated[Finite, Field(ge=1.01, le=1e6), BeforeValidator(plain)] = 20.0
     """Factor up to which the gains increase towards the bounds; the sampled loop must be stable
     with ``damping`` times this factor."""

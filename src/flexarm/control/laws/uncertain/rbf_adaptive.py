@@ -69,7 +69,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
                 np.ones(1),
                 now.reference_acceleration,
                 now.reference_rate,
-                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
+                np.tanh(now.reference_rate / self._sliding.smoothing_rate),
                 now.rate[first] * now.reference_rate[second],
             ]
         )
@@ -94,10 +94,6 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
         return after, torque + rows[0] + rows[1]
-
-
-#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
-_SIGN = 0.01
 
 
 def _grid(
