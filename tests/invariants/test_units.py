@@ -104,7 +104,7 @@ def pressed(units: Units):
     ends = np.array([[1.0, 0.2], [1.05, 0.25]]) * units.length
     line = fa.line_motion(arm, *ends, 0.5 * units.time)
     force = 2.0 * units.factor("N")
-    motion = fa.pressed_motion(arm, line, force, [-1.0, 1.0], interval=0.1 * units.time)
+    motion = fa.pressed_motion(arm, line, force, [-1.0, 1.0])
     wall = units.record(fa.Contact(fa.Wall((1.0, 0.2), (-1.0, 1.0)), 1e3, damping=0.5))
     return run(units, arm, controller=pd(units), reference=motion, contacts=[wall], initial=None)
 
@@ -169,15 +169,15 @@ LOOPS = {
     "disturbance observer": lambda u, arm: fa.DisturbanceObserver(arm, pd(u)),
     "adaptive": lambda u, arm: fa.Adaptive(
         arm, 3.0 / u.time, u.factor("N m s/rad") * np.array([3.0, 1.0]), 0.0, ["friction"],
-        strain_gain=0.1 * u.factor("rad m/s"), sample_time=0.002 * u.time,
+        strain_gain=[0.1 * u.factor("rad m/s"), 0.0], sample_time=0.002 * u.time,
     ),
     "sliding mode": lambda u, arm: fa.SlidingMode(
-        arm, 3.0 / u.time, 0.5 / u.time, strain_gain=0.1 * u.factor("rad m/s"),
+        arm, 3.0 / u.time, 0.5 / u.time, strain_gain=[0.1 * u.factor("rad m/s"), 0.0],
         sample_time=0.002 * u.time,
     ),
     "prescribed performance": lambda u, arm: fa.PrescribedPerformance(
-        8.0 / u.time, u.factor("N m s/rad") * np.array([3.0, 1.0]), 0.05, 5.0 / u.time, 0.2,
-        sample_time=0.002 * u.time,
+        8.0 / u.time, u.factor("N m s/rad") * np.array([2.0, 0.5]), 0.3, 8.0 / u.time, 1.0,
+        gain_limit=2.0, sample_time=0.002 * u.time,
     ),
     "repetitive": lambda u, arm: fa.RepetitiveControl(
         pd(u), 0.08 * u.time, 5.0 * u.factor("N m/rad")

@@ -10,11 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.control.design.default_requirements import (
-    RIGID,
-    lowest_frequency,
-    typical_torque,
-)
+from flexarm.control.design.default_requirements import RIGID, typical_torque
+from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.model.checks import Record
 from flexarm.model.drives.parameters import parameters_of
 from flexarm.model.paths import unit_at

@@ -18,10 +18,10 @@ from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.design.arm_scales import size_of_zero
-from flexarm.control.design.default_requirements import lowest_frequency
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
 from flexarm.kernels.compilation.duals import DualArray
+from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.parameters import Parameters, is_of_arm
