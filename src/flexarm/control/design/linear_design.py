@@ -24,6 +24,8 @@ from flexarm.model.wording import nearest
 #: of 0.3, LQG with its default weights is stable on the three arms of
 #: docs/performance/measure_robustness.py: links 30 % softer and stiffer, and twice the payload.
 _NOISE, _BEND = 0.25, 0.02
+#: Most doublings of a Riccati equation, and the relative change at its solution.
+_DOUBLINGS, _CONVERGED = 60, 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,17 +341,42 @@ def kalman(
 def _riccati(
     argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
 ) -> FloatArray:
-    from scipy.linalg import solve_discrete_are
+    from scipy.linalg import solve, solve_discrete_are
 
     # The callers balance the equation. The balancing of SciPy fails for some strong noise, and
     # without it some strong weights.
     for balanced in (True, False):
         try:
             P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
+            # A solution spoilt by rounding has no gain, or one that does not stabilise.
+            gain = solve(R + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
         except (np.linalg.LinAlgError, ValueError):
             continue
-        return (P + P.T) / 2.0
-    raise InputError(_unsolvable(argument))
+        if np.max(np.abs(np.linalg.eigvals(A - B @ gain))) < 1.0:
+            return (P + P.T) / 2.0
+    doubled = _doubled(A, B @ np.linalg.solve(R, B.T), Q)
+    if doubled is None:
+        raise InputError(_unsolvable(argument))
+    return doubled
+
+
+def _doubled(A: FloatArray, G: FloatArray, H: FloatArray) -> FloatArray | None:
+    """Return the solution of H = Q + A' H (I + G H)^-1 A by doubling, or None without one.
+
+    Chu, Fan, Lin and Wang, Int. J. Control 77 (2004) 767. It keeps the equation symmetric, so that
+    it also solves equations whose pencil SciPy cannot order.
+    """
+    for _ in range(_DOUBLINGS):
+        inner = np.linalg.solve((np.eye(len(A)) + G @ H).T, A.T).T  # A (I + G H)^-1
+        more = A.T @ H @ np.linalg.solve(np.eye(len(A)) + G @ H, A)
+        G, A = G + inner @ G @ A.T, inner @ A
+        H = H + 0.5 * (more + more.T)
+        G = 0.5 * (G + G.T)
+        if not np.all(np.isfinite(H)):
+            return None
+        if np.abs(more).max() <= _CONVERGED * np.abs(H).max():
+            return H
+    return None
 
 
 def _check_stable(argument: str, loop: FloatArray) -> None:
