@@ -111,7 +111,9 @@ def test_integral_is_cleared_where_the_force_is_zero():
         force = 4.0 if k > 22 else 3.0
         torque = controller.update(k * controller.sample_time, reading(force), Strokes())
         found.append(np.dot(torque - PRESSED.holding_torque(0.0), row) / np.dot(row, row))
-    assert found[20] == pytest.approx(20 * controller.force_integral * 1e-3), "the integral of the first stroke"
+    assert found[20] == pytest.approx(20 * controller.force_integral * 1e-3), (
+        "the integral of the first stroke"
+    )
     np.testing.assert_allclose(found[23:], 0.0, atol=1e-12)
 
 

@@ -98,8 +98,8 @@ class SlidingModeParameters(ControllerParameters):
     """Bound of other disturbance torques, one for all joints or one for each (N m)."""
     reaching: Annotated[Any, PerJoint(Positive)] | None = None
     """Excess of the switching torque over the bounds, one for all joints or one for each (N m); by
-    default 1 % of the torque that accelerates the joint of the straight rigid arm by w^2 / 4, where
-    w is the lowest angular frequency with locked joints, but at most 0.0064 rad in a sample time."""
+    default 1 % of the torque that accelerates the joint of the straight rigid arm by w^2 / 4; w is
+    the lowest angular frequency with locked joints, but at most 0.0064 rad in a sample time."""
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
     washout: Washout = None

@@ -119,9 +119,7 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
     yield Candidate("impedance", reason, drives)
 
 
-def _damped(
-    needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float
-) -> Drive:
+def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
     """Return a force controller with its default damping times a factor."""
     sample_time = sample_time_of(needs)
     usual = vars(kind(needs.arm, sample_time=sample_time))

@@ -70,11 +70,11 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     @property
     def _released(self) -> float:
         """Time without a force (s) from which on a longer one makes no difference."""
-        return self.release_time + self.sample_time
+        return float(self.release_time) + self.sample_time
 
     def _slides(self, inputs: Arrays) -> bool:
         """Return whether the tip certainly slides; below this speed, static friction may hold."""
-        return abs(surface_of(inputs).speed) >= _SLIDING * self.nominal_speed
+        return abs(surface_of(inputs).speed) >= float(_SLIDING * self.nominal_speed)
 
     @property
     def estimate(self) -> dict[str, float]:

@@ -111,7 +111,8 @@ class HybridForce(HybridForceParameters, TaskController):
             memory["integral"] = min(max(added, -limit), limit)
         if touching:
             return push
-        return against + min(0.0, self.normal_damping * self.approach_speed - request.force)
+        approach: float = self.normal_damping * self.approach_speed
+        return against + min(0.0, approach - request.force)
 
     def _touching(self, memory: dict[str, Any], felt: float, least: float) -> bool:
         """Return whether a measured force (N) is a contact, which has at least ``least``."""

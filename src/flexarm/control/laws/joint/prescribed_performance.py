@@ -14,7 +14,6 @@ from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.uncertain import PrescribedPerformanceParameters
 
-
 #: Default decay rate of the bounds, relative to that of the errors.
 _DECAY = 0.125
 

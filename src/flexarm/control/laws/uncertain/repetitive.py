@@ -173,7 +173,8 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         return count, lead
 
     def _half(self) -> int:
-        return math.ceil(_HALF / (self.cutoff * self.sample_time))
+        cutoff: float = self.cutoff
+        return math.ceil(_HALF / (cutoff * self.sample_time))
 
     def _filter(self) -> FloatArray:
         """Return the weights of the filter without phase shift, (2 half + 1,)."""

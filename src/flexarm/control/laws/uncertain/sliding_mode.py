@@ -11,7 +11,6 @@ from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.model.drives.uncertain import SlidingModeParameters
 
-
 #: Default excess of the switching torque, relative to typical torques.
 _REACHING = 0.01
 
