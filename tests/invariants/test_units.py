@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control.design.arm_scales import size_of_zero
+from flexarm.model.paths import unit_at
 from other_units import Units
 from random_arms import random_spec
 
@@ -411,3 +413,41 @@ def test_random_arms_take_the_same_steps_in_other_units(seed):
             continue
         assert other.steps == usual.steps
         np.testing.assert_array_equal(other.q.values / units.coordinates(arm), usual.q.values)
+
+
+#: Numbers that may be zero in an arm, of all dimensions that records have.
+ZEROS = [
+    *("joints[0].damping", "joints[0].stiffness", "joints[0].rotor_inertia", "joints[0].mass"),
+    *("payload.offset[0]", "payload.inertia", "gravity[0]", "links[0].rotary_inertia_per_length"),
+]
+
+
+@pytest.mark.parametrize("units", [*OTHERS, *SIZES])
+def test_steps_of_numbers_that_are_zero_follow_the_arm(units):
+    """Derivatives and identification change such a number by a fraction of this size."""
+    usual, other = two_links(Units()), two_links(units)
+    for path in ZEROS:
+        factor = units.factor(unit_at(usual.spec, path))
+        wanted = factor * size_of_zero(usual, usual.spec, path)
+        assert size_of_zero(other, other.spec, path) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("path", ["joints[1].damping", "payload.inertia", "payload.offset[0]"])
+def test_derivatives_by_numbers_that_are_zero_are_the_same_in_other_units(path):
+    def derivative(units: Units) -> float | str:
+        bare = {"first": {"damping": 0.0}, "second": {"damping": 0.0}}
+        arm = two_links(units, **bare)
+        payload = fa.Payload(mass=arm.spec.payload.mass)
+        arm = fa.Arm(arm.spec.replace(payload=payload))
+        given = {"initial": arm.rest(START), "rate": 100.0 / units.time, "channels": ["tip_angle"]}
+        try:
+            found = fa.sensitivities(arm, 0.05 * units.time, [path], **given)
+        except fa.InputError as error:
+            return str(error)
+        factor = units.factor(unit_at(arm.spec, path))
+        return float(found.tip_angle.values.ravel()[-1] * factor)
+
+    usual = derivative(Units())
+    for units in (*OTHERS, *SIZES):
+        other = derivative(units)
+        assert other == (usual if isinstance(usual, str) else pytest.approx(usual, rel=1e-6))

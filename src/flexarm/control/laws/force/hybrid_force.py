@@ -112,7 +112,8 @@ class HybridForce(HybridForceParameters, TaskController):
         if touching:
             return push
         approach: float = self.normal_damping * self.approach_speed
-        return against + min(0.0, approach - request.force)
+        closing: float = against + min(0.0, approach - request.force)
+        return closing
 
     def _touching(self, memory: dict[str, Any], felt: float, least: float) -> bool:
         """Return whether a measured force (N) is a contact, which has at least ``least``."""
