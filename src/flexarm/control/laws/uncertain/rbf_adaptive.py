@@ -13,6 +13,8 @@ from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
 from flexarm.model.drives.uncertain import RBFAdaptiveParameters
 
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+_SIGN = 0.01
 #: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000
 
@@ -69,7 +71,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
                 np.ones(1),
                 now.reference_acceleration,
                 now.reference_rate,
-                np.tanh(now.reference_rate / self._sliding.smoothing_rate),
+                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
                 now.rate[first] * now.reference_rate[second],
             ]
         )

@@ -21,8 +21,8 @@ from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.arm_scales import default_cutoff
 
-#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
-_SIGN = 0.01
+#: Smoothing rate of adapted friction, relative to the bandwidth (rad).
+_SMOOTHED = 0.001
 #: Cutoff of the low-pass filter of the curvature, which limits noise in its rate, relative to the
 #: sampling frequency.
 _NOISE_CUTOFF = 0.1
@@ -49,7 +49,7 @@ class SlidingVariable:
         self, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
     ) -> None:
         self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
-        self.smoothing_rate = _SIGN * bandwidth
+        self.smoothing_rate = _SMOOTHED * bandwidth
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
