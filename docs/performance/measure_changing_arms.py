@@ -50,7 +50,7 @@ def laws(arm):
             fa.Adaptive(arm, 3.0, [6.0, 1.5], 0.05, ["payload.mass"], leakage=0.02),
             static,
         ),
-        "composite": (fa.Composite(arm, rigidity_uncertainty=1.0, recovery=1.0), line),
+        "composite": (fa.Composite(arm), line),
         "joint PD, rigid": (fa.JointPD(*GAINS, feedforward=fa.rigid_torque(arm, line)), line),
     }
 

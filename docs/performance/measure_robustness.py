@@ -42,8 +42,8 @@ CONTROLLERS = {
         fa.MPC,
         {"torque_limit": 200.0, "sample_time": 2e-3, "rigidity_uncertainty": 0.3},
     ),
-    "Composite": (fa.Composite, {}),
-    "Composite, uncertain": (fa.Composite, {"rigidity_uncertainty": 1.0, "recovery": 1.0}),
+    "Composite": (fa.Composite, {"rigidity_uncertainty": 0.0, "recovery": 0.0}),
+    "Composite, uncertain": (fa.Composite, {}),
     "Loop shaping": (fa.LoopShaping, {"bandwidth": 12.0}),
     "Loop shaping, uncertain": (fa.LoopShaping, {"bandwidth": 12.0, "rigidity_uncertainty": 0.3}),
 }

@@ -41,8 +41,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "adaptive": {"bandwidth": 2.0, "damping": [0.8, 0.2], "adaptation": 0.003},
     "adaptive_force": {"frequency": 1.5},
     "admittance": {"frequency": 1.5},
-    # Without these the loop is unstable 0.5 rad away from the posture of the design.
-    "composite": {**_BOUNDS, "rigidity_uncertainty": 1.0, "recovery": 1.0},
+    "composite": _BOUNDS,
     "computed_torque": {"frequency_hz": 0.3, "damping_ratio": 0.5},
     "disturbance_observer": {"inner": joint_pd, "cutoff": 0.2},
     "estimator": {"estimator": kalman_filter, "inner": joint_pd},

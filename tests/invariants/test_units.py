@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control.design.arm_scales import size_of_zero
+from flexarm.model.paths import unit_at
 from other_units import Units
 from random_arms import random_spec
 
@@ -104,7 +106,7 @@ def pressed(units: Units):
     ends = np.array([[1.0, 0.2], [1.05, 0.25]]) * units.length
     line = fa.line_motion(arm, *ends, 0.5 * units.time)
     force = 2.0 * units.factor("N")
-    motion = fa.pressed_motion(arm, line, force, [-1.0, 1.0], interval=0.1 * units.time)
+    motion = fa.pressed_motion(arm, line, force, [-1.0, 1.0])
     wall = units.record(fa.Contact(fa.Wall((1.0, 0.2), (-1.0, 1.0)), 1e3, damping=0.5))
     return run(units, arm, controller=pd(units), reference=motion, contacts=[wall], initial=None)
 
@@ -122,6 +124,24 @@ def sensors(units: Units) -> list[fa.Instrument]:
     encoder = fa.Instrument("joint_angle", noise=1e-4)
     tachometer = fa.Instrument("joint_rate", noise=1e-2 / units.time)
     return [encoder, tachometer, fa.Instrument("strain", noise=2e-5)]
+
+
+def pressing(units: Units, kind, **options):
+    """Return a force controller with default arguments in contact, and on its way to it."""
+    arm = two_links(units, gravity=(0.0, 0.0))
+    ends = np.array([[1.0, 0.2], [1.05, 0.25]]) * units.length
+    line = fa.line_motion(arm, *ends, 0.5 * units.time)
+    force, turn = units.factor("N"), 20.0 / units.time
+
+    def requested(t):
+        return force * (2.0 + np.sin(turn * np.asarray(t)))
+
+    pressed = fa.pressed_motion(arm, line, requested, [-1.0, 1.0], friction=0.1)
+    wall = fa.Contact(fa.Wall((1.0002, 0.2), (-1.0, 1.0)), 1e3, damping=0.5)
+    walls = [units.record(wall)]
+    law = kind(arm, sample_time=0.002 * units.time, **options)
+    given = {"controller": law, "reference": pressed, "contacts": walls}
+    return run(units, arm, **given, initial=None)
 
 
 def sampled(kind, **options):
@@ -149,6 +169,29 @@ LOOPS = {
     "composite": sampled(fa.Composite),
     "loop shaping": sampled(fa.LoopShaping),
     "disturbance observer": lambda u, arm: fa.DisturbanceObserver(arm, pd(u)),
+    "adaptive": lambda u, arm: fa.Adaptive(
+        arm, 3.0 / u.time, u.factor("N m s/rad") * np.array([3.0, 1.0]), 0.0, ["friction"],
+        strain_gain=[0.1 * u.factor("rad m/s"), 0.0], sample_time=0.002 * u.time,
+    ),
+    "sliding mode": lambda u, arm: fa.SlidingMode(
+        arm, 3.0 / u.time, 0.5 / u.time, strain_gain=[0.1 * u.factor("rad m/s"), 0.0],
+        sample_time=0.002 * u.time,
+    ),
+    "prescribed performance": lambda u, arm: fa.PrescribedPerformance(
+        8.0 / u.time, u.factor("N m s/rad") * np.array([2.0, 0.5]), 0.3, 8.0 / u.time, 1.0,
+        gain_limit=2.0, sample_time=0.002 * u.time,
+    ),
+    "repetitive": lambda u, arm: fa.RepetitiveControl(
+        pd(u), 0.08 * u.time, 5.0 * u.factor("N m/rad")
+    ),
+}  # fmt: skip
+#: Force controllers with default arguments.
+FORCED = {
+    "hybrid force": fa.HybridForce,
+    "adaptive force": fa.AdaptiveForce,
+    "neural force": fa.NeuralForce,
+    "impedance": fa.Impedance,
+    "admittance": fa.Admittance,
 }
 FILTERS = {
     "extended": estimated(fa.ExtendedKalmanFilter),
@@ -283,6 +326,7 @@ CASES = {
     "motions": motions,
     **{name: lambda u, make=make: damped(u, make) for name, make in LOOPS.items()},
     **{name: lambda u, make=make: damped(u, make, True) for name, make in FILTERS.items()},
+    **{name: lambda u, kind=kind: pressing(u, kind) for name, kind in FORCED.items()},
 }
 
 
@@ -335,7 +379,7 @@ SIZES = [
 
 
 @pytest.mark.sampled("LQG", "disturbance observer")
-@pytest.mark.parametrize("name", [*LOOPS, *FILTERS])
+@pytest.mark.parametrize("name", [*LOOPS, *FILTERS, *FORCED])
 def test_loops_with_default_arguments_are_the_same_for_arms_of_any_size(name):
     usual = outcome(CASES[name], Units())
     for units in SIZES:
@@ -369,3 +413,41 @@ def test_random_arms_take_the_same_steps_in_other_units(seed):
             continue
         assert other.steps == usual.steps
         np.testing.assert_array_equal(other.q.values / units.coordinates(arm), usual.q.values)
+
+
+#: Numbers that may be zero in an arm, of all dimensions that records have.
+ZEROS = [
+    *("joints[0].damping", "joints[0].stiffness", "joints[0].rotor_inertia", "joints[0].mass"),
+    *("payload.offset[0]", "payload.inertia", "gravity[0]", "links[0].rotary_inertia_per_length"),
+]
+
+
+@pytest.mark.parametrize("units", [*OTHERS, *SIZES])
+def test_steps_of_numbers_that_are_zero_follow_the_arm(units):
+    """Derivatives and identification change such a number by a fraction of this size."""
+    usual, other = two_links(Units()), two_links(units)
+    for path in ZEROS:
+        factor = units.factor(unit_at(usual.spec, path))
+        wanted = factor * size_of_zero(usual, usual.spec, path)
+        assert size_of_zero(other, other.spec, path) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("path", ["joints[1].damping", "payload.inertia", "payload.offset[0]"])
+def test_derivatives_by_numbers_that_are_zero_are_the_same_in_other_units(path):
+    def derivative(units: Units) -> float | str:
+        bare = {"first": {"damping": 0.0}, "second": {"damping": 0.0}}
+        arm = two_links(units, **bare)
+        payload = fa.Payload(mass=arm.spec.payload.mass)
+        arm = fa.Arm(arm.spec.replace(payload=payload))
+        given = {"initial": arm.rest(START), "rate": 100.0 / units.time, "channels": ["tip_angle"]}
+        try:
+            found = fa.sensitivities(arm, 0.05 * units.time, [path], **given)
+        except fa.InputError as error:
+            return str(error)
+        factor = units.factor(unit_at(arm.spec, path))
+        return float(found.tip_angle.values.ravel()[-1] * factor)
+
+    usual = derivative(Units())
+    for units in (*OTHERS, *SIZES):
+        other = derivative(units)
+        assert other == (usual if isinstance(usual, str) else pytest.approx(usual, rel=1e-6))

@@ -212,3 +212,24 @@ def test_few_steps_are_rejected_at_contacts():
         arm, 0.9, initial=arm.rest([0.2, 0.3]), contacts=CASES["repeated"]["contacts"]
     )
     assert run.attrs["rejected_steps"] < 0.25 * run.attrs["steps"]
+
+
+@pytest.mark.thorough
+def test_derivatives_through_stick_and_slip():
+    """Each start and end of sticking adds the derivative of its time."""
+    rod = {"length": 1.0, "flexural_rigidity": 60.0, "mass_per_length": 0.5, "elements": 2}
+    rubs = [fa.Friction(coulomb=0.5, static=0.6), fa.Friction(coulomb=0.3)]
+    arm = fa.Arm(
+        links=[fa.Link(damping=fa.ModalDamping(ratio=0.02), **rod)] * 2,
+        joints=[fa.Joint(hub_inertia=0.05, friction=friction) for friction in rubs],
+    )
+
+    def torque(t):
+        return np.array([1.5 * np.sin(6.0 * t), 0.8 * np.sin(9.0 * t)])
+
+    paths = ["joints[0].friction.coulomb", "links[0].flexural_rigidity"]
+    given = {"torque": torque, "rate": 40.0, "channels": ["tip"], "error_estimate": True}
+    found = fa.sensitivities(arm, 1.5, paths, **given)
+    exact = fa.sensitivities(arm, 1.5, paths, rtol=1e-9, **given)
+    assert largest_error(found.tip.values, exact.tip.values) < 1e-6
+    assert found.relative_error.max() > 1e-6  # of the looser run

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, problems_of, shown
+from flexarm.control.design.arm_scales import size_of_zero
+from flexarm.control.design.default_requirements import typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Motors
@@ -20,9 +22,10 @@ from flexarm.model.paths import number_at, parts_of, with_number
 
 #: Modes of each link whose initial values are estimated.
 _MODES = 2
-#: Typical tip deflection of a link at the start, as a fraction of its length, and typical joint
-#: angle and rate (rad, rad/s): the scale of the steps, and for modes the deviation of the prior.
-_BENT, _ANGLE, _RATE = 0.1, 0.1, 0.3
+#: Typical tip deflection of a link at the start, as a fraction of its length, typical joint angle
+#: (rad), and joint rate relative to the rate of the arm: the scale of the steps, and for modes the
+#: deviation of the prior.
+_BENT, _ANGLE, _RATE = 0.1, 0.1, 0.05
 _MOTORS = "motors."
 _INITIAL = re.compile(r"initial\.(qd?)\[(\d+)\]$")
 
@@ -68,6 +71,8 @@ class Space:
     ) -> None:
         self._arm, self._motors = arm, motors
         self._names = list(records)
+        interval = 1.0 / max(record.rate for record in records.values())
+        self._rate = typical_rate(arm, interval)
         problems: list[Problem] = []
         slots: list[Slot] = []
         seen: set[str] = set()
@@ -84,7 +89,8 @@ class Space:
         if problems:
             raise InputError(*problems)
         for k, record in enumerate(records.values()):
-            slots += _initial_slots(arm, k, self._names[k], record)
+            rate = _RATE * self._rate
+            slots += _initial_slots(arm, k, self._names[k], record, rate)
         self.slots = slots
 
     def _number(self, name: str, path: str) -> float:
@@ -113,7 +119,8 @@ class Space:
         upper = np.inf if parameter.upper is None else parameter.upper
         deviation = parameter.prior_deviation
         prior = start if parameter.prior is None else parameter.prior
-        scale = abs(start) or deviation or (upper - lower if np.isfinite(upper - lower) else 1.0)
+        size = abs(start) or deviation or (upper - lower if np.isfinite(upper - lower) else 0.0)
+        scale = size or self._size_of_zero(path)
         last = prior, np.inf if deviation is None else deviation
         if not parameter.per_record:
             return [Slot(path, None, path, start, lower, upper, scale, *last)]
@@ -121,6 +128,12 @@ class Space:
             Slot(path, k, f"{path} ({name})", start, lower, upper, scale, *last)
             for k, name in enumerate(self._names)
         ]
+
+    def _size_of_zero(self, path: str) -> float:
+        """Return the scale of a number that is zero, from its unit and the arm."""
+        motors = self._motors if path.startswith(_MOTORS) else None
+        record = self._arm.spec if motors is None else motors
+        return size_of_zero(self._arm, record, path.removeprefix(_MOTORS), self._rate)
 
     def _changed(self, path: str, value: float) -> None:
         if path.startswith(_MOTORS):
@@ -176,8 +189,13 @@ def initial_argument(path: str) -> str:
     return f"{'initial' if match[1] == 'q' else 'initial_rate'}[{match[2]}]"
 
 
-def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> list[Slot]:
-    """Return the estimated numbers of the initial state of a record, as changes of its start."""
+def _initial_slots(
+    arm: Arm, index: int, name: str, record: MeasuredRecord, rate: float
+) -> list[Slot]:
+    """Return the estimated numbers of the initial state of a record, as changes of its start.
+
+    ``rate`` is the scale of joint rates, rad/s.
+    """
     settings = record.settings
     if record.controller is not None:
         return []
@@ -198,7 +216,7 @@ def _initial_slots(arm: Arm, index: int, name: str, record: MeasuredRecord) -> l
         ):
             add("q", place, _ANGLE)
         if in_motion:
-            add("qd", place, _RATE)
+            add("qd", place, rate)
     if in_motion:
         for place, amplitude, frequency in _modes(arm):
             add("q", place, amplitude, amplitude)

@@ -453,7 +453,9 @@ class Contact(Record, kw_only=False):
     friction: NonNegative = 0.0
     """Coefficient of Coulomb friction."""
     friction_speed: Positive = 1e-3
-    """Sliding speed below which the friction force decreases to zero (m/s)."""
+    """Sliding speed below which the friction force decreases to zero (m/s). Choose it far below the
+    sliding speeds of your task: it is not derived from the arm, so that derivatives by numbers of
+    the arm do not change it."""
 
     _hints: ClassVar[dict[str, str]] = {
         "surface": "A surface is a Wall, a RoundWall or a SurfaceTable.",

@@ -9,8 +9,9 @@ from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from flexarm.base.errors import InputError, ModelError, Problem, shown
-from flexarm.model.checks import Record
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.quantities import Names
+from flexarm.model.units import unit_of
 
 R = TypeVar("R", bound=Record)
 
@@ -45,6 +46,17 @@ def number_at(name: str, record: Record, path: object, whole: str = "arm") -> fl
     content = "nothing" if value is None else shown(value)
     hint = f"It is {content} there." if parts else "An example is 'links[0].flexural_rigidity'."
     raise InputError(Problem(name, rule, shown(path), hint))
+
+
+def unit_at(record: Record, path: str) -> str:
+    """Return the unit of the number at a path that ``number_at`` accepts; empty without a unit."""
+    value: Any = record
+    unit = ""
+    for part in parts_of(path):
+        if isinstance(value, Record):
+            unit = unit_of(descriptions_of(type(value)).get(str(part), ""))
+        value = _inside(value, part)
+    return unit
 
 
 def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control.design.arm_scales import slow_rate
 from flexarm.control.design.task_plan import TaskPlan
 from flexarm.control.hardware.measurement import Measurement
 
@@ -15,6 +16,15 @@ ARM = fa.Arm(
 )
 ANGLE, STILL = np.array([0.7, -1.1]), np.zeros(2)
 T = 1e-3
+GIVEN = {
+    "nominal_force": 5.0,
+    "nominal_speed": 0.1,
+    "normal_damping": 20.0,
+    "approach_speed": 0.1,
+    "touch_force": 0.2,
+}
+#: Nominal rate of the force, N/s: the nominal force in a period of the arm.
+FORCE_RATE = 5.0 * slow_rate(ARM, T) / (2.0 * np.pi)
 #: Row of the Jacobian for the tip's x at ANGLE.
 A, B = np.cumsum(ANGLE)
 ROW = np.array([-1.2 * np.sin(A) - 0.9 * np.sin(B), -0.9 * np.sin(B)])
@@ -72,8 +82,8 @@ def test_constant_force_at_rest_is_hybrid_control(kind):
 
 def test_push_is_the_estimate_times_force_rate_and_speed():
     reference = Surface(lambda t: 4.0 + 2.0 * t, speed=0.05)
-    controller = fa.AdaptiveForce(ARM, adaptation=3.0, force_integral=0.0)
-    signals = np.array([2.0 / 5.0, -0.05 / 0.1])  # the tangent is (-n_y, n_x) = (0, -1)
+    controller = fa.AdaptiveForce(ARM, adaptation=3.0, force_integral=0.0, **GIVEN)
+    signals = np.array([2.0 / FORCE_RATE, -0.05 / 0.1])  # the tangent is (-n_y, n_x) = (0, -1)
     estimate = np.zeros(2)
     for k, force in enumerate((3.0, 3.5, 4.2)):
         found = push_of(controller, k * T, reference, force)
@@ -84,7 +94,7 @@ def test_push_is_the_estimate_times_force_rate_and_speed():
 
 
 def test_friction_is_estimated_while_the_tip_slides():
-    controller, mu = fa.AdaptiveForce(ARM, friction_adaptation=50.0), 0.35
+    controller, mu = fa.AdaptiveForce(ARM, friction_adaptation=50.0, **GIVEN), 0.35
     slow, fast = Surface(speed=0.05), Surface(speed=0.3)
     for k in range(50):
         controller.update(k * T, reading(4.0, -4.0 * 0.1), slow)
@@ -106,12 +116,12 @@ def begin(controller, reference, **memory):
 
 def test_brief_loss_of_contact_keeps_the_push():
     reference = Surface(lambda t: 4.0 + 2.0 * t, speed=0.05)
-    given = {"adaptation": 0.0, "force_integral": 0.0, "release_time": 0.01}
+    given = {**GIVEN, "adaptation": 0.0, "force_integral": 0.0, "release_time": 0.01}
     controller = fa.AdaptiveForce(ARM, **given)
     begin(controller, reference, estimate=np.array([-2.0, 3.0]))
     force = [4.0, 4.0] + 14 * [0.0] + [4.0]
     pushes = [push_of(controller, k * T, reference, one) for k, one in enumerate(force)]
-    kept = -2.0 * 2.0 / 5.0 - 3.0 * 0.05 / 0.1
+    kept = -2.0 * 2.0 / FORCE_RATE - 3.0 * 0.05 / 0.1
     np.testing.assert_allclose([*pushes[:11], pushes[-1]], kept, atol=1e-11)
     # Then it approaches with at most normal_damping * approach_speed = 2 N.
     approach = [2.0 - reference.force(k * T) for k in range(12, 16)]
@@ -184,14 +194,14 @@ C, SLOPE, BIAS = 0.01, 0.08, 0.3
 
 def theorem():
     reference = Surface(lambda t: 4.0 + 1.5 * np.sin(3.0 * t), speed=0.12)
-    controller = fa.AdaptiveForce(ARM, adaptation=4.0, touch_force=0.0)
+    controller = fa.AdaptiveForce(ARM, adaptation=4.0, **GIVEN | {"touch_force": 0.0})
     return controller, MasslessContact(controller, reference, C, SLOPE, BIAS).run(2.5, 5.0)
 
 
 def lyapunov(controller, rows):
     """Return V of (F.16) with the true values of this model."""
     D, e = controller.normal_damping, rows[:, 1]
-    errors = rows[:, 2] - BIAS, rows[:, 3] - D * C * 5.0, rows[:, 4] - D * SLOPE * 0.1
+    errors = rows[:, 2] - BIAS, rows[:, 3] - D * C * FORCE_RATE, rows[:, 4] - D * SLOPE * 0.1
     V = 0.5 * D * C * e**2 + 0.5 * errors[0] ** 2 / controller.force_integral
     return V + 0.5 * (errors[1] ** 2 + errors[2] ** 2) / controller.adaptation
 
@@ -213,7 +223,7 @@ def test_without_adaptation_an_error_remains():
     reference = Surface(lambda t: 4.0 + 1.5 * np.sin(3.0 * t), speed=0.12)
     remaining = []
     for gain in (0.0, 4.0):
-        controller = fa.AdaptiveForce(ARM, adaptation=gain, touch_force=0.0)
+        controller = fa.AdaptiveForce(ARM, adaptation=gain, **GIVEN | {"touch_force": 0.0})
         rows = MasslessContact(controller, reference, 0.05, SLOPE, BIAS).run(3.0, 8.0)
         remaining.append(np.sqrt(np.mean(rows[-2000:, 1] ** 2)))
     assert remaining[1] < 0.2 * remaining[0]
@@ -223,9 +233,9 @@ def test_ramp_of_the_force_equals_the_linear_loop():
     """With a constant force rate the adaptive loop is linear: python-control has its response."""
     rate = 0.5
     reference = Surface(lambda t: 4.0 + rate * t)
-    controller = fa.AdaptiveForce(ARM, adaptation=40.0, touch_force=0.0)
+    controller = fa.AdaptiveForce(ARM, adaptation=40.0, **GIVEN | {"touch_force": 0.0})
     rows = MasslessContact(controller, reference, C, bias=BIAS).run(4.0, 2.0)
-    D, gain = controller.normal_damping, controller.force_integral + 40.0 * (rate / 5.0) ** 2
+    D, gain = controller.normal_damping, controller.force_integral + 40.0 * (rate / FORCE_RATE) ** 2
     s = control.tf("s")
     # D c e' + e + gain * integral of e = bias + D c * rate
     loop = s / (D * C * s**2 + s + gain)

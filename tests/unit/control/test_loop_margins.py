@@ -153,12 +153,57 @@ def growth(controller):
 @pytest.mark.parametrize("kind", [fa.LQG, fa.Composite, fa.MPC])
 def test_designs_for_an_uncertain_rigidity_are_stable_on_other_arms(kind):
     options = {"torque_limit": 200.0, "sample_time": 2e-3} if kind is fa.MPC else {}
-    plain = kind(robust_arm(), POSTURE, **options)
-    # Composite control damps bending by its fast part alone, and needs more.
-    unsure = {"rigidity_uncertainty": 1.0, "recovery": 1.0} if kind is fa.Composite else {}
-    unsure = unsure or {"rigidity_uncertainty": 0.3}
+    certain = {"rigidity_uncertainty": 0.0, "recovery": 0.0}
+    plain = kind(robust_arm(), POSTURE, **certain, **options)
+    # Composite control damps bending by its fast part alone, and needs more, which is its default.
+    unsure = {} if kind is fa.Composite else {"rigidity_uncertainty": 0.3}
     assert growth(plain) > 1.0
     assert growth(kind(robust_arm(), POSTURE, **unsure, **options)) < -0.5
+
+
+@pytest.mark.parametrize("sample_time", [0.0005, 0.004])
+def test_a_composite_with_default_arguments_is_stable_half_a_radian_away(sample_time):
+    """Undamped links, at the higher sample time above half of the sampling frequency."""
+    arm = two_links()
+    controller = fa.Composite(arm, [0.4, 0.1], sample_time=sample_time)
+    for change in (-0.5, -0.25, 0.0, 0.25, 0.5):
+        assert controller.loop_poles(posture=[0.4, 0.1 + change]).real.max() < 0.0
+    certain = {"rigidity_uncertainty": 0.0, "recovery": 0.0}
+    plain = fa.Composite(arm, [0.4, 0.1], sample_time=sample_time, **certain)
+    assert plain.loop_poles(posture=[0.4, 0.6]).real.max() > 10.0
+
+
+def test_margins_of_a_loop_with_a_pole_on_the_unit_circle():
+    """A sensitivity that is infinite at a frequency of the grid has no margin there."""
+    loop = fa.Composite(two_links(), [0.4, 0.1], recovery=0.0, sample_time=0.004)
+    margin = fa.loop_margins(loop, two_links(), [0.4, 0.1]).disk_margin
+    assert 0.0 < float(margin.min()) < 0.5
+
+
+#: Lengths, rigidities, masses per length and hub inertias: SciPy cannot order the equation of the
+#: first regulator, and rounds the covariance of the second filter.
+STIFF = {
+    "regulator": ((0.4, 1.34), (288.0, 121.0), (0.219, 2.17), (0.0183, 0.0282)),
+    "filter": ((0.6, 0.5), (900.0, 900.0), (0.25, 0.25), (0.1, 0.1)),
+}
+
+
+@pytest.mark.parametrize("name", STIFF)
+def test_stiff_arms_have_a_design_for_an_uncertain_rigidity(name):
+    lengths, rigidities, masses, hubs = STIFF[name]
+    links = [
+        fa.Link(
+            length=length, flexural_rigidity=rigidity, mass_per_length=mass, elements=2,
+            gauges=[fa.Gauge(station=0.03, distance=0.005)], damping=fa.ModalDamping(ratio=0.01),
+        )
+        for length, rigidity, mass in zip(lengths, rigidities, masses, strict=True)
+    ]  # fmt: skip
+    gravity = (0.0, -9.81) if name == "filter" else (0.0, 0.0)
+    joints = [fa.Joint(hub_inertia=hub) for hub in hubs]
+    arm = fa.Arm(links=links, joints=joints, gravity=gravity)
+    posture = [0.4, -0.9] if name == "regulator" else [0.4, 0.5]
+    controller = fa.Composite(arm, posture)
+    assert controller.loop_poles().real.max() < 0.0
 
 
 def test_recovery_restores_the_margins_of_state_feedback():

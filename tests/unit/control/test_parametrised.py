@@ -41,7 +41,9 @@ def test_values_for_each_joint_become_an_array(value):
 
 
 def test_defaults_for_each_joint_become_an_array():
-    np.testing.assert_array_equal(fa.SlidingMode(rigid_arm(), 1.0, 0.1).reaching, [0.1, 0.1])
+    made = fa.SlidingMode(rigid_arm(), 1.0, 0.1)
+    np.testing.assert_array_equal(made.disturbance, [0.0, 0.0])
+    assert made.reaching.shape == (2,)
 
 
 def test_object_does_not_share_the_array_of_its_caller():

@@ -68,7 +68,12 @@ class SampledLoop:
         A, B, C, D = self.controller
         plant = response(self.plant.A[0], self.plant.B, self.plant.C[0], z)
         loop = -(response(A, B, C, z) + D) @ plant
-        found: ComplexArray = np.linalg.inv(np.eye(len(D)) + loop)
+        try:
+            found: ComplexArray = np.linalg.inv(np.eye(len(D)) + loop)
+        except np.linalg.LinAlgError:  # a pole of the loop at one of the points
+            found = np.full(loop.shape, np.inf + 0j)
+            regular = np.linalg.matrix_rank(np.eye(len(D)) + loop) == len(D)
+            found[regular] = np.linalg.inv((np.eye(len(D)) + loop)[regular])
         return found
 
 

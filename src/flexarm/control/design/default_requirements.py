@@ -13,6 +13,7 @@ from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirement
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.model.drives.linear import LQGParameters
 
 #: Outputs that can be measured, because their nominal values are computed.
@@ -31,28 +32,11 @@ _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("con
 _BRISK = 0.25
 #: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
 #: scale is that of its loop.
-_FASTEST, _RIGID = 0.08, 0.0064
+_FASTEST, RIGID = 0.08, 0.0064
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
 #: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
 NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
-
-
-def lowest_frequency(arm: Arm) -> float:
-    """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
-
-    Without gravity and nonlinear springs. Infinite for a rigid arm.
-    """
-    from scipy.linalg import eigh
-
-    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-    if not elastic.size:
-        return np.inf
-    constants = arm.assembly.constants
-    springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
-    mass = arm.mass_matrix(arm.rest(np.zeros(arm.joints)))[np.ix_(elastic, elastic)]
-    square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
-    return float(np.sqrt(square[0]))
 
 
 def typical_rate(arm: Arm, sample_time: float) -> float:
@@ -62,7 +46,7 @@ def typical_rate(arm: Arm, sample_time: float) -> float:
     requirements suit the loop; 0.0064 rad in a sample time for a rigid arm.
     """
     lowest = lowest_frequency(arm)
-    return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else _RIGID / sample_time
+    return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else RIGID / sample_time
 
 
 def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:

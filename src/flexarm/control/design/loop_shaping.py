@@ -8,7 +8,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.design.linear_design import held, riccati_solution
+from flexarm.control.design.linear_design import held
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
@@ -176,12 +176,18 @@ def coprime_controller(
 def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
     from scipy.linalg import solve_continuous_are
 
-    X = riccati_solution(solve_continuous_are, A, B, Q, R)
-    if X is None:
-        rule = "must have modes that the joint angles detect and the torques control"
-        hint = "Give the links damping, or fewer elements; or choose another sample_time."
-        raise InputError(Problem("arm", rule, hint=hint))
-    return X
+    # SciPy's ordering of eigenvalues fails, by rounding, for some equations that are well posed; a
+    # multiple of the equation has the multiple as its solution.
+    for multiple in (1.0, 1e-2, 1e2):
+        try:
+            X = solve_continuous_are(A, B * multiple**-0.5, Q * multiple, R)
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        symmetric: FloatArray = (X + X.T) / (2.0 * multiple)
+        return symmetric
+    rule = "must have modes that the joint angles detect and the torques control"
+    hint = "Give the links damping, or fewer elements; or choose another sample_time."
+    raise InputError(Problem("arm", rule, hint=hint))
 
 
 def bilinear(A: FloatArray, B: FloatArray, C: FloatArray, sample_time: float) -> Matrices:

@@ -35,6 +35,7 @@ class RigidParameters:
             "payload.inertia" (kg m^2), "link_1.mass" (kg), "link_1.first_moment" (kg m,
             about the joint), "link_1.inertia" (kg m^2, about the joint, its hub included),
             "joint_1.viscous" (N m s/rad), "joint_1.coulomb" (N m).
+        smoothing_rate: (joints,) rad/s, of adapted friction at joints without friction in the arm.
 
     Attributes:
         names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
@@ -46,7 +47,9 @@ class RigidParameters:
     Arguments of methods are not checked. Results are buffers that the next call overwrites.
     """
 
-    def __init__(self, arm: Arm, names: Sequence[str] = ()) -> None:
+    def __init__(
+        self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
+    ) -> None:
         self.names, self.joints = tuple(names), arm.joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants
@@ -68,7 +71,12 @@ class RigidParameters:
         self._inertial = 1 + len(turning)
         self._order = _order(directions)
         self.known = 2
-        self._kernels = kernels = KernelView(_writable(exact))
+        constants = _writable(exact)
+        if smoothing_rate is not None:
+            for joint, number in enumerate(arm.joint_numbers):
+                if arm.spec.joints[number - 1].friction is None:
+                    constants.friction[self._bodies[joint], 3] = smoothing_rate[joint]
+        self._kernels = kernels = KernelView(constants)
         self._state, self._acceleration = kernels.zeros(2), kernels.zeros()
         self._motion = np.zeros((4, self.joints))
         self._angle, self._rate = np.zeros(self.joints), np.zeros(self.joints)
@@ -207,10 +215,5 @@ def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
 def _writable(constants: ArmConstants) -> ArmConstants:
     """Return writable copies of the constants, with joint laws enabled."""
     copies = ArmConstants(*(array.copy() for array in constants))
-    copies.friction[constants.friction[:, 3] == 1.0, 3] = SMOOTHING_RATE
     copies.arm[HAS_JOINT_LAWS] = 1.0
     return copies
-
-
-#: Smoothing rate (rad/s) of adapted friction at joints that have no friction in the arm.
-SMOOTHING_RATE = 0.01

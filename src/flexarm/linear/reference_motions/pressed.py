@@ -23,6 +23,7 @@ from flexarm.base.arguments import (
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.motion import Motion
 from flexarm.motion.geometry.chain import tip_jacobian
 from flexarm.motion.motion import check_motion
@@ -35,6 +36,9 @@ T = TypeVar("T")
 #: Tolerance of the tip position relative to the length of the arm, and most corrections.
 _CLOSE, _CORRECTIONS = 1e-9, 60
 _FEWEST_SAMPLES, _MOST_SAMPLES = 8, 4000
+#: Samples in a period of the lowest frequency, and their limits, by default. A rigid arm has no
+#: period.
+_PER_PERIOD, _FEWEST, _MOST, _RIGID = 20, 64, 1200, 256
 #: Additional coefficient of friction of ``PressedMotion.rougher``.
 _MORE_FRICTION = 0.1
 #: Friction changes sign smoothly below this fraction of the largest sliding speed, because a jump
@@ -179,7 +183,7 @@ def pressed_motion(
     *,
     duration: float | None = None,
     friction: float = 0.0,
-    interval: float = 0.05,
+    interval: float | None = None,
 ) -> PressedMotion:
     """Compute a reference for a tip that presses on a surface along a motion.
 
@@ -192,7 +196,8 @@ def pressed_motion(
         duration: s, of the whole run; by default until the end of the motion.
         friction: coefficient of sliding friction at the tip.
         interval: s between the times at which the equilibrium is computed; force and path must be
-            smooth over several intervals.
+            smooth over several intervals. By default a twentieth of the lowest period of the
+            straight arm with locked joints, but 64 to 1200 intervals, and 256 for a rigid arm.
 
     Raises:
         InputError: if a force is negative or not finite, a normal is zero, ``friction`` is
@@ -203,9 +208,12 @@ def pressed_motion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     friction = check_nonnegative("friction", friction)
-    interval = check_positive("interval", interval)
     end = check_positive("duration", motion.end_time if duration is None else duration)
-    count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
+    if interval is None:
+        count = 1 + _intervals(arm, end)
+    else:
+        count = int(np.ceil(end / check_positive("interval", interval))) + 1
+        count = min(max(count, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
     pressing = _over_time("force", force, check_nonnegative)
     outward = _over_time("normal", normal, check_direction)
@@ -213,6 +221,14 @@ def pressed_motion(
     found = PressedMotion(arm, motion, pressing, outward, times, friction)
     warn_of_bending(arm, found._bent)
     return found
+
+
+def _intervals(arm: Arm, end: float) -> int:
+    """Return the default number of intervals until a time (s)."""
+    rate = lowest_frequency(arm)
+    if not np.isfinite(rate):
+        return _RIGID
+    return int(np.clip(np.ceil(_PER_PERIOD * end * rate / (2.0 * np.pi)), _FEWEST, _MOST))
 
 
 def _refuse_across(

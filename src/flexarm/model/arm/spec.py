@@ -51,7 +51,8 @@ class Friction(Record):
     static: NonNegative | None = None
     """Breakaway torque (N m); by default equal to coulomb."""
     stribeck_rate: Positive = 0.1
-    """Rate above which the Stribeck friction has decayed (rad/s)."""
+    """Rate above which the Stribeck friction has decayed (rad/s), a property of the bearing and its
+    lubricant, not of the arm."""
     smoothing_rate: Positive | None = None
     """Rate below which friction is viscous (rad/s); by default joints stick in simulations, and
     functions of q and qd have a tenth of stribeck_rate."""

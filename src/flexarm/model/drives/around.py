@@ -71,9 +71,10 @@ class RepetitiveParameters(ControllerParameters):
     as half of the gain of the inner controller (N m/rad)."""
     derivative: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Learned torque per rate error, likewise (N m s/rad)."""
-    cutoff: Positive = 5.0
+    cutoff: Annotated[Any, Typed(Positive | None)] = None
     """Cutoff of the filter of the learned torque, which has no phase shift; it should be below the
-    frequency at which the motion opposes the torque (Hz)."""
+    frequency at which the motion opposes the torque (Hz). By default 10 divided by the period: ten
+    harmonics are learned."""
     lead: NonNegative = 0.0
     """Time by which the learned torque precedes the error; about the delay of the closed loop
     (s)."""

@@ -146,28 +146,39 @@ class StrainFeedbackKeys(StrainFeedbackParameters):
     feedforward: Feedforward = None
 
 
+#: Numbers that the controller derives from its arm if they are None.
+_OfArm = Annotated[Any, Typed(NonNegative | None)]
+_PositiveOfArm = Annotated[Any, Typed(Positive | None)]
+
+
 class HybridForceParameters(ControllerParameters):
-    """Hybrid control: position along a surface, force normal to it."""
+    """Hybrid control: position along a surface, force normal to it.
+
+    Defaults are relative to the arm: to the rate w, its lowest angular frequency, straight with
+    locked joints, but at most 0.0064 rad in a sample time; to its reach L; and to the force F at
+    the reach that accelerates the straight rigid arm about its first joint by w^2 / 4.
+    """
 
     name = "hybrid_force"
-    frequency: Positive = 8.0
-    """Natural frequency of the error along the surface (rad/s)."""
+    frequency: _PositiveOfArm = None
+    """Natural frequency of the error along the surface (rad/s); by default 1.25 w."""
     damping_ratio: NonNegative = 1.0
     """Damping ratio of that error."""
-    path_integral: NonNegative = 2.0
+    path_integral: _OfArm = None
     """Integral gain of that error; it compensates unmodelled friction within about its inverse
-    (1/s)."""
-    force_integral: NonNegative = 10.0
+    (1/s); by default 0.32 w."""
+    force_integral: _OfArm = None
     """Integral gain of the force error: the bandwidth of the force control, which should be below
-    the lowest frequency of the arm in contact (1/s)."""
+    the lowest frequency of the arm in contact (1/s); by default 1.6 w."""
     force_proportional: NonNegative = 0.0
     """Proportional gain of the force error."""
-    normal_damping: NonNegative = 20.0
-    """Force per speed of the tip normal to the surface (N s/m)."""
-    approach_speed: Positive = 0.1
-    """Speed of approach without contact (m/s)."""
-    touch_force: NonNegative = 0.2
-    """Measured force below which there is no contact (N)."""
+    normal_damping: _OfArm = None
+    """Force per speed of the tip normal to the surface (N s/m); by default 16 F / (L w)."""
+    approach_speed: _PositiveOfArm = None
+    """Speed of approach without contact (m/s); by default 0.0066 L w."""
+    touch_force: _OfArm = None
+    """Measured force below which there is no contact (N); by default a tenth of the requested
+    force."""
     sample_time: SampleTime = 0.001
 
 
@@ -175,17 +186,21 @@ class AdaptiveForceParameters(HybridForceParameters):
     """Hybrid control that adapts to the stiffness, position and friction of the surface."""
 
     name = "adaptive_force"
-    adaptation: NonNegative = 2.0
+    adaptation: _OfArm = None
     """Adaptation gain for stiffness and slope of the surface: the integral gain of the force error
-    if force rate and speed have their nominal values (1/s)."""
-    friction_adaptation: NonNegative = 1.0
-    """Rate at which the friction of the surface is estimated at ``nominal_force`` (1/s)."""
-    nominal_force: Positive = 5.0
-    """Typical force on the surface, and typical change of the force in 1 s (N)."""
-    nominal_speed: Positive = 0.1
-    """Typical speed along the surface, at which the tip certainly slides (m/s)."""
-    release_time: NonNegative = 0.05
-    """Time without a measured force after which the contact counts as lost (s)."""
+    if force rate and speed have their nominal values (1/s); by default 0.32 w."""
+    friction_adaptation: _OfArm = None
+    """Rate at which the friction of the surface is estimated at ``nominal_force`` (1/s); by default
+    0.16 w."""
+    nominal_force: _PositiveOfArm = None
+    """Typical force on the surface, and typical change of the force in a time of 2 pi / w (N); by
+    default F / 4."""
+    nominal_speed: _PositiveOfArm = None
+    """Typical speed along the surface, at which the tip certainly slides (m/s); by default
+    0.0066 L w."""
+    release_time: _OfArm = None
+    """Time without a measured force after which the contact counts as lost (s); by default
+    0.32 / w."""
     sample_time: SampleTime = 0.001
 
 
@@ -193,12 +208,12 @@ class NeuralForceParameters(AdaptiveForceParameters):
     """Adaptive force control with a network that learns a surface of unknown shape."""
 
     name = "neural_force"
-    learning: NonNegative = 12.0
-    """Adaptation gain of the weights (1/s)."""
+    learning: _OfArm = None
+    """Adaptation gain of the weights (1/s); by default 1.9 w."""
     features: Count = 40
     """Number of random features of the network."""
-    feature_length: Positive = 0.1
-    """Distance along the surface over which its shape varies (m)."""
+    feature_length: _PositiveOfArm = None
+    """Distance along the surface over which its shape varies (m); by default 0.04 L."""
     leakage: NonNegative = 0.0
     """Decay rate of the weights (1/s)."""
     e_modification: NonNegative = 0.0
@@ -209,43 +224,49 @@ class NeuralForceParameters(AdaptiveForceParameters):
 
 
 class ImpedanceParameters(ControllerParameters):
-    """Impedance control: the tip acts as a spring and a damper towards its path."""
+    """Impedance control: the tip acts as a spring and a damper towards its path.
+
+    Defaults are relative to the rate w, reach L and force F of the arm, as for `hybrid_force`.
+    """
 
     name = "impedance"
-    tangent_stiffness: NonNegative = 60.0
-    """Force per distance along the surface (N/m)."""
-    tangent_damping: NonNegative = 8.0
-    """Force per speed along the surface (N s/m)."""
-    normal_stiffness: NonNegative = 20.0
-    """Force per distance normal to the surface (N/m)."""
-    normal_damping: NonNegative = 10.0
-    """Force per speed normal to the surface (N s/m)."""
+    tangent_stiffness: _OfArm = None
+    """Force per distance along the surface (N/m); by default 7.6 F / L."""
+    tangent_damping: _OfArm = None
+    """Force per speed along the surface (N s/m); by default 6.4 F / (L w)."""
+    normal_stiffness: _OfArm = None
+    """Force per distance normal to the surface (N/m); by default 2.5 F / L."""
+    normal_damping: _OfArm = None
+    """Force per speed normal to the surface (N s/m); by default 8 F / (L w)."""
     force_proportional: NonNegative = 0.0
     """Proportional gain of the force error."""
     force_integral: NonNegative = 0.0
     """Integral gain of the force error (1/s)."""
-    posture_frequency: NonNegative = 5.0
+    posture_frequency: _OfArm = None
     """Natural frequency of the posture error of arms with more than two joints, and of all joint
-    errors along a motion without force (rad/s)."""
+    errors along a motion without force (rad/s); by default 0.8 w."""
     sample_time: SampleTime = 0.001
 
 
 class AdmittanceParameters(ControllerParameters):
-    """Admittance control: the measured force moves the reference of a stiff position loop."""
+    """Admittance control: the measured force moves the reference of a stiff position loop.
+
+    Defaults are relative to the rate w, reach L and force F of the arm, as for `hybrid_force`.
+    """
 
     name = "admittance"
-    damping: Positive = 150.0
+    damping: _PositiveOfArm = None
     """Force error per speed of the reference; the bandwidth is the stiffness of surface and arm in
-    series divided by it (N s/m)."""
+    series divided by it (N s/m); by default 120 F / (L w)."""
     stiffness: NonNegative = 0.0
     """Stiffness of the spring that moves the reference back (N/m)."""
-    frequency: Positive = 8.0
-    """Natural frequency of the position loop (rad/s)."""
+    frequency: _PositiveOfArm = None
+    """Natural frequency of the position loop (rad/s); by default 1.25 w."""
     damping_ratio: NonNegative = 0.7
     """Damping ratio of the position loop."""
-    most_speed: Positive = 0.1
+    most_speed: _PositiveOfArm = None
     """Largest speed of the reference relative to the motion, and so of the approach without contact
-    (m/s)."""
+    (m/s); by default 0.0066 L w."""
     sample_time: SampleTime = 0.001
 
 
@@ -297,7 +318,7 @@ class AdaptiveParameters(ControllerParameters):
     dead_zone: NonNegative = 0.0
     """Norm of the rate errors below which the estimates are constant (rad/s)."""
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -313,11 +334,13 @@ class SlidingModeParameters(ControllerParameters):
     """Largest error of parameters, by names such as payload.mass or link_2.mass."""
     disturbance: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Bound of other disturbance torques, one for all joints or one for each (N m)."""
-    reaching: Annotated[Any, PerJoint(Positive)] = 0.1
-    """Excess of the switching torque over the bounds, one for all joints or one for each (N m)."""
+    reaching: Annotated[Any, PerJoint(Positive)] | None = None
+    """Excess of the switching torque over the bounds, one for all joints or one for each (N m); by
+    default 1 % of the torque that accelerates the joint of the straight rigid arm by w^2 / 4; w is
+    the lowest angular frequency with locked joints, but at most 0.0064 rad in a sample time."""
     damping: Damping = 0.0
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -345,7 +368,7 @@ class RBFAdaptiveParameters(ControllerParameters):
     """Whether to add the torque of the arm's rigid model, so that the network learns the
     remainder."""
     strain_gain: StrainGain = 0.0
-    washout: Washout = 0.5
+    washout: Washout = None
     sample_time: SampleTime = 0.001
 
 
@@ -366,8 +389,9 @@ class PrescribedPerformanceParameters(ControllerParameters):
     start_bound: Annotated[Any, PerJoint(Positive)] | None = None
     """Bound of the angle error at the start, which must exceed the first error (rad); that after a
     long time by default."""
-    decay: NonNegative = 1.0
-    """Rate at which the bound of the angle error decreases (1/s)."""
+    decay: Annotated[Any, Typed(NonNegative | None)] = None
+    """Rate at which the bound of the angle error decreases (1/s); by default an eighth of the least
+    bandwidth."""
     gain_limit: Annotated[Finite, Field(ge=1.01, le=1e6), BeforeValidator(plain)] = 20.0
     """Factor up to which the gains increase towards the bounds; the sampled loop must be stable
     with ``damping`` times this factor."""

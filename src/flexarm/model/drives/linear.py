@@ -145,6 +145,13 @@ class CompositeParameters(LinearParameters):
     times the typical rate."""
     damping_ratio: Annotated[Any, PerJoint(Positive)] = 1.0
     """Damping ratio of the joint errors, one for all joints or one for each."""
+    recovery: _Robustness = 1.0
+    """Loop-transfer recovery: fictitious torque noise of the filter, relative to acceptable_torque.
+    Without it the loop is unstable near the posture of the design on many arms."""
+    rigidity_uncertainty: Fraction = 1.0
+    """Relative error of the stiffness of the links for which the design is robust, at most 1:
+    elastic forces of this relative size are noise of the filter, and the regulator damps vibrations
+    more. The slow part cancels inertial coupling, which changes with the posture."""
     acceptable: Named[_PositiveNumbers] | None = None
     """Acceptable deviations of outputs that depend on bending only, by name; by default 0.4 % of
     the length of the arm of link_tip_deflection, and of link_tip_deflection_rate 1.6 times this

@@ -18,11 +18,11 @@ from flexarm.control.analysis.margins import loop_at, loop_margins, without_fric
 from flexarm.control.analysis.sample_time import recommended_sample_time
 from flexarm.control.design.default_requirements import NOISE
 from flexarm.control.design.rigid_model import RigidModel
+from flexarm.control.laws.force.hybrid_force import HybridForce
+from flexarm.control.laws.force.impedance import Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Contact, Hardware, Scenario
 from flexarm.model.checks import checked_arguments
-from flexarm.model.drives.base import ControllerParameters, parameters_of
-from flexarm.model.drives.controllers import HybridForceParameters, ImpedanceParameters
 from flexarm.motion import inverse_kinematics
 from flexarm.planning.proposals.requirements import Requirements, rounded
 
@@ -53,7 +53,7 @@ _BRISK = 0.04
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
 _FORCE = (0.4, 0.8, 1.4)
-#: Factors of the default damping of the tip, which is too high for light arms.
+#: Factors of the default damping of the tip, which is too high for some surfaces.
 _SOFTER = (1.0, 0.3, 0.1)
 #: Angle (rad) by which a joint must move so that a design is scheduled over it.
 _SCHEDULED = 0.3
@@ -104,30 +104,31 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
     if "force" in needs.sensors:
         reason = "It controls the measured force normal to the surface and the position along it."
         drives = tuple(
-            _damped(needs, HybridForceParameters, factor) | {"force_integral": bandwidth}
+            _damped(needs, HybridForce, factor) | {"force_integral": bandwidth}
             for factor, bandwidth in product(_SOFTER, bandwidths)
         )
         yield Candidate("hybrid force", reason, drives)
         reason = "A soft spring and damper at the tip, with integral feedback of the force."
         drives = tuple(
-            _damped(needs, ImpedanceParameters, factor) | {"force_integral": bandwidth}
+            _damped(needs, Impedance, factor) | {"force_integral": bandwidth}
             for factor, bandwidth in product(_SOFTER, bandwidths)
         )
         yield Candidate("impedance with force", reason, drives)
     reason = "A soft spring and damper at the tip, which needs no force sensor."
-    drives = tuple(_damped(needs, ImpedanceParameters, factor) for factor in _SOFTER)
+    drives = tuple(_damped(needs, Impedance, factor) for factor in _SOFTER)
     yield Candidate("impedance", reason, drives)
 
 
-def _damped(needs: Requirements, kind: type[ControllerParameters], factor: float) -> Drive:
+def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
     """Return a force controller with its default damping times a factor."""
-    keys = parameters_of(kind)
+    sample_time = sample_time_of(needs)
+    usual = vars(kind(needs.arm, sample_time=sample_time))
     damping: Drive = {
-        name: rounded([factor * keys[name].default])[0]
+        name: rounded([factor * usual[name]])[0]
         for name in ("normal_damping", "tangent_damping")
-        if name in keys
+        if name in usual
     }
-    return {"kind": kind.name, **damping, "sample_time": sample_time_of(needs)}
+    return {"kind": kind.name, **damping, "sample_time": sample_time}
 
 
 def postures_of(needs: Requirements) -> FloatArray:

@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem
+from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
 from flexarm.kernels.compilation.duals import DualArray
+from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.model.paths import number_at, with_number
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.parameters import Parameters, is_of_arm
@@ -31,9 +34,9 @@ EVENTS = {
     "event_q": ("rad or m kg^0.5", "coordinates at the event", ("event", "coordinate")),
     "event_qd": ("rad/s or m kg^0.5/s", "their rates at the event", ("event", "coordinate")),
 }
-#: Step of the differences of an event's function, in the units of q, qd and t.
+#: Step of the differences of an event's function, relative to the sizes of q, qd and t.
 _STEP = 0.01
-#: Change of the function over this time (s), relative to its values at these steps, that is none.
+#: Change of the function over this time, relative to its values at these steps, that is none.
 _TANGENT = 1e-8
 #: Distance (s, relative) to the left of an event at which a sampled torque is taken.
 _BEFORE = 1e-9
@@ -114,16 +117,22 @@ def _crossing(
     def values(points: FloatArray) -> FloatArray:
         return _values(event.function, points, dof)
 
-    slopes = local_slopes(values, point, np.full(point.size, _STEP))[:, 0]
+    size = coordinate_sizes(arm)
+    # Without vibrations the rates at the event have the only scale of time.
+    fastest = np.abs(point[dof:-1] / size).max()
+    rate = lowest_frequency(arm)
+    rate = rate if np.isfinite(rate) else fastest or 1.0
+    steps = _STEP * np.concatenate([size, rate * size, [1.0 / rate]])
+    slopes = local_slopes(values, point, steps)[:, 0]
     if not np.all(np.isfinite(slopes)):
         raise _refused(f"{name} at t = {found.time:.6g} s has a function that is not smooth")
     terms = slopes * np.append(motion, 1.0)
-    rate = float(terms.sum())
-    nearby = np.abs(values(point + _STEP * np.eye(point.size))).max()
-    if not abs(rate) * _STEP > _TANGENT * nearby:
+    change = float(terms.sum())
+    nearby = np.abs(values(point + np.diag(steps))).max()
+    if not abs(change) * steps[-1] > _TANGENT * nearby:
         raise _refused(f"{name} at t = {found.time:.6g} s touches zero without crossing it")
     partial = np.array([_partial(arm, event.function, path, point) for path in paths])
-    return Crossing(found.time, slopes[:-1].reshape(2, dof), rate, motion, partial)
+    return Crossing(found.time, slopes[:-1].reshape(2, dof), change, motion, partial)
 
 
 def _refused(reason: str) -> InputError:
@@ -170,4 +179,5 @@ def _partial(arm: Arm, function: Any, path: str, point: FloatArray) -> float:
         return [_values(moved, point[None], arm.dof)[0]]
 
     value = number_at("parameters", arm.spec, path)
-    return float(differences("parameters", path, value, abs(value) or 1.0, at)[0][0])
+    scale = abs(value) or size_of_zero(arm, arm.spec, path)
+    return float(differences("parameters", path, value, scale, at)[0][0])

@@ -15,6 +15,7 @@ from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
+from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Array
@@ -43,8 +44,11 @@ from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
 
-#: Change of a number that is zero, and the relative tolerance of its derivative in this comparison.
-_PROBE, _PROBED = 1e-4, 0.05
+#: Change of a number that is zero, relative to its typical size on the arm, its reduction, and the
+#: ratio by which the error of a difference must decrease.
+_PROBE, _SMALLER, _DECREASED = 1e-3, 0.125, 0.5
+#: Relative differences of two numbers that are rounding.
+_ROUNDED = 1e-12
 #: Columns of a table that must keep their ratio.
 _STIFFNESSES = "flexural_rigidity", "shear_rigidity"
 _INERTIAS = "mass_per_length", "rotary_inertia_per_length"
@@ -190,19 +194,28 @@ def _moved(name: str, arm: Arm, environment: Environment, path: str, value: floa
 def _check_zero(name: str, arm: Arm, environment: Environment, path: str, found: ArmInputs) -> None:
     """Raise if the equations omit the terms of a number that is zero."""
     before = arm_inputs(arm, environment)
-    for change in (_PROBE, -_PROBE):
+    size = _PROBE * size_of_zero(arm, arm.spec, path)
+    for change in (size, -size):
         try:
-            after = _moved(name, arm, environment, path, change)
+            moved = [
+                _moved(name, arm, environment, path, share * change) for share in (1.0, _SMALLER)
+            ]
         except InputError:  # the model limits this number on one side
             continue
-        if all(
-            new.shape == old.shape
-            and np.allclose((new - old) / change, slope, rtol=_PROBED, atol=_PROBED)
-            for old, new, slope in zip(before, after, found, strict=True)
-        ):
+        if all(map(_is_slope, before, *moved, found, [change] * len(before))):
             return
     hint = "It is 0 in this arm, so that the equations omit its terms. Give it another value."
     raise InputError(Problem(name, SMOOTH, shown(path), hint))
+
+
+def _is_slope(old: Array, far: Array, near: Array, slope: Array, change: float) -> bool:
+    """Return whether differences over a change, and over a smaller one, converge to a slope."""
+    if not old.shape == far.shape == near.shape:
+        return False
+    errors = np.abs(near - old - _SMALLER * change * slope)
+    # Terms of second order decrease with the square of the change.
+    usual = _SMALLER * _DECREASED * np.abs(far - old - change * slope)
+    return bool(np.all(errors <= usual + _ROUNDED * np.maximum(np.abs(old), np.abs(near))))
 
 
 def has_samples(paths: Sequence[str]) -> bool:
@@ -335,7 +348,8 @@ class Parameters:
             value = Environment(environment.loads).placed(self.run.arm).value
             return [*arm_inputs(self.run.arm, environment), value]
 
-        *arm, load_value = differences(name, path, value, abs(value) or 1.0, at)
+        scale = abs(value) or size_of_zero(self.run.arm, record, inside)
+        *arm, load_value = differences(name, path, value, scale, at)
         own = no_change(self.inputs)
         return own._replace(arm=ArmInputs(*arm), load_value=load_value)
 

@@ -76,7 +76,8 @@ def sensitivities(
         channels: names of channels that follow from q and qd; None: all of them.
         error_estimate: whether a run that meets a contact or a joint stop, or slides against
             friction that holds, is repeated at a second tolerance, a hundredth of the first one
-            or, near rounding, a hundred times it (fixed steps: half the step). The derivatives
+            (with friction a ten-thousandth) or, near rounding, a hundred times it (fixed steps:
+            half the step). The derivatives
             are then those of the more accurate run, and their largest difference is the coordinate
             ``relative_error``.
 

@@ -30,15 +30,19 @@ from flexarm.simulation.run.integrator_choice import (
 )
 from flexarm.simulation.run.stepping import Run, system_of
 
-#: Explicit work above which a trial is made. Below, a run takes a few tens of milliseconds at most,
-#: and a second method would have to be compiled.
-_WORTH_A_TRIAL = 20_000.0
+#: Explicit work above which a trial is made. Below, a run takes some milliseconds, and a second
+#: method would have to be compiled.
+_WORTH_A_TRIAL = 5_000.0
 #: Steps of the first round of a trial; the part of the explicit work, and the evaluations, that all
-#: rounds may take.
-_FIRST_ROUND, _SHARE, _LONGEST_TRIAL = 12, 0.05, 2e5
+#: rounds may take. Steps lengthen while vibrations decay, so that a shorter trial overestimates the
+#: work: of 20 stiff random arms, three then took five to eleven times the work of the other method.
+_FIRST_ROUND, _SHARE, _LONGEST_TRIAL = 12, 0.2, 2e5
 #: The implicit method is chosen if its work is less than this part of the explicit work: at equal
 #: tolerances its error is a hundred times as large, at equal error it takes 2.5 times as much.
 _CHEAPER = 1.0 / 3.0
+#: A trial ends early if its estimate exceeds the explicit work by this factor: the first steps
+#: overestimate the work by up to 20, because vibrations have not decayed yet.
+_DEARER = 5.0
 #: Steps after which a vibration that the implicit method does not resolve has decayed are
 #: ``_DECAY * visible ** _POWER`` for an amplitude of ``visible`` times the allowed error. Fitted to
 #: links of EI = 1e3 to 1e8 N m^2 that gravity sets into motion; ``visible`` is 40 to 4e4.
@@ -152,7 +156,7 @@ def implicit_work(start: Start, explicit: float) -> float:
         rate = (progress.evaluations - evaluations) / (progress.time - time)
         ahead = rate * (start.duration - progress.time)
         work = progress.evaluations + min(ahead, _PER_STEP * _decay(start, progress.state))
-        decided = work < _CHEAPER * explicit or work > explicit / _CHEAPER
+        decided = work < _CHEAPER * explicit or work > _DEARER * explicit
         if decided or progress.evaluations > min(_SHARE * explicit, _LONGEST_TRIAL):
             return work
         steps *= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -44,12 +45,22 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     """
 
     references: ClassVar[str] = "RoyWhitcomb2002"
+    _shares: ClassVar[dict[str, float]] = {
+        **HybridForce._shares,
+        "adaptation": 0.32,
+        "friction_adaptation": 0.16,
+        "nominal_force": 0.25,
+        "nominal_speed": 0.0066,
+        "release_time": 0.32,
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._rougher = TaskPlan(self.arm, self.sample_time)
         self._surface = SurfacePlan(self.sample_time)
         self._gains = np.full(self._terms, self.adaptation)
+        # The force changes by the nominal one in a period of the arm.
+        self._nominal_rate = self.nominal_force * self._scales.rate / (2.0 * math.pi)
 
     @property
     def _terms(self) -> int:
@@ -59,17 +70,18 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     @property
     def _released(self) -> float:
         """Time without a force (s) from which on a longer one makes no difference."""
-        return self.release_time + self.sample_time
+        return float(self.release_time) + self.sample_time
 
     def _slides(self, inputs: Arrays) -> bool:
         """Return whether the tip certainly slides; below this speed, static friction may hold."""
-        return abs(surface_of(inputs).speed) >= _SLIDING * self.nominal_speed
+        return abs(surface_of(inputs).speed) >= float(_SLIDING * self.nominal_speed)
 
     @property
     def estimate(self) -> dict[str, float]:
         """Current estimates: ``stiffness_push`` and ``slope_push`` (N), and ``friction``.
 
-        The first two are the pushes at ``nominal_force`` per second and ``nominal_speed``.
+        The first is the push at a force rate of ``nominal_force`` per 2 pi / w, with the rate w of
+        the arm; the second that at ``nominal_speed``.
         """
         stiffness, slope = self.memory.get("estimate", np.zeros(2))[:2].tolist()
         friction = float(self.memory.get("friction", 0.0))
@@ -128,10 +140,10 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
             memory["unfelt"], memory["friction_rate"] = self._released, 0.0
         return super()._law(memory, inputs, request, state, readings)
 
-    def _touching(self, memory: dict[str, Any], felt: float) -> bool:
+    def _touching(self, memory: dict[str, Any], felt: float, least: float) -> bool:
         """Return whether the tip is in contact: until ``release_time`` without a force."""
         unfelt = min(memory["unfelt"] + self.sample_time, self._released)
-        memory["unfelt"] = 0.0 if felt >= self.touch_force else unfelt
+        memory["unfelt"] = 0.0 if felt >= least else unfelt
         return bool(memory["unfelt"] <= self.release_time)
 
     def _push(
@@ -161,7 +173,7 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     def _signals(self, inputs: Arrays) -> FloatArray:
         """Return the signals that the estimates multiply, relative to nominal values: (F.13)."""
         now = surface_of(inputs)
-        signals = (now.force_rate / self.nominal_force, now.speed / self.nominal_speed)
+        signals = (now.force_rate / self._nominal_rate, now.speed / self.nominal_speed)
         return np.array([min(max(one, -_MOST_SIGNAL), _MOST_SIGNAL) for one in signals])
 
     def _adapt(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
@@ -27,6 +27,12 @@ class Admittance(AdmittanceParameters, TaskController):
         InputError: if a gain is negative or not finite, or damping, frequency, speed or sample time
             are not positive.
     """
+
+    _shares: ClassVar[dict[str, float]] = {
+        "damping": 120.0,
+        "frequency": 1.25,
+        "most_speed": 0.0066,
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()

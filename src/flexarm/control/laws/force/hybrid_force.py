@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
@@ -10,6 +10,8 @@ from flexarm.control.design.task_space import TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
 from flexarm.model.drives.controllers import HybridForceParameters
 
+#: Default of ``touch_force``, relative to the requested force.
+_TOUCH = 0.1
 #: Limit of the integral, relative to the requested force. It prevents windup without contact,
 #: which would make the tip hit the surface.
 _MOST_CORRECTION = 0.5
@@ -35,6 +37,14 @@ class HybridForce(HybridForceParameters, TaskController):
         InputError: if a gain is negative or not finite, or frequency, speed or sample time are not
             positive.
     """
+
+    _shares: ClassVar[dict[str, float]] = {
+        "frequency": 1.25,
+        "path_integral": 0.32,
+        "force_integral": 1.6,
+        "normal_damping": 16.0,
+        "approach_speed": 0.0066,
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,7 +101,8 @@ class HybridForce(HybridForceParameters, TaskController):
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
         felt, against = felt_force(request, readings), -self.normal_damping * slip
         error, limit = request.force - felt, _MOST_CORRECTION * request.force
-        touching = self._touching(memory, felt)
+        least = _TOUCH * request.force if self.touch_force is None else self.touch_force
+        touching = self._touching(memory, felt, least)
         memory["touched"] = memory["touched"] or touching
         push: float = self.force_proportional * error + memory["integral"] + against
         if memory["touched"]:
@@ -100,8 +111,10 @@ class HybridForce(HybridForceParameters, TaskController):
             memory["integral"] = min(max(added, -limit), limit)
         if touching:
             return push
-        return against + min(0.0, self.normal_damping * self.approach_speed - request.force)
+        approach: float = self.normal_damping * self.approach_speed
+        closing: float = against + min(0.0, approach - request.force)
+        return closing
 
-    def _touching(self, memory: dict[str, Any], felt: float) -> bool:
-        """Return whether a measured force (N) is a contact."""
-        return felt >= self.touch_force
+    def _touching(self, memory: dict[str, Any], felt: float, least: float) -> bool:
+        """Return whether a measured force (N) is a contact, which has at least ``least``."""
+        return felt >= least

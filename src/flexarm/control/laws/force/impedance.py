@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
 from flexarm.control.design.task_plan import TaskReference
@@ -29,6 +29,14 @@ class Impedance(ImpedanceParameters, TaskController):
     Raises:
         InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
+
+    _shares: ClassVar[dict[str, float]] = {
+        "tangent_stiffness": 7.6,
+        "tangent_damping": 6.4,
+        "normal_stiffness": 2.5,
+        "normal_damping": 8.0,
+        "posture_frequency": 0.8,
+    }
 
     def __post_init__(self) -> None:
         super().__post_init__()

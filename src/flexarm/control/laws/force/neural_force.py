@@ -24,12 +24,17 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
     """
 
     references: ClassVar[str] = "RoyWhitcomb2002 RahimiRecht2007"
+    _shares: ClassVar[dict[str, float]] = {
+        **AdaptiveForce._shares,
+        "learning": 1.9,
+        "feature_length": 0.04,
+    }
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         random = np.random.default_rng(self.seed)
         self._waves = random.normal(size=(self.features, 2)) / self.feature_length
         self._phases = random.uniform(0.0, 2.0 * np.pi, self.features)
-        super().__post_init__()
         self._gains[2:] = self.learning
 
     @property

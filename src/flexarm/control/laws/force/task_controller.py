@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Arrays, Controller, ControllerRequirements, Reference
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.arm_scales import arm_scales, set_defaults, slow_rate
 from flexarm.control.design.task_plan import TaskPlan, TaskReference
 from flexarm.control.design.task_space import TaskSpace, TaskState
 from flexarm.control.hardware.measurement import FloatArray, Measurement
@@ -17,7 +18,12 @@ from flexarm.control.hardware.measurement import FloatArray, Measurement
 class TaskController(OfArm, Controller):
     """Base of controllers of the tip of a rigid model in contact with a surface."""
 
+    _shares: ClassVar[dict[str, float]]
+    """Defaults of parameters, relative to their typical sizes on the arm."""
+
     def __post_init__(self) -> None:
+        self._scales = arm_scales(self.arm, slow_rate(self.arm, self.sample_time))
+        set_defaults(self, self._shares, self._scales)
         self._reads_force = True
         self._posture_frequency = 0.0  # of joint errors, rad/s; a subclass sets it
         self._task = TaskSpace(self.arm)

@@ -14,6 +14,9 @@ from flexarm.control.contract.base import Arrays, FloatArray, Measurement
 from flexarm.control.laws.joint.follower import JointFollower
 from flexarm.model.drives.controllers import PrescribedPerformanceParameters
 
+#: Default decay rate of the bounds, relative to that of the errors.
+_DECAY = 0.125
+
 
 class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
     """Joint control that keeps angle errors within bounds that decrease exponentially.
@@ -44,6 +47,8 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         super().__post_init__()
         if self.start_bound is None:
             self.start_bound = self.bound
+        if self.decay is None:
+            self.decay = _DECAY * float(np.min(self.bandwidth))
         start, end = np.size(self.start_bound), np.size(self.bound)
         if start != end and 1 not in (start, end):
             rule = f"have length {end}, one value for each joint"

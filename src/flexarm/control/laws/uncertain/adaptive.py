@@ -35,7 +35,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.parameters = _listed(self.arm, self.parameters)
-        self._model = RigidParameters(self.arm, self.parameters)
+        self._model = RigidParameters(self.arm, self.parameters, self._sliding.smoothing_rate)
         if not self.parameters:
             raise InputError(Problem("parameters", "name at least one", "[]"))
         bounds, initial = self.bounds or {}, self.initial or {}

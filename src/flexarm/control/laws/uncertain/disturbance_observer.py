@@ -17,12 +17,9 @@ from flexarm.control.contract.base import (
     Reference,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.default_requirements import lowest_frequency
+from flexarm.control.design.arm_scales import default_cutoff
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.model.drives.around import DisturbanceObserverParameters
-
-#: Largest default cutoff, relative to the sampling frequency.
-_MOST = 0.005
 
 
 class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
@@ -44,7 +41,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
 
     def __post_init__(self) -> None:
         if self.cutoff is None:
-            hertz = min(lowest_frequency(self.arm) / (4.0 * math.pi), _MOST / self.sample_time)
+            hertz = default_cutoff(self.arm, self.sample_time)
             self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
         self._taken = self._filtered()

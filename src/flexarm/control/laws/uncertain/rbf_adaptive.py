@@ -13,6 +13,8 @@ from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
 from flexarm.model.drives.controllers import RBFAdaptiveParameters
 
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+_SIGN = 0.01
 #: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000
 
@@ -94,10 +96,6 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
         return after, torque + rows[0] + rows[1]
-
-
-#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
-_SIGN = 0.01
 
 
 def _grid(

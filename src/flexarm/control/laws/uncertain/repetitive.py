@@ -30,6 +30,8 @@ from flexarm.model.drives.around import RepetitiveParameters
 #: Half of the length of the filter, times the cutoff. A Hamming window of this length passes half
 #: of the cutoff and stops one and a half of it.
 _HALF = 1.65
+#: Default cutoff, times the period.
+_HARMONICS = 10.0
 #: Difference from a whole number of samples that is rounding.
 _ROUNDING = 1e-6
 #: Iterations for the poles near the harmonics, the smallest factor that is not zero, and factors
@@ -62,6 +64,8 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
     inner: Controller
 
     def __post_init__(self) -> None:
+        if self.cutoff is None:
+            self.cutoff = _HARMONICS / self.period
         if self.cutoff * self.period < 2.0:
             rule = f"be at least 2 divided by the period ({2.0 / self.period:.4g} Hz)"
             raise InputError(Problem("cutoff", rule, shown(self.cutoff)))
@@ -169,7 +173,8 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         return count, lead
 
     def _half(self) -> int:
-        return math.ceil(_HALF / (self.cutoff * self.sample_time))
+        cutoff: float = self.cutoff
+        return math.ceil(_HALF / (cutoff * self.sample_time))
 
     def _filter(self) -> FloatArray:
         """Return the weights of the filter without phase shift, (2 half + 1,)."""

@@ -19,7 +19,10 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.contract.requirements import JOINTS
+from flexarm.control.design.arm_scales import default_cutoff
 
+#: Smoothing rate of adapted friction, relative to the bandwidth (rad).
+_SMOOTHED = 0.001
 #: Cutoff of the low-pass filter of the curvature, which limits noise in its rate, relative to the
 #: sampling frequency.
 _NOISE_CUTOFF = 0.1
@@ -46,6 +49,7 @@ class SlidingVariable:
         self, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
     ) -> None:
         self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
+        self.smoothing_rate = _SMOOTHED * bandwidth
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
@@ -108,6 +112,8 @@ class SlidingController(OfArm, Controller):
 
     def __post_init__(self) -> None:
         own: Any = self
+        if own.washout is None:
+            own.washout = default_cutoff(self.arm, self.sample_time)
         self._sliding = SlidingVariable(self.arm, own.bandwidth, own.strain_gain, own.washout)
 
     def reset(self) -> None:

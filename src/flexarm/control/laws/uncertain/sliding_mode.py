@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
+from flexarm.control.design.arm_scales import slow_rate
+from flexarm.control.design.default_requirements import typical_torque
 from flexarm.control.design.rigid_parameters import RigidParameters
 from flexarm.control.laws.uncertain.sliding import SlidingController
 from flexarm.model.drives.controllers import SlidingModeParameters
+
+#: Default excess of the switching torque, relative to typical torques.
+_REACHING = 0.01
 
 
 class SlidingMode(SlidingModeParameters, SlidingController):
@@ -24,7 +29,10 @@ class SlidingMode(SlidingModeParameters, SlidingController):
     def __post_init__(self) -> None:
         super().__post_init__()
         named = self.uncertainty or {}
-        self._model = RigidParameters(self.arm, tuple(named))
+        if self.reaching is None:
+            rate = slow_rate(self.arm, self.sample_time)
+            self.reaching = _REACHING * typical_torque(self.arm, None, rate)
+        self._model = RigidParameters(self.arm, tuple(named), self._sliding.smoothing_rate)
         # Nominal value and largest error of each row of the regressor.
         known = self._model.known
         self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))

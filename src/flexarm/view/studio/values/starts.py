@@ -487,7 +487,9 @@ def _drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
         return content | _sampled(of)
     for name, field in records[kind].model_fields.items():
         default = None if field.is_required() else field.default
-        value = _GAIN_STARTS[name](of, default) if name in _GAIN_STARTS else None
+        # A controller derives its own damping from the arm if it is not required.
+        starts = name in _GAIN_STARTS and (name != "damping" or field.is_required())
+        value = _GAIN_STARTS[name](of, default) if starts else None
         if value is not None:
             content[name] = value
     return content
