@@ -7,7 +7,7 @@ import numpy as np
 import flexarm as fa
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.parameters import constants_at
-from flexarm.linear.step_derivatives.step_jacobian import stepper_of
+from flexarm.linear.step_derivatives.sampled_step import stepper_of
 from flexarm.model.paths import number_at
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.histories.piecewise import PiecewiseCubic

@@ -100,8 +100,8 @@ from .linear.reference_motions.quasi_static import QuasiStaticReference as Quasi
 from .linear.reference_motions.quasi_static import quasi_static_reference as quasi_static_reference
 from .linear.small_deviations.along import Separation as Separation
 from .linear.small_deviations.along import linearize_along as linearize_along
-from .linear.step_derivatives.step_jacobian import StepJacobian as StepJacobian
-from .linear.step_derivatives.step_jacobian import step_jacobian as step_jacobian
+from .linear.step_derivatives.sampled_step import StepJacobian as StepJacobian
+from .linear.step_derivatives.sampled_step import step_jacobian as step_jacobian
 from .model import Box as Box
 from .model import Change as Change
 from .model import Circle as Circle

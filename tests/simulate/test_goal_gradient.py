@@ -6,7 +6,7 @@ import pytest
 import flexarm as fa
 from arms import chain
 from flexarm.simulation.derivatives.gradient import Repetition
-from flexarm.simulation.histories.samples import (
+from flexarm.simulation.histories.piecewise import (
     added_coefficients,
     collected_samples,
     sampled_torque,

@@ -17,7 +17,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.records import RecordSettings
-from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.histories.piecewise import INTERPOLATIONS
 
 #: Fewest samples of a record.
 FEWEST = 4

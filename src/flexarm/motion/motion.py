@@ -16,7 +16,7 @@ import numpy as np
 
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.motion.geometry.chain import RigidChain, rigid_chain
+from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.timing import TimingLaw, timing_law
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexarm.bridges.c_code.exported import Exported, origin, prototype
 from flexarm.bridges.c_code.named_function import NamedFunction
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.linear.models.signals import state_names
+from flexarm.linear.models.state_space import state_names
 
 #: Meaning of arguments.
 _MEANINGS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flexarm.bridges.c_code.exported import Exported, origin
 from flexarm.bridges.c_code.named_function import NamedFunction
-from flexarm.simulation.real_time.packets import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
+from flexarm.simulation.real_time.partners import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
 
 _PROGRAM = """\
 #define _POSIX_C_SOURCE 200112L

@@ -14,8 +14,7 @@ from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.processes import in_processes
 from flexarm.cases.scenario.file_errors import Where, problems_at
-from flexarm.cases.scenario.motions import TaskReference
-from flexarm.cases.scenario.references import Followed
+from flexarm.cases.scenario.references import Followed, TaskReference
 from flexarm.cases.scenario.scenario import Prepared, check_fit, prepare
 from flexarm.control.contract.base import Reference
 from flexarm.integrate.base import FloatArray

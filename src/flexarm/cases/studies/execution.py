@@ -1,18 +1,23 @@
-"""Execution of the samples of a study: all drives on all plants along all motions for each."""
+"""Execution of the samples of a study, also by the workers of a Dask cluster, and their table."""
 
 from __future__ import annotations
 
+import logging
+import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property, lru_cache, partial
 from itertools import product
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
+from flexarm.base.arguments import library_missing
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
 from flexarm.cases.scenario.file_errors import Where
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.cases.studies.samples import Samples, in_study
@@ -25,6 +30,177 @@ from flexarm.model.scenarios.study import plant_spec
 from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.compare import Evaluation, evaluated
 from flexarm.simulation.calls.metrics import METRICS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Dimensions of a run in a study.
+DIMS = ("sample", "controller", "plant", "reference")
+
+
+def table_of(
+    outcomes: Outcomes,
+    numbers: NDArray[np.int64],
+    names: Mapping[str, Sequence[str]],
+    paths: Sequence[str],
+    attributes: Mapping[str, Any],
+) -> xr.Dataset:
+    """Return the labelled dataset of outcomes.
+
+    Args:
+        numbers: (samples,) of the samples.
+        names: of controllers, plants and references.
+        paths: of the varied numbers.
+    """
+    import xarray as xr
+
+    table = xr.Dataset(attrs=dict(attributes))
+    label = {"long_name": "sample, counted from 0"}
+    table = table.assign_coords({"sample": ("sample", numbers, label)})
+    table = table.assign_coords({dim: list(own) for dim, own in names.items()})
+    for j, path in enumerate(paths):
+        label = {"long_name": f"{path} of the sample"}
+        table = table.assign_coords({path: ("sample", outcomes.parameters[:, j], label)})
+    for j, metric in enumerate(RECORDED):
+        labels = {"units": metric.unit, "long_name": metric.meaning}
+        table[metric.name] = (DIMS, outcomes.metrics[..., j], labels)
+    texts = outcomes.failure.astype(str)
+    absent = np.char.startswith(texts, INFEASIBLE)
+    reasons = [text.removeprefix(INFEASIBLE) for text in np.where(absent, texts, "").flat]
+    table["failure"] = (DIMS, np.where(absent, "", texts), {"long_name": "why a run failed"})
+    label = {"long_name": "why the numbers of a run are not possible"}
+    table["infeasible"] = (DIMS, np.array(reasons, dtype=str).reshape(texts.shape), label)
+    table["warning"] = (DIMS, outcomes.warning.astype(str), {"long_name": "warnings of a run"})
+    return table
+
+
+#: Tasks that wait or run for each thread of the cluster, so that no worker idles between two.
+_AHEAD = 3
+#: How often a chunk may end with its workers, each time after three attempts of Dask.
+_MOST_LOSSES = 3
+
+
+def check_client(client: object) -> None:
+    """Raise if a value is neither a client of Dask, nor an address, nor None.
+
+    Raises:
+        InputError: if it is none of these, or Dask is not installed.
+    """
+    if client is None:
+        return
+    rule = "be a Client of Dask or the address of a scheduler"
+    hint = "An address is text such as 'tcp://host:8786'."
+    distributed = _distributed()
+    if isinstance(client, str):
+        right = re.fullmatch(r"\w+://[^\s/]+:\d+", client) is not None
+    else:
+        right = isinstance(client, distributed.Client)
+    if not right:
+        raise InputError(Problem("client", rule, shown(client), hint))
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise library_missing("distributed", "cluster") from None
+    return distributed
+
+
+@contextmanager
+def cluster(client: object, workers: int) -> Iterator[Any]:
+    """Provide a client of Dask.
+
+    Args:
+        client: as for ``check_client``; None for processes of this computer.
+        workers: number of those processes.
+
+    Raises:
+        InputError: if Dask is not installed, or there is no scheduler at the address.
+    """
+    distributed = _distributed()
+    if client is None:
+        # One thread for each process: most of a run is Python code, and threads take turns at it.
+        try:
+            local = distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                memory_limit=None,
+                silence_logs=logging.ERROR,
+                # Not the default port, which may be in use: Dask would warn.
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+            )
+        except RuntimeError:
+            hint = 'A script needs the guard `if __name__ == "__main__":`; workers=1 does not.'
+            raise InputError(Problem("workers", "could not be started", hint=hint)) from None
+        with local, distributed.Client(local) as own:
+            yield own
+    elif isinstance(client, str):
+        try:
+            connected = distributed.Client(client)
+        except OSError:
+            rule = "be the address of a scheduler that runs"
+            raise InputError(Problem("client", rule, shown(client))) from None
+        with connected:
+            yield connected
+    else:
+        yield client
+
+
+def execute(
+    client: Any,
+    task: Callable[..., Any],
+    arguments: Sequence[tuple[Any, ...]],
+    done: Callable[[int, Any], None],
+) -> None:
+    """Call ``task`` with each of ``arguments`` on a cluster.
+
+    Args:
+        done: called with the place of the arguments and the result, in the order of completion.
+
+    Raises:
+        InputError: if a task raises it, or repeatedly ends together with its worker, or the
+            scheduler is lost.
+    """
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    completed: Any = as_completed  # without annotations
+    waiting, places, losses = completed(), {}, Counter[int]()
+    left = iter(range(len(arguments)))
+
+    def submit(place: int) -> None:
+        future = client.submit(task, *arguments[place], pure=False)
+        places[future.key] = place
+        waiting.add(future)
+
+    def fill() -> None:
+        most = _AHEAD * max(1, sum(client.nthreads().values()))
+        while len(places) < most and (place := next(left, None)) is not None:
+            submit(place)
+
+    fill()
+    for future in waiting:
+        place = places.pop(future.key)
+        try:
+            result = future.result()
+        except KilledWorker:
+            losses[place] += 1
+            if losses[place] >= _MOST_LOSSES:
+                rule = f"ended the process of each worker that executed task {arguments[place]}"
+                hint = "Its memory may not suffice."
+                raise InputError(Problem("study", rule, hint=hint)) from None
+            submit(place)
+            continue
+        except CancelledError:
+            hint = "Resume the study."
+            raise InputError(Problem("client", "has lost its scheduler", hint=hint)) from None
+        finally:
+            future.release()
+        done(place, result)
+        fill()
+
 
 #: Recorded metrics. The computing time of controllers differs from run to run.
 RECORDED = tuple(metric for metric in METRICS if metric.name != "controller_time")

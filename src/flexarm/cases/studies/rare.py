@@ -17,9 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.base.errors import AccuracyWarning, warn_caller
-from flexarm.cases.studies.execution import executor_of
-from flexarm.cases.studies.table import DIMS
-from flexarm.cases.studies.workers import cluster, execute
+from flexarm.cases.studies.execution import DIMS, cluster, execute, executor_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.sampling import RareFailures
 from flexarm.simulation.run.progress import Meter

@@ -33,8 +33,8 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.cases.studies.execution import DIMS
 from flexarm.cases.studies.samples import Germ, Samples, counted_germ
-from flexarm.cases.studies.table import DIMS
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes

@@ -29,10 +29,9 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.cases.studies.execution import RECORDED, Executor, Outcomes
+from flexarm.cases.studies.execution import DIMS, RECORDED, Executor, Outcomes, table_of
 from flexarm.cases.studies.samples import Samples
 from flexarm.cases.studies.stopping import Ending
-from flexarm.cases.studies.table import DIMS, table_of
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.simulation.calls.result import package_version, software_versions
 

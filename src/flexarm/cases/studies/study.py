@@ -24,7 +24,16 @@ from flexarm.base.errors import (
 from flexarm.base.processes import check_workers
 from flexarm.cases.scenario.file_errors import Where, problems_at
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.studies.execution import RECORDED, Executor, Outcomes, executor_of
+from flexarm.cases.studies.execution import (
+    RECORDED,
+    Executor,
+    Outcomes,
+    check_client,
+    cluster,
+    execute,
+    executor_of,
+    table_of,
+)
 from flexarm.cases.studies.rare import rare_failures
 from flexarm.cases.studies.stopping import Ending
 from flexarm.cases.studies.store import (
@@ -35,8 +44,6 @@ from flexarm.cases.studies.store import (
     opened,
     versions,
 )
-from flexarm.cases.studies.table import table_of
-from flexarm.cases.studies.workers import check_client, cluster, execute
 from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study

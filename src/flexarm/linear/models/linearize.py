@@ -26,9 +26,10 @@ from flexarm.base.errors import InputError, Problem, check_array, check_result, 
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
-from flexarm.linear.models.signals import (
+from flexarm.linear.models.state_space import (
     Input,
     InputName,
+    LinearModel,
     Output,
     OutputName,
     find_inputs,
@@ -36,11 +37,9 @@ from flexarm.linear.models.signals import (
     state_names,
     torque_places,
 )
-from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
+from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium, tangent
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
-from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
 
 ComplexArray = NDArray[Any]

@@ -24,7 +24,7 @@ from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.motion import Motion
-from flexarm.motion.geometry.chain import tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:

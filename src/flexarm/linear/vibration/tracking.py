@@ -16,8 +16,7 @@ from flexarm.arm.bending import one_warning, warn_of_bending
 from flexarm.base.arguments import check_count, check_flag, check_kind
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.linear.vibration.held import Joints
-from flexarm.linear.vibration.modal import Modes, modes
+from flexarm.linear.vibration.modal import Joints, Modes, modes
 
 #: Minimum similarity of the shapes at neighbouring samples; below it the interval is halved.
 _ALIKE = 0.8

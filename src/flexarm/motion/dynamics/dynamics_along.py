@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
-from flexarm.motion.geometry.chain import check_arm, tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
 from flexarm.motion.motion import check_motion
 
 if TYPE_CHECKING:

@@ -31,20 +31,18 @@ import numpy as np
 
 from flexarm.base.arguments import warn_of_degrees
 from flexarm.base.errors import InputError, Problem, public_call, shown
-from flexarm.motion.geometry.chain import (
-    RigidChain,
-    rigid_chain,
-    tip_jacobian,
-    tip_jacobian_rate,
-    tip_position,
-)
 from flexarm.motion.geometry.inverse_kinematics import (
+    RigidChain,
     check_elbow,
     check_reach,
     elbow_angle,
     posture_at,
     reach_limits,
+    rigid_chain,
     shoulder_offset,
+    tip_jacobian,
+    tip_jacobian_rate,
+    tip_position,
 )
 from flexarm.motion.motion import JointState, PathMotion, checked_times
 from flexarm.motion.timing import TimingLaw, timing_law
@@ -55,7 +53,7 @@ if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
 
     from flexarm.arm.arm import Arm
-    from flexarm.motion.geometry.chain import RigidChain
+    from flexarm.motion.geometry.inverse_kinematics import RigidChain
     from flexarm.motion.tip.tip_paths import TipPath
 
     Floats = NDArray[np.float64]

@@ -30,7 +30,7 @@ from flexarm.model.identification.records import RecordSettings
 from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.piecewise import sampled_torque
 
 #: Sharpness of the smooth largest value over time, and least relative information of a combination.
 _SHARP, _SINGULAR = 60.0, 1e-12

@@ -14,7 +14,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_times
 from flexarm.base.errors import FlexarmError, LargeDeflectionWarning, public_call
 from flexarm.linear import equilibrium, modes
-from flexarm.motion.geometry.chain import RigidChain, rigid_chain
+from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.motion import JointState, TabulatedMotion, quintic_table
 from flexarm.planning.optimize.task import UNITS, Bound, Plan, Quantities, Task
 from flexarm.simulation.batch.reductions import Reduction, reduced

@@ -36,11 +36,13 @@ from flexarm.planning.proposals.candidates import (
     Assessed,
     Candidate,
     Loops,
+    Requirements,
     candidates_of,
     postures_of,
+    requirements_of,
+    rounded,
     scenario_of,
 )
-from flexarm.planning.proposals.requirements import Requirements, requirements_of, rounded
 
 if TYPE_CHECKING:
     import xarray as xr

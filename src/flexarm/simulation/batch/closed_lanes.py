@@ -21,9 +21,8 @@ from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.memory import REJECTED, STEPS
 from flexarm.model import Hardware, Sensor
-from flexarm.simulation.batch.execution import ClosedLoop
+from flexarm.simulation.batch.execution import ClosedLoop, Variations
 from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, factors_of, fits_lanes
-from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
     instrument_numbers,
@@ -33,9 +32,8 @@ from flexarm.simulation.calls.limits import (
 )
 from flexarm.simulation.calls.preparation import Situation, start_of
 from flexarm.simulation.histories.loads import LoadHistory
-from flexarm.simulation.loop.actuators import Acting
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
-from flexarm.simulation.loop.sensors import Sensing, measured_names
+from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.validity import RunawayWatch

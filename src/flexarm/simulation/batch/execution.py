@@ -1,4 +1,4 @@
-"""Execution of the runs of a batch, one at a time, by the engine of ``simulate``."""
+"""Runs of a batch: their arguments, and execution one at a time by the engine of ``simulate``."""
 
 from __future__ import annotations
 
@@ -6,22 +6,32 @@ import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
-from flexarm.control.contract.base import Controller
+from flexarm.base.arguments import check_kind, check_list_of, check_mapping, check_positive
+from flexarm.base.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
+from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
+from flexarm.model import ArmSpec, Hardware
+from flexarm.model.paths import number_at, with_numbers
 from flexarm.model.scenarios.events import DURATION, FAILURE
-from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
-from flexarm.simulation.calls.preparation import Situation, start_of, torque_history
+from flexarm.simulation.calls.preparation import Situation, Torque, start_of, torque_history
 from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
@@ -35,6 +45,305 @@ from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:
     import xarray as xr
+
+T = TypeVar("T")
+#: Arms with changed parameters that are kept, because runs often repeat the same parameters.
+_KEPT_ARMS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Variations:
+    """Arguments of each run.
+
+    Attributes:
+        count: number of runs.
+        arms: one arm for all runs, or one for each. each_arm: whether they were given as a list.
+        initial, initial_rate: (dof,), (runs, dof), or None for the default.
+        torques, controllers, references: one item for all runs, or one for each.
+        parameters: values (runs,) by the path of a number of the arm.
+        hardware: of all runs; seeds: (runs,) of its noise, or None for the seed of the hardware.
+    """
+
+    count: int
+    arms: Sequence[Arm]
+    each_arm: bool
+    initial: FloatArray | None
+    initial_rate: FloatArray | None
+    torques: Sequence[Torque | None]
+    controllers: Sequence[Controller | None]
+    references: Sequence[Reference | None]
+    parameters: Mapping[str, FloatArray]
+    hardware: Hardware | None
+    seeds: NDArray[np.int64] | None
+    _specs: Sequence[ArmSpec] = field(default=(), repr=False)
+
+    @property
+    def same_arm(self) -> bool:
+        """Whether all runs simulate the same arm."""
+        return not self.each_arm and not self.parameters
+
+    @property
+    def same_torque(self) -> bool:
+        """Whether all runs have the same torque."""
+        return len(self.torques) == 1
+
+    def arm(self, k: int) -> Arm:
+        """Return the simulated arm of run k.
+
+        Raises:
+            InputError: if the parameters of the run change the coordinates of the arm.
+        """
+        arm = _of(self.arms, k)
+        if not self.parameters:
+            return arm
+        varied = _assembled(self._specs[k])
+        _check_structure("parameters", varied, arm)
+        return varied
+
+    def check_events(self, events: Any) -> None:
+        """Raise if an event was created for one arm, but the runs simulate several.
+
+        Raises:
+            InputError: if there is such an event.
+        """
+        several = self.each_arm and any(arm.spec != self.arms[0].spec for arm in self.arms)
+        if not _is_list(events) or not (several or self.parameters):
+            return
+        rule = f"cannot be combined with {'parameters' if self.parameters else 'several arms'}"
+        hint = "It was created for one arm. Use Event with a function of t, q and qd."
+        problems = [
+            Problem(f"events[{k}]", rule, hint=hint)
+            for k, event in enumerate(events)
+            if hasattr(getattr(event, "function", None), "arm")
+        ]
+        if problems:
+            raise InputError(*problems)
+
+    def state_of(self, k: int) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return coordinates and rates (dof,) at the start of run k; None for the default."""
+        return _row(self.initial, k), _row(self.initial_rate, k)
+
+    def hardware_of(self, k: int) -> Hardware | None:
+        """Return the hardware of run k with its seed."""
+        if self.hardware is None or self.seeds is None:
+            return self.hardware
+        return self.hardware.replace(seed=int(self.seeds[k]))
+
+    def torque(self, k: int) -> Torque | None:
+        """Return the torque of run k, in a form that ``simulate`` accepts."""
+        return _of(self.torques, k)
+
+    def controller(self, k: int) -> Controller | None:
+        """Return the controller of run k."""
+        return _of(self.controllers, k)
+
+    def reference(self, k: int) -> Reference | None:
+        """Return the reference of run k."""
+        return _of(self.references, k)
+
+
+def variations_of(
+    arm: object,
+    name: str,
+    *,
+    torque: Any,
+    controller: Any,
+    reference: Any,
+    hardware: Hardware | None,
+    initial: ArrayLike | None,
+    initial_rate: ArrayLike | None,
+    parameters: Mapping[str, ArrayLike] | None,
+    seeds: ArrayLike | None,
+) -> Variations:
+    """Validate the arguments of ``simulate_batch`` that may differ from run to run.
+
+    Args:
+        arm: the simulated arm, or a list with one for each run.
+        name: of this argument; the others are those of ``simulate_batch``.
+
+    Raises:
+        InputError: if an argument has the wrong type or shape, the numbers of runs differ, or
+            arguments contradict each other.
+    """
+    arms = _arms(name, arm)
+    first = arms[0]
+    states = {
+        name: None if value is None else _states(name, value, first.dof)
+        for name, value in (("initial", initial), ("initial_rate", initial_rate))
+    }
+    torques, each_torque = _torques(torque, first.joints)
+    controllers: list[Any] = list(controller) if _is_list(controller) else [controller]
+    references: list[Any] = list(reference) if _is_list(reference) else [reference]
+    _check_loop(torque, controllers, references, hardware, seeds)
+    values = _parameters(first, parameters)
+    noise = None if seeds is None else _seeds(seeds)
+    lengths = {
+        name: len(arms) if _is_list(arm) else None,
+        **{name: None if a is None or a.ndim == 1 else len(a) for name, a in states.items()},
+        "torque": len(torques) if each_torque else None,
+        "controller": len(controllers) if _is_list(controller) else None,
+        "reference": len(references) if _is_list(reference) else None,
+        **{f"parameters[{path!r}]": len(row) for path, row in values.items()},
+        "seeds": None if noise is None else len(noise),
+    }
+    count = _common(lengths)
+    specs = _specs(arms, values, count)
+    return Variations(
+        count, arms, _is_list(arm), states["initial"], states["initial_rate"], torques,
+        controllers, references, values, hardware, noise, specs,
+    )  # fmt: skip
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _of(items: Sequence[T], k: int) -> T:
+    return items[0] if len(items) == 1 else items[k]
+
+
+def _row(values: FloatArray | None, k: int) -> FloatArray | None:
+    return values if values is None or values.ndim == 1 else values[k]
+
+
+def _arms(name: str, arm: object) -> list[Arm]:
+    if not _is_list(arm):
+        return [check_kind(name, arm, Arm, "an Arm or a list of them")]
+    arms = check_list_of(name, arm, Arm)
+    if not arms:
+        raise InputError(Problem(name, "must not be an empty list"))
+    for k, other in enumerate(arms):
+        _check_structure(f"{name}[{k}]", other, arms[0])
+    return arms
+
+
+def _check_structure(name: str, arm: Arm, first: Arm) -> None:
+    """Raise if an arm has other coordinates, links or gauges than the first one."""
+    own, known = ((one.dof, one.links, one.joints, len(one.gauges)) for one in (arm, first))
+    if own != known:
+        parts = "coordinates, links, joints and gauges"
+        rule = f"have the {known} {parts} of the first arm"
+        raise InputError(Problem(name, rule, str(own)))
+
+
+@lru_cache(maxsize=_KEPT_ARMS)
+def _assembled(spec: ArmSpec) -> Arm:
+    return Arm(spec)
+
+
+def _states(name: str, value: ArrayLike, dof: int) -> FloatArray:
+    """Return coordinates or rates as (dof,) for all runs, or (runs, dof)."""
+    return check_array(name, value, (-1, dof) if _axes(value) > 1 else (dof,))
+
+
+def _axes(value: Any) -> int:
+    """Return the number of axes of an array, or of nested lists by their first items."""
+    axes = getattr(value, "ndim", None)
+    if isinstance(axes, int):
+        return axes
+    return 1 + _axes(value[0]) if _is_list(value) and value else 0
+
+
+def _torques(torque: Any, joints: int) -> tuple[list[Torque | None], bool]:
+    """Return the torque of all runs as the only item, or one for each; and whether it is each."""
+    if torque is None or _is_history(torque):
+        return [torque], False
+    if _is_list(torque) and torque and all(map(_is_history, torque)):
+        return list(torque), True
+    if _axes(torque) > 2:
+        return list(check_array("torque", torque, (-1, -1, joints))), True
+    return [check_array("torque", torque, (-1, joints))], False
+
+
+def _is_history(value: object) -> bool:
+    return isinstance(value, PiecewiseCubic) or callable(value)
+
+
+def _check_loop(
+    torque: object,
+    controllers: Sequence[Any],
+    references: Sequence[Any],
+    hardware: object,
+    seeds: object,
+) -> None:
+    """Raise if controllers, references, hardware and seeds do not fit each other."""
+    named = {"controller": controllers, "reference": references}
+    problems = [Problem(name, "must not be empty") for name, items in named.items() if not items]
+    closed = bool(controllers) and controllers[0] is not None
+    if closed and torque is not None:
+        problems.append(Problem("torque", "cannot be combined with a controller"))
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+        if not closed:
+            problems.append(Problem("hardware", "requires a controller"))
+    if seeds is not None and hardware is None:
+        problems.append(Problem("seeds", "requires hardware, whose noise they determine"))
+    if problems:
+        raise InputError(*problems)
+    for controller in controllers if closed else ():
+        check_controller("controller", controller)
+        sample_time = getattr(controller, "sample_time", None)
+        check_positive("controller.sample_time", sample_time)
+    for reference in references:
+        if reference is not None:
+            check_reference(reference)
+
+
+def _parameters(arm: Arm, given: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
+    if given is None:
+        return {}
+    check_mapping("parameters", given, "paths and values")
+    values = {}
+    for path, row in given.items():
+        number_at("parameters", arm.spec, path)
+        values[path] = check_array(f"parameters[{path!r}]", row, (-1,))
+    return values
+
+
+def _seeds(given: ArrayLike) -> NDArray[np.int64]:
+    rule = "be whole numbers from 0 to 2**63 - 1, one for each run"
+    try:
+        seeds = np.asarray(given)
+        whole = seeds.dtype.kind in "iu" and seeds.ndim == 1 and bool(np.all(seeds >= 0))
+    except Exception:  # rows of different lengths, or objects whose conversion fails
+        whole = False
+    if not whole or bool(np.any(seeds > 2**63 - 1)):
+        raise InputError(Problem("seeds", rule, shown(given)))
+    return seeds.astype(np.int64)
+
+
+def _common(lengths: Mapping[str, int | None]) -> int:
+    """Return the number of runs."""
+    counts = {name: length for name, length in lengths.items() if length is not None}
+    count = max(counts.values(), default=1)
+    longest = next((name for name, length in counts.items() if length == count), "")
+    problems = [
+        Problem(name, f"have one item for each of the {count} runs of {longest}", shown(n))
+        for name, n in counts.items()
+        if n != count
+    ]
+    if count == 0:
+        problems = [Problem(longest, "must not be empty")]
+    if problems:
+        raise InputError(*problems)
+    return count
+
+
+def _specs(arms: Sequence[Arm], values: Mapping[str, FloatArray], count: int) -> list[ArmSpec]:
+    """Return the description of the arm of each run; empty without parameters."""
+    if not values:
+        return []
+    specs, problems = [], []
+    for k in range(count):
+        spec: ArmSpec = _of(arms, k).spec
+        try:
+            spec = with_numbers(spec, {path: float(row[k]) for path, row in values.items()})
+        except InputError as error:
+            problems += [replace(p, where=f"simulate_batch: run {k}") for p in error.problems]
+        specs.append(spec)
+    if problems:
+        raise InputError(*problems)
+    return specs
 
 
 #: Arguments of ``simulate`` that act on the arm, besides its torques.

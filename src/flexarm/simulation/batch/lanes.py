@@ -38,8 +38,7 @@ from flexarm.integrate.memory import (
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import ArmConstants, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.events import DURATION
-from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
-from flexarm.simulation.batch.variations import Variations
+from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, Variations, attempt
 from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES

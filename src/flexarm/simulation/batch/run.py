@@ -31,7 +31,15 @@ from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.events import FAILURE
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
-from flexarm.simulation.batch.execution import ACTING, ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.simulation.batch.execution import (
+    ACTING,
+    ClosedLoop,
+    OpenLoop,
+    Outcome,
+    Variations,
+    attempt,
+    variations_of,
+)
 from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes
 from flexarm.simulation.batch.reductions import (
     Reduction,
@@ -40,7 +48,6 @@ from flexarm.simulation.batch.reductions import (
     check_samples,
     reduced,
 )
-from flexarm.simulation.batch.variations import Variations, variations_of
 from flexarm.simulation.calls.limits import limit_variables
 from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
 from flexarm.simulation.calls.result import (

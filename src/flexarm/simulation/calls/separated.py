@@ -25,10 +25,12 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.along import Separation, SmoothMatrices, linearize_along
-from flexarm.linear.small_deviations.collocation import (
+from flexarm.linear.small_deviations.along import (
     DeviationPath,
+    Separation,
+    SmoothMatrices,
     break_times,
+    linearize_along,
     solve_deviations,
     stage_times,
     step_edges,

@@ -33,8 +33,11 @@ from flexarm.simulation.derivatives.dual_run import (
     no_change,
 )
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.samples import added_coefficients, collected_samples
+from flexarm.simulation.histories.piecewise import (
+    PiecewiseCubic,
+    added_coefficients,
+    collected_samples,
+)
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter

@@ -1,15 +1,199 @@
 """Piecewise cubics over time: torques, load factors, base and prescribed accelerations.
 
-The kernels read this form only; `samples` and `functions` convert the other inputs to it.
-"""
+The kernels read this form only. Torque samples become zero-order holds, lines or splines here;
+`functions` converts functions of time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.base.arguments import check_choice
+from flexarm.base.errors import InputError, Problem, check_array
+
+INTERPOLATIONS = ("cubic", "linear", "hold")
+#: Ratio of a second difference to both neighbours above which a sample is a kink: if the samples
+#: are close enough for a cubic, curvature changes by far less.
+_KINK = 10.0
+#: Distance, in sample intervals, within which a break coincides with a sample.
+_ON_SAMPLE = 1e-6
+
+
+def sampled_torque(
+    values: ArrayLike,
+    rate: float,
+    duration: float,
+    joints: int,
+    interpolation: str,
+    breaks: ArrayLike = (),
+) -> PiecewiseCubic:
+    """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
+
+    Args:
+        values: N m; at least duration times rate samples. After the last sample its value is
+            constant to the end of the run, for every interpolation.
+        interpolation: "hold" is a zero-order hold, "linear" connects the samples, and "cubic" is
+            the spline with continuous curvature, split where the samples have a kink. The spline
+            overshoots samples that alternate in sign.
+        breaks: times (s) at which the spline is split; a split between two samples makes it linear
+            there.
+
+    Raises:
+        InputError: if there are too few samples, the shape is wrong, a value is not finite, or the
+            interpolation is unknown.
+    """
+    check_choice("torque_interpolation", interpolation, INTERPOLATIONS)
+    samples = check_array("torque", values, (-1, joints))
+    needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
+    if len(samples) < max(needed, 1):
+        rule = f"have at least {max(needed, 1)} samples (duration times rate)"
+        raise InputError(Problem("torque", rule, str(len(samples))))
+    times = np.arange(len(samples)) / rate
+    if interpolation == "hold":  # each sample twice: at its time, and at that of the next sample
+        return PiecewiseCubic.table(np.repeat(times, 2)[1:], np.repeat(samples, 2, axis=0)[:-1])
+    if interpolation == "linear" or len(samples) == 1:
+        return PiecewiseCubic.table(times, samples)
+    places = np.asarray(breaks, dtype=np.float64) * rate
+    places = places[(places > 0.0) & (places < len(samples) - 1.0)]
+    beside = np.concatenate([np.floor(places + _ON_SAMPLE), np.ceil(places - _ON_SAMPLE)])
+    return _spline(times, samples, beside.astype(np.intp)).held_to(duration)
+
+
+def added_coefficients(
+    history: PiecewiseCubic, units: FloatArray, rate: float, interpolation: str
+) -> FloatArray:
+    """Return the derivatives (pieces, 4, columns) of the coefficients of ``sampled_torque``.
+
+    Args:
+        history: the torque, whose kinks stay where they are.
+        units: (samples, columns) changes of the samples of one joint, one in each column.
+    """
+    times = np.arange(len(units)) / rate
+    if interpolation == "hold":
+        at_jumps = np.repeat(times, 2)[1:], np.repeat(units, 2, axis=0)[:-1]
+        return PiecewiseCubic.table(*at_jumps).coefficients
+    if interpolation == "linear" or len(times) == 1:
+        return PiecewiseCubic.table(times, units).coefficients
+    coefficients = _cubics(times, units, _edges(len(times), history, rate))
+    if len(history.coefficients) > len(coefficients):  # constant after the last sample
+        end = np.zeros((1, 4, units.shape[1]))
+        end[0, 0] = units[-1]
+        coefficients = np.concatenate([coefficients, end])
+    return coefficients
+
+
+def collected_samples(
+    history: PiecewiseCubic, pieces: FloatArray, rate: float, interpolation: str, count: int
+) -> FloatArray:
+    """Return the gradient of a number by samples from that by coefficients of ``sampled_torque``.
+
+    This is the transpose of ``added_coefficients``.
+
+    Args:
+        pieces: (pieces, k, joints) gradient by the first k coefficients: 1 for "hold", 2 for
+            "linear", 4 for "cubic".
+        count: number of samples.
+    """
+    found = np.zeros((count, pieces.shape[2]))
+    if interpolation == "cubic" and count > 1:
+        edges = _edges(count, history, rate)
+        for first, last in pairwise(edges):
+            found[first : last + 1] += _collected_spline(pieces[first:last], rate)
+        found[-1] += pieces[count - 1 :, 0].sum(axis=0)  # constant after the last sample
+        return found
+    starts = np.clip(np.rint(history.breaks[:-1] * rate).astype(np.intp), 0, count - 1)
+    np.add.at(found, starts, pieces[:, 0])
+    if interpolation == "linear" and count > 1:
+        inside = (history.breaks[:-1] >= 0.0) & (starts < count - 1)
+        slopes = rate * pieces[inside, 1]
+        np.add.at(found, starts[inside], -slopes)
+        np.add.at(found, starts[inside] + 1, slopes)
+    return found
+
+
+def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:
+    kinks = np.union1d(find_kinks(samples), parted)
+    kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
+    edges = [0, *kinks.tolist(), len(times) - 1]
+    return PiecewiseCubic(times, _cubics(times, samples, edges), times[kinks])
+
+
+def _edges(count: int, history: PiecewiseCubic, rate: float) -> list[int]:
+    """Return the first sample, the kinks of a history, and the last sample."""
+    kinks = np.rint(history.stops * rate).astype(np.intp)
+    return [0, *kinks[kinks < count - 1].tolist(), count - 1]
+
+
+def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:
+    """Return the coefficients of splines between ``edges``, which are samples."""
+    from scipy.interpolate import CubicSpline
+
+    coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))
+    for first, last in pairwise(edges):
+        piece = slice(first, last + 1)
+        # SciPy orders (power falling, piece, joint); not-a-knot ends need four samples.
+        spline = CubicSpline(times[piece], samples[piece], bc_type="not-a-knot")
+        c = np.zeros((4, last - first, samples.shape[1]))
+        c[4 - len(spline.c) :] = spline.c
+        coefficients[first:last] = c[::-1].transpose(1, 0, 2)
+    return coefficients
+
+
+def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
+    """Return the gradient (k + 1, joints) by the samples of a spline; the transpose of ``_cubics``.
+
+    The coefficients follow from the slopes at the samples and those of the chords. The former
+    satisfy the tridiagonal system of SciPy's ``CubicSpline``, here for equal distances.
+
+    Args:
+        pieces: (k, 4, joints) gradient by the coefficients.
+        rate: of the samples, Hz.
+    """
+    from scipy.linalg import solve_banded
+
+    count = len(pieces)
+    if count < 3:  # a parabola or a line
+        units = _cubics(np.arange(count + 1) / rate, np.eye(count + 1), [0, count])
+        found: FloatArray = np.tensordot(units, pieces, axes=([0, 1], [0, 1]))
+        return found
+    by_value, by_slope, square, cube = np.moveaxis(pieces, 1, 0)
+    square, cube = square * rate, cube * rate**2
+    slope = np.zeros((count + 1, pieces.shape[2]))
+    slope[:-1] += by_slope - 2.0 * square + cube
+    slope[1:] += cube - square
+    chord = 3.0 * square - 2.0 * cube
+    bands = np.array([[1.0], [4.0], [1.0]]) * np.ones(count + 1)
+    bands[1, [0, -1]] = 1.0
+    bands[0, -1] = bands[2, 0] = 2.0
+    right = solve_banded((1, 1), bands, slope)
+    chord[:-1] += 3.0 * right[1:-1]
+    chord[1:] += 3.0 * right[1:-1]
+    chord[[0, -1]] += 2.5 * right[[0, -1]]
+    chord[1] += 0.5 * right[0]
+    chord[-2] += 0.5 * right[-1]
+    found = np.zeros_like(slope)
+    found[:-1] += by_value - chord * rate
+    found[1:] += chord * rate
+    return found
+
+
+def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
+    """Return the samples at which the slope jumps, because a spline across them would ring.
+
+    At such a sample the second difference is large compared with both neighbours.
+    """
+    bend = np.abs(np.diff(samples, n=2, axis=0))
+    if len(bend) < 3:
+        return np.zeros(0, dtype=np.intp)
+    floor = 1e-9 * np.max(np.abs(samples), axis=0, initial=0.0)
+    beside = np.maximum(bend[:-2], bend[2:])
+    stands_out = np.any(bend[1:-1] > _KINK * beside + floor, axis=1)
+    return np.flatnonzero(stands_out) + 2
+
 
 FloatArray = NDArray[np.float64]
 

@@ -33,23 +33,24 @@ from flexarm.base.errors import (
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.collocation import stage_times, torque_response
+from flexarm.linear.small_deviations.along import stage_times, torque_response
 from flexarm.motion import JointState, Motion, rigid_torque
 from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
-from flexarm.motion.geometry.chain import RigidChain
+from flexarm.motion.geometry.inverse_kinematics import RigidChain
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.inversion.torques import (
     DEGREE,
     CorrectedTorque,
     JointSupport,
+    RestEnd,
     SupportedTorque,
     free_coefficients,
     joint_support,
+    rest_end,
     spline_knots,
     spline_values,
 )
-from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
 from flexarm.simulation.run.settings import DEFAULTS, RunSettings, relative_of_functions, replaced
 
 if TYPE_CHECKING:

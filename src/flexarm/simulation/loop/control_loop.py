@@ -24,8 +24,7 @@ from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
 from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.loop.actuators import Acting
-from flexarm.simulation.loop.sensors import Sensing, measured_names, sensing_of_run
+from flexarm.simulation.loop.devices import Acting, Sensing, measured_names, sensing_of_run
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.validity import RunawayWatch

@@ -18,7 +18,7 @@ from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, MOBILITY, STIF
 from flexarm.kernels.layout import Contacts
 from flexarm.linear.reference_motions.pressed import PressedMotion
 from flexarm.model import Contact
-from flexarm.motion.geometry.chain import tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 
 #: Depth relative to the reach at which the first step evaluates contacts whose stiffness depends on
 #: the depth or the speed.
