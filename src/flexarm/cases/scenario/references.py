@@ -136,19 +136,14 @@ _ORDERS = {"quasi_static": 1, "integral_manifold": 2}
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Reference of a drive along a motion.
+    """Reference of a drive along a motion."""
 
-    Attributes:
-        motion: the reference, or None without a motion.
-        kind: "quasi_static", "integral_manifold", "tip_inversion", "rigid", "pressed" or "none";
-            after "rigid" the reason, if the flexible reference does not exist.
-        torque: torque of the reference, or None.
-        initial: coordinates (dof,) of the arm at rest at the start of a flexible reference.
-    """
-
-    motion: TaskReference | None
+    motion: TaskReference | None  # the reference, or None without a motion
+    #: "quasi_static", "integral_manifold", "tip_inversion", "rigid", "pressed" or "none"; after
+    #: "rigid" the reason, if the flexible reference does not exist
     kind: str = "none"
-    torque: TorqueFunction | None = None
+    torque: TorqueFunction | None = None  # torque of the reference, or None
+    #: coordinates (dof,) of the arm at rest at the start of a flexible reference
     initial: FloatArray | None = None
 
 

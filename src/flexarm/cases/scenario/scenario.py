@@ -81,17 +81,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Initial state of a scenario.
+    """Initial state of a scenario."""
 
-    Attributes:
-        q: (dof,) coordinates.
-        prescribed: motions of joints, by number from 1.
-        holding: (joints,) N m in equilibrium, to add to the drive, or None.
-    """
-
-    q: FloatArray
-    prescribed: dict[int, PrescribedAngle | Motion]
-    holding: FloatArray | None = None
+    q: FloatArray  # (dof,) coordinates
+    prescribed: dict[int, PrescribedAngle | Motion]  # motions of joints, by number from 1
+    holding: FloatArray | None = None  # (joints,) N m in equilibrium, to add to the drive, or None
 
 
 def start_of(
@@ -192,24 +186,16 @@ _TOP = {"motion": ".motion", "reference.motion": ".motion"}
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Validated scenario, converted to objects and ready to run.
-
-    Attributes:
-        arm: the arm.
-        motion: its requested motion, or None.
-        followed: the reference of the controller; the requested motion without one.
-        options: arguments of ``simulate``.
-        text: the scenario as a file, which results contain.
-        events: requested events; those in ``options`` are created for ``arm``.
-        in_volts: whether the torque in ``options`` is that of voltages of the motors of ``arm``.
-    """
+    """Validated scenario, converted to objects and ready to run."""
 
     arm: Arm
-    motion: TaskReference | None
-    followed: Followed
-    options: dict[str, Any]
-    text: str
+    motion: TaskReference | None  # its requested motion, or None
+    followed: Followed  # the reference of the controller; the requested motion without one
+    options: dict[str, Any]  # arguments of ``simulate``
+    text: str  # the scenario as a file, which results contain
+    #: requested events; those in ``options`` are created for ``arm``
     events: Sequence[EventSpec] = ()
+    #: whether the torque in ``options`` is that of voltages of the motors of ``arm``
     in_volts: bool = False
 
     def implausible(self) -> list[str]:
@@ -487,21 +473,13 @@ def _set_drive(
 
 @dataclass(frozen=True, eq=False)
 class DriveContext:
-    """Objects of the scenario that the keys of a drive refer to.
+    """Objects of the scenario that the keys of a drive refer to."""
 
-    Attributes:
-        arm: the controllers' model of the arm.
-        motion: of the rigid model, or None.
-        followed: the reference of the controller, with its torque.
-        start: of the run.
-        hardware: of the scenario, or None.
-    """
-
-    arm: Arm
-    motion: Motion | None
-    followed: Followed
-    start: Start
-    hardware: Hardware | None
+    arm: Arm  # the controllers' model of the arm
+    motion: Motion | None  # of the rigid model, or None
+    followed: Followed  # the reference of the controller, with its torque
+    start: Start  # of the run
+    hardware: Hardware | None  # of the scenario, or None
 
 
 def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:

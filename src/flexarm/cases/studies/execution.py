@@ -214,20 +214,16 @@ _EXACT = {"specialized": False}
 
 
 class Outcomes(NamedTuple):
-    """Results of consecutive samples.
+    """Results of consecutive samples."""
 
-    Attributes:
-        parameters: (samples, parameters), the values of the varied numbers.
-        metrics: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run
-            that failed.
-        failure, warning: (samples, controllers, plants, references) texts, or empty; the failure
-            of an infeasible run begins with ``INFEASIBLE``.
-    """
-
-    parameters: FloatArray
+    parameters: FloatArray  # (samples, parameters), the values of the varied numbers
+    #: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run that
+    #: failed
     metrics: FloatArray
+    #: (samples, controllers, plants, references) texts, or empty; the failure of an infeasible
+    #: run begins with ``INFEASIBLE``
     failure: NDArray[np.object_]
-    warning: NDArray[np.object_]
+    warning: NDArray[np.object_]  # likewise
 
     def at(self, part: slice | NDArray[np.bool_]) -> Outcomes:
         """Return a part of the samples."""
@@ -404,19 +400,12 @@ _CHANNELS, _MEMORY = ("tip", "joint_angle", "torque"), 2**26
 
 
 class Case(NamedTuple):
-    """One run of a study.
+    """One run of a study."""
 
-    Attributes:
-        number: of the sample.
-        prepared: study of the sample.
-        simulated: arm in place of that of the plant, or None.
-        seed: of the noise, or None for that of the hardware.
-    """
-
-    number: int
-    prepared: PreparedStudy
-    simulated: Arm | None
-    seed: int | None
+    number: int  # of the sample
+    prepared: PreparedStudy  # study of the sample
+    simulated: Arm | None  # arm in place of that of the plant, or None
+    seed: int | None  # of the noise, or None for that of the hardware
 
 
 def evaluated_together(

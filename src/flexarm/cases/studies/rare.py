@@ -139,17 +139,13 @@ _CORRELATION = 0.5
 
 
 class Probability(NamedTuple):
-    """Probability of a rare event.
+    """Probability of a rare event."""
 
-    Attributes:
-        value: 0 if it is below 1e-8, NaN if the performance has no values between those of ordinary
-            samples and failure, so that nothing leads to the failures.
-        variation: coefficient of variation. evaluations: number of evaluations.
-    """
-
+    #: 0 if it is below 1e-8, NaN if the performance has no values between those of ordinary
+    #: samples and failure, so that nothing leads to the failures
     value: float
-    variation: float
-    evaluations: int
+    variation: float  # coefficient of variation
+    evaluations: int  # number of evaluations
 
 
 def subset_probability(

@@ -180,16 +180,11 @@ _NODES = 32
 
 
 class Germ(NamedTuple):
-    """A varied number as a variable near 1, and a quadrature of its distribution.
+    """A varied number as a variable near 1, and a quadrature of its distribution."""
 
-    Attributes:
-        values: (samples,) of the variable.
-        nodes, weights: of the quadrature; the weights sum to 1.
-    """
-
-    values: FloatArray
-    nodes: FloatArray
-    weights: FloatArray
+    values: FloatArray  # (samples,) of the variable
+    nodes: FloatArray  # of the quadrature; the weights sum to 1
+    weights: FloatArray  # likewise
 
 
 def germ_of(item: Distribution, values: FloatArray) -> Germ:

@@ -306,20 +306,14 @@ _PARTS, _PATIENCE, _ENOUGH = 5, 2, 1e-5
 
 
 class Indices(NamedTuple):
-    """Indices of Sobol' of a metric.
+    """Indices of Sobol' of a metric."""
 
-    Attributes:
-        first, total: (numbers,) fractions of the variance that a number explains alone, and with
-            all others.
-        first_width, total_width: (numbers,) half the widths of their 95 % intervals.
-        unexplained: fraction of the variance that the expansion does not predict, from
-            cross-validation.
-    """
-
+    #: (numbers,) fractions of the variance that a number explains alone, and with all others
     first: FloatArray
-    total: FloatArray
-    first_width: FloatArray
-    total_width: FloatArray
+    total: FloatArray  # likewise
+    first_width: FloatArray  # (numbers,) half the widths of their 95 % intervals
+    total_width: FloatArray  # likewise
+    #: fraction of the variance that the expansion does not predict, from cross-validation
     unexplained: float
 
 

@@ -54,32 +54,22 @@ _HIGHEST_UNCERTAINTY = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Requirements:
-    """Validated arguments of `flexarm.design`.
+    """Validated arguments of `flexarm.design`."""
 
-    Attributes:
-        arm: the arm of the model.
-        task: one of ``TASKS``. sensors: some of ``SENSORS``. computing: one of ``COMPUTING``.
-        payload, rigidity: largest relative errors of the payload and of the flexural rigidity.
-        start, end: joint angles (joints,) rad, or positions of the tip (2,) m for the tasks
-            "track" and "force"; equal for "hold".
-        duration: of the motion, s; None for the default.
-        torque_limit: (joints,) N m, or None.
-        force: on the surface, N.
-        disk_margin: required on all plants.
-    """
-
-    arm: Arm
-    task: str
-    sensors: frozenset[str]
-    computing: str
-    payload: float
-    rigidity: float
+    arm: Arm  # the arm of the model
+    task: str  # one of ``TASKS``
+    sensors: frozenset[str]  # some of ``SENSORS``
+    computing: str  # one of ``COMPUTING``
+    payload: float  # largest relative errors of the payload and of the flexural rigidity
+    rigidity: float  # likewise
+    #: joint angles (joints,) rad, or positions of the tip (2,) m for the tasks "track" and
+    #: "force"; equal for "hold"
     start: FloatArray
-    end: FloatArray
-    duration: float | None
-    torque_limit: FloatArray | None
-    force: float
-    disk_margin: float
+    end: FloatArray  # likewise
+    duration: float | None  # of the motion, s; None for the default
+    torque_limit: FloatArray | None  # (joints,) N m, or None
+    force: float  # on the surface, N
+    disk_margin: float  # required on all plants
 
     @property
     def of_tip(self) -> bool:

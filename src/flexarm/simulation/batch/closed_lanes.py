@@ -50,20 +50,13 @@ _Reader = Callable[[FloatArray], FloatArray]
 
 
 class LoopOfRun(NamedTuple):
-    """Controller of a run, before its start.
+    """Controller of a run, before its start."""
 
-    Attributes:
-        controller, reference: as given by the user.
-        sampled: the reference, tabulated at the sample times if possible.
-        hardware: with the seed of the run.
-        unstable: warning of an unstable loop, or empty.
-    """
-
-    controller: Controller
-    reference: Reference | None
-    sampled: Reference | None
-    hardware: Hardware | None
-    unstable: str
+    controller: Controller  # as given by the user
+    reference: Reference | None  # likewise
+    sampled: Reference | None  # the reference, tabulated at the sample times if possible
+    hardware: Hardware | None  # with the seed of the run
+    unstable: str  # warning of an unstable loop, or empty
 
 
 def can_read(hardware: Hardware | None) -> bool:

@@ -53,28 +53,19 @@ _KEPT_ARMS = 64
 
 @dataclass(frozen=True, eq=False)
 class Variations:
-    """Arguments of each run.
+    """Arguments of each run."""
 
-    Attributes:
-        count: number of runs.
-        arms: one arm for all runs, or one for each. each_arm: whether they were given as a list.
-        initial, initial_rate: (dof,), (runs, dof), or None for the default.
-        torques, controllers, references: one item for all runs, or one for each.
-        parameters: values (runs,) by the path of a number of the arm.
-        hardware: of all runs; seeds: (runs,) of its noise, or None for the seed of the hardware.
-    """
-
-    count: int
-    arms: Sequence[Arm]
-    each_arm: bool
-    initial: FloatArray | None
-    initial_rate: FloatArray | None
-    torques: Sequence[Torque | None]
-    controllers: Sequence[Controller | None]
-    references: Sequence[Reference | None]
-    parameters: Mapping[str, FloatArray]
-    hardware: Hardware | None
-    seeds: NDArray[np.int64] | None
+    count: int  # number of runs
+    arms: Sequence[Arm]  # one arm for all runs, or one for each
+    each_arm: bool  # whether they were given as a list
+    initial: FloatArray | None  # (dof,), (runs, dof), or None for the default
+    initial_rate: FloatArray | None  # likewise
+    torques: Sequence[Torque | None]  # one item for all runs, or one for each
+    controllers: Sequence[Controller | None]  # likewise
+    references: Sequence[Reference | None]  # likewise
+    parameters: Mapping[str, FloatArray]  # values (runs,) by the path of a number of the arm
+    hardware: Hardware | None  # of all runs
+    seeds: NDArray[np.int64] | None  # (runs,) of its noise, or None for the seed of the hardware
     _specs: Sequence[ArmSpec] = field(default=(), repr=False)
 
     @property
@@ -354,29 +345,19 @@ ACTING = (
 
 
 class Outcome(NamedTuple):
-    """Results of one run, or of several that ended in the same way.
+    """Results of one run, or of several that ended in the same way."""
 
-    Attributes:
-        runs: their numbers.
-        times: (samples,) s, of the samples computed.
-        channels: the required channels (runs, samples, ...) by name.
-        end_time: s, reached by the runs.
-        ended_by, failure, integrator: as the attributes of a result of ``simulate``.
-        warnings, steps, evaluations: likewise, of each run.
-        limits: numbers of ``LIMITS`` (runs, ...) by name.
-    """
-
-    runs: Sequence[int]
-    times: FloatArray
-    channels: Mapping[str, FloatArray]
-    end_time: float
-    ended_by: str = FAILURE
-    failure: str = ""
-    integrator: str = ""
-    warnings: Sequence[str] = ("",)
-    steps: Sequence[int] = (0,)
-    evaluations: Sequence[int] = (0,)
-    limits: Mapping[str, FloatArray] = {}
+    runs: Sequence[int]  # numbers of the runs
+    times: FloatArray  # (samples,) s, of the samples computed
+    channels: Mapping[str, FloatArray]  # the required channels (runs, samples, ...) by name
+    end_time: float  # s, reached by the runs
+    ended_by: str = FAILURE  # as the attributes of a result of ``simulate``
+    failure: str = ""  # likewise
+    integrator: str = ""  # likewise
+    warnings: Sequence[str] = ("",)  # likewise, of each run
+    steps: Sequence[int] = (0,)  # likewise
+    evaluations: Sequence[int] = (0,)  # likewise
+    limits: Mapping[str, FloatArray] = {}  # numbers of ``LIMITS`` (runs, ...) by name
 
 
 def failed(k: int, error: SimulationError | InputError) -> Outcome:

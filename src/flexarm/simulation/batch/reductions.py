@@ -18,19 +18,13 @@ Channels = Mapping[str, FloatArray]
 
 
 class _Kind(NamedTuple):
-    """A built-in reduction.
+    """A built-in reduction."""
 
-    Attributes:
-        reduce: function of times (samples,), values (samples, ...) and the band.
-        about: value to subtract first: "mean", "last" or None.
-        length: whether vectors along ``axis`` count by their length.
-        meaning: for the label of the variable.
-    """
-
+    #: function of times (samples,), values (samples, ...) and the band
     reduce: Callable[[FloatArray, FloatArray, float], Any]
-    about: str | None
-    length: bool
-    meaning: str
+    about: str | None  # value to subtract first: "mean", "last" or None
+    length: bool  # whether vectors along ``axis`` count by their length
+    meaning: str  # for the label of the variable
 
 
 def _peak(times: FloatArray, values: FloatArray, band: float) -> Any:

@@ -237,24 +237,15 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """Parameters of a run that has been simulated.
-
-    Attributes:
-        run: the run.
-        environment: loads and contacts of the run.
-        inputs: its numbers.
-        samples: the torque samples; None if the torque does not consist of samples.
-        tip_forces: number of loads at the beginning that are the force on the tip.
-        loop: the closed loop; None without a controller.
-        checkpoints: from which parts of the run can be repeated; None if not requested.
-    """
+    """Parameters of a run that has been simulated."""
 
     run: Run
-    environment: Environment
+    environment: Environment  # loads and contacts of the run
     inputs: Inputs
-    samples: Samples | None
-    tip_forces: int
-    loop: RecordedLoop | None = None
+    samples: Samples | None  # the torque samples; None if the torque does not consist of samples
+    tip_forces: int  # number of loads at the beginning that are the force on the tip
+    loop: RecordedLoop | None = None  # the closed loop; None without a controller
+    #: from which parts of the run can be repeated; None if not requested
     checkpoints: Checkpoints | None = None
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:

@@ -68,18 +68,13 @@ _BEFORE = 1e-9
 
 @dataclass(frozen=True)
 class Crossing:
-    """An event of a run, with the derivatives of its function there.
+    """An event of a run, with the derivatives of its function there."""
 
-    Attributes:
-        time: s. slopes: (2, dof) of the function by q and qd. rate: of the function, 1/s.
-        motion: (2, dof) qd and qdd. partial: (parameters,) at a constant state.
-    """
-
-    time: float
-    slopes: FloatArray
-    rate: float
-    motion: FloatArray
-    partial: FloatArray
+    time: float  # s
+    slopes: FloatArray  # (2, dof) of the function by q and qd
+    rate: float  # of the function, 1/s
+    motion: FloatArray  # (2, dof) qd and qdd
+    partial: FloatArray  # (parameters,) at a constant state
 
     def time_slopes(self, states: FloatArray, first: int) -> FloatArray:
         """Return the derivatives (k,) of the time, from those (k, 2, dof) of the state there.

@@ -23,17 +23,11 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 
 @dataclass(frozen=True, eq=False)
 class LoadHistory:
-    """Placed loads of a run and their factors over time.
+    """Placed loads of a run and their factors over time."""
 
-    Attributes:
-        owners: the load that each placed part belongs to.
-        placed: the parts, placed on the arm.
-        factors: factors (parts,) and base acceleration (2,) over time, in one row.
-    """
-
-    owners: list[Load]
-    placed: Loads
-    factors: PiecewiseCubic
+    owners: list[Load]  # the load that each placed part belongs to
+    placed: Loads  # the parts, placed on the arm
+    factors: PiecewiseCubic  # factors (parts,) and base acceleration (2,) over time, in one row
 
     def stops_with(self, torque: PiecewiseCubic) -> FloatArray:
         """Return the times (s) at which the loads or a torque history are not smooth, sorted."""

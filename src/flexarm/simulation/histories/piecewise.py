@@ -200,20 +200,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseCubic:
-    """Columns of numbers as cubics of time between breaks.
+    """Columns of numbers as cubics of time between breaks."""
 
-    Attributes:
-        breaks: (pieces + 1,) s, ascending.
-        coefficients: (pieces, 4, columns): the value is
-            ``sum_p coefficients[k, p] (t - breaks[k])^p``.
-        stops: (stops,) s: times after 0, the start of runs, where a value or a slope jumps.
-        shortest_feature: longest interval (s) between two instants at which a function of time
-            was evaluated to create this object; 0 for samples and tables, which are exact.
-    """
-
-    breaks: FloatArray
+    breaks: FloatArray  # (pieces + 1,) s, ascending
+    #: (pieces, 4, columns): the value is ``sum_p coefficients[k, p] (t - breaks[k])^p``
     coefficients: FloatArray
+    #: (stops,) s: times after 0, the start of runs, where a value or a slope jumps
     stops: FloatArray
+    #: longest interval (s) between two instants at which a function of time was evaluated to
+    #: create this object; 0 for samples and tables, which are exact
     shortest_feature: float = 0.0
 
     @classmethod

@@ -37,17 +37,11 @@ _NEWTON_STEPS = 30
 
 
 class RestEnd(NamedTuple):
-    """Equilibrium at one end of a motion, with the tip in place.
+    """Equilibrium at one end of a motion, with the tip in place."""
 
-    Attributes:
-        q: (dof,) coordinates; links sag under gravity.
-        torque: (joints,) N m in equilibrium.
-        zeros: eigenvalues of the zero dynamics, 1/s, slowest first.
-    """
-
-    q: FloatArray
-    torque: FloatArray
-    zeros: NDArray[np.complex128]
+    q: FloatArray  # (dof,) coordinates; links sag under gravity
+    torque: FloatArray  # (joints,) N m in equilibrium
+    zeros: NDArray[np.complex128]  # eigenvalues of the zero dynamics, 1/s, slowest first
 
     @property
     def growth(self) -> float:
@@ -205,26 +199,18 @@ def free_coefficients(knots: FloatArray) -> slice:
 
 @dataclass(frozen=True, eq=False)
 class JointSupport:
-    """Feedback ``stiffness (angle - joint_angle) + damping (rate - joint_rate)`` as an arm.
+    """Feedback ``stiffness (angle - joint_angle) + damping (rate - joint_rate)`` as an arm."""
 
-    Attributes:
-        arm: the arm with the springs and dampers.
-        motion: of the rigid model.
-        stiffness, damping: (joints,) N m/rad and N m s/rad.
-        rest: (joints,) rad, rest angles of the springs.
-        offset: (2, joints) rad, offset of the joints from the motion in equilibrium at both ends,
-            due to the sag of the links.
-        start, end: s, interval in which the offset changes from the first to the second.
-    """
-
-    arm: Arm
-    motion: Motion
-    stiffness: FloatArray
-    damping: FloatArray
-    rest: FloatArray
+    arm: Arm  # the arm with the springs and dampers
+    motion: Motion  # of the rigid model
+    stiffness: FloatArray  # (joints,) N m/rad
+    damping: FloatArray  # (joints,) N m s/rad
+    rest: FloatArray  # (joints,) rad, rest angles of the springs
+    #: (2, joints) rad, offset of the joints from the motion in equilibrium at both ends, due to
+    #: the sag of the links
     offset: FloatArray
-    start: float
-    end: float
+    start: float  # s, interval in which the offset changes from the first to the second
+    end: float  # likewise
 
     def _desired(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the reference angles and rates (..., joints) of the feedback."""

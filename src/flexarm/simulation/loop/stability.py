@@ -47,41 +47,27 @@ Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
 
 
 class LoopPole(NamedTuple):
-    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture.
+    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture."""
 
-    Attributes:
-        when: the time of the posture, in words.
-        growth: 1/s; negative for a decay.
-        frequency: Hz.
-        magnitude: of the pole of the sampled loop.
-        begin, end: s, of the part of the run in which the arm is simulated.
-    """
-
-    when: str
-    growth: float
-    frequency: float
-    magnitude: float
-    begin: float
-    end: float
+    when: str  # the time of the posture, in words
+    growth: float  # 1/s; negative for a decay
+    frequency: float  # Hz
+    magnitude: float  # of the pole of the sampled loop
+    begin: float  # s, of the part of the run in which the arm is simulated
+    end: float  # likewise
 
 
 class AnalysedLoop(NamedTuple):
-    """Sampled loop of a run.
+    """Sampled loop of a run."""
 
-    Attributes:
-        arm: the controller's model of the plant.
-        initial: q (dof,) of the plant at the start.
-        duration: of the run, s.
-    """
-
-    arm: Arm
+    arm: Arm  # the controller's model of the plant
     plant: Arm
     controller: Controller
     reference: Reference | None
     hardware: Hardware | None
     contacts: Sequence[Contact]
-    initial: FloatArray
-    duration: float
+    initial: FloatArray  # q (dof,) of the plant at the start
+    duration: float  # of the run, s
 
 
 def loop_poles(

@@ -70,17 +70,11 @@ class Head(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """Content of a packet without its token.
+    """Content of a packet without its token."""
 
-    Attributes:
-        number: sequence number.
-        time: s.
-        values: arrays by name.
-    """
-
-    number: int
-    time: float
-    values: Mapping[str, FloatArray]
+    number: int  # sequence number
+    time: float  # s
+    values: Mapping[str, FloatArray]  # arrays by name
 
 
 class WrongPacketError(ValueError):
@@ -293,18 +287,15 @@ class Clock:
 
 @dataclass
 class SampleTimes:
-    """Times of the samples of a run, s.
+    """Times of the samples of a run, s."""
 
-    Attributes:
-        started: at which samples started, from the first one.
-        late: how long after its planned time a sample started; empty without a plan.
-        answered: from the start of a sample to its torque; NaN if the clock starts with it.
-        busy: from the start of a sample to the end of its work.
-    """
-
+    #: at which samples started, from the first one
     started: list[float] = field(default_factory=list)
+    #: how long after its planned time a sample started; empty without a plan
     late: list[float] = field(default_factory=list)
+    #: from the start of a sample to its torque; NaN if the clock starts with it
     answered: list[float] = field(default_factory=list)
+    #: from the start of a sample to the end of its work
     busy: list[float] = field(default_factory=list)
     _first: float = 0.0
 
@@ -371,15 +362,10 @@ class PartnerError(Exception):
 
 
 class Partner(Protocol):
-    """Controller, as a plant calls it.
+    """Controller, as a plant calls it."""
 
-    Attributes:
-        name: name or address.
-        counts: numbers of packets, by the name of their attribute in the result.
-    """
-
-    name: str
-    counts: dict[str, int]
+    name: str  # name or address
+    counts: dict[str, int]  # numbers of packets, by the name of their attribute in the result
 
     def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
         """Return the torques (joints,) for the values of a sample, N m; None if it is too late.
