@@ -57,12 +57,7 @@ TaskReference = Motion | PressedMotion
 
 
 def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
-    """Create the motion of a scenario.
-
-    Raises:
-        InputError: if the motion leaves the arm's reach, or the deflected arm cannot follow;
-            problems have the names of the motion's keys.
-    """
+    """Create the motion of a scenario."""
     spec = scenario.motion
     if isinstance(spec, PressedMotionSpec):
         return _pressed(arm, spec, scenario)

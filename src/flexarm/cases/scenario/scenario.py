@@ -391,10 +391,6 @@ def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any
 
     Args:
         options: arguments of ``simulate``.
-
-    Raises:
-        InputError: if a measurement is missing or the controller is for another number of joints,
-            with the file location of the key to change.
     """
     if "controller" not in options:
         return
@@ -483,11 +479,7 @@ class DriveContext:
 
 
 def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
-    """Create the controller that a drive describes.
-
-    Raises:
-        InputError: if a value does not fit the arm; problems have the names of the drive's keys.
-    """
+    """Create the controller that a drive describes."""
     given: dict[str, Any] = {}
     for name in type(drive).model_fields:
         value = getattr(drive, name)

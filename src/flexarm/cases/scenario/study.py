@@ -43,10 +43,6 @@ class PreparedStudy:
     Args:
         study: the study to run.
         place: function from key path to location in its file, for messages.
-
-    Raises:
-        InputError: if a motion leaves the arm's reach, a drive does not fit, or ``settling``
-            excludes everything after a motion.
     """
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:

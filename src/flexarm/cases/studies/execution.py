@@ -81,11 +81,7 @@ _MOST_LOSSES = 3
 
 
 def check_client(client: object) -> None:
-    """Raise if a value is neither a client of Dask, nor an address, nor None.
-
-    Raises:
-        InputError: if it is none of these, or Dask is not installed.
-    """
+    """Raise if a value is neither a client of Dask, nor an address, nor None."""
     if client is None:
         return
     rule = "be a Client of Dask or the address of a scheduler"
@@ -114,9 +110,6 @@ def cluster(client: object, workers: int) -> Iterator[Any]:
     Args:
         client: as for ``check_client``; None for processes of this computer.
         workers: number of those processes.
-
-    Raises:
-        InputError: if Dask is not installed, or there is no scheduler at the address.
     """
     distributed = _distributed()
     if client is None:
@@ -159,10 +152,6 @@ def execute(
 
     Args:
         done: called with the place of the arguments and the result, in the order of completion.
-
-    Raises:
-        InputError: if a task raises it, or repeatedly ends together with its worker, or the
-            scheduler is lost.
     """
     from distributed import CancelledError, KilledWorker, as_completed
 
@@ -237,9 +226,6 @@ class Executor:
 
     Args:
         place: function from key path to location in its file, for messages.
-
-    Raises:
-        InputError: if a part of the study does not fit another, or a path leads to no number.
     """
 
     def __init__(self, prepared: PreparedStudy, place: Where = lambda _: "study") -> None:
@@ -348,11 +334,7 @@ class _Sample:
 
     @cached_property
     def study(self) -> StudySpec:
-        """The file with the numbers of the sample.
-
-        Raises:
-            InputError: if the numbers are not possible.
-        """
+        """The file with the numbers of the sample."""
         return with_numbers(self._study.study, self._own)
 
     @cached_property
@@ -366,11 +348,7 @@ class _Sample:
         return PreparedStudy(self.study) if self._own else self._study
 
     def simulated(self, plant: str) -> Arm | None:
-        """Return the simulated arm if it differs from that of the plant in the file.
-
-        Raises:
-            InputError: if the numbers are not possible.
-        """
+        """Return the simulated arm if it differs from that of the plant in the file."""
         study = self.study
         if not self._of_arm:
             return None

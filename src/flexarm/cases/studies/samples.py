@@ -38,10 +38,6 @@ class Samples:
 
     Attributes:
         paths: of the varied numbers. count: number of samples.
-
-    Raises:
-        InputError: if a path leads to no number, or relative values to 0; all such paths are
-            listed.
     """
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:

@@ -58,9 +58,6 @@ class Store:
     Attributes:
         text: the study as a file. chunk: number of samples of a chunk. count: of all samples.
         versions: of the software that computes it.
-
-    Raises:
-        InputError: if the folder is not a store of a study.
     """
 
     def __init__(self, path: Path) -> None:
@@ -147,11 +144,7 @@ class Store:
         )
 
     def write(self, i: int, outcomes: Outcomes) -> None:
-        """Record chunk i, whether or not it exists.
-
-        Raises:
-            InputError: if writing fails, for example because the disk is full.
-        """
+        """Record chunk i, whether or not it exists."""
         part = self._slice(i)
         with _writing(self.path):
             for name, array in self._arrays.items():
@@ -209,9 +202,6 @@ def create_store(
         text: the study as a file.
         names: of drives, plants and motions.
         chunk: number of samples of a chunk.
-
-    Raises:
-        InputError: if it cannot be written.
     """
     zarr = _zarr()
     unfinished = path.with_name(path.name + _PARTIAL)
@@ -300,10 +290,6 @@ def opened(path: str, digest: str) -> Store:
 
     Args:
         digest: that of the store, because another study may be in the same folder later.
-
-    Raises:
-        InputError: if it is not the store with this digest, or this process has other versions of
-            the software.
     """
     store = Store(Path(path))
     if store.digest != digest:
@@ -313,11 +299,7 @@ def opened(path: str, digest: str) -> Store:
 
 
 def check_versions(store: Store) -> None:
-    """Raise if a store was begun with other versions of the software, which give other digits.
-
-    Raises:
-        InputError: if they differ.
-    """
+    """Raise if a store was begun with other versions of the software, which give other digits."""
     own = versions()
     problems = [
         Problem("store", f"{_OTHERS} with {own[name]}: it was begun with {begun}")

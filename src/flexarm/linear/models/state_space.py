@@ -217,11 +217,7 @@ def torque_places(inputs: list[Input], joints: int) -> FloatArray:
 
 
 def control_system(model: Any, **options: Any) -> control.StateSpace:
-    """Convert a linear model to a state-space system of python-control with the same names.
-
-    Raises:
-        InputError: if python-control is not installed.
-    """
+    """Convert a linear model to a state-space system of python-control with the same names."""
     try:
         import control
     except ImportError:

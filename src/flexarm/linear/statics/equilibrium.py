@@ -71,12 +71,7 @@ _STEPS = 40
 
 
 def steady_rates(arm: Arm, spin: float) -> FloatArray:
-    """Return the rates (dof,) of an arm that rotates as a whole with ``spin``, rad/s.
-
-    Raises:
-        InputError: if the spin is not zero and the arm has gravity, under which no shape is steady,
-            or its first joint is fixed.
-    """
+    """Return the rates (dof,) of an arm that rotates as a whole with ``spin``, rad/s."""
     rates = np.zeros(arm.dof)
     if spin == 0.0:
         return rates

@@ -81,10 +81,6 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
         parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": derivative by a factor on
             the whole link, at factor one; "mass" scales mass and rotary inertia, "rigidity" scales
             bending and shear rigidity. "payload.mass" by kg, "payload.inertia" by kg m^2.
-
-    Raises:
-        InputError: if the parameter is unknown, or is the length of a link with shear or rotary
-            inertia, whose mode shapes change their form with the length.
     """
     known = parameter_names(arm)
     if parameter not in known:

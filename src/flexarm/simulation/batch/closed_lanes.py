@@ -121,11 +121,7 @@ class ClosedLanes(Lanes):
         self._poles: dict[tuple[Any, ...], Poles] = {}
 
     def prepare(self) -> None:
-        """Validate the first run.
-
-        Raises:
-            InputError: if ``simulate`` would raise it.
-        """
+        """Validate the first run."""
         arm = self._variations.arm(0)
         try:
             self._run(0, arm, None)

@@ -79,11 +79,7 @@ class Variations:
         return len(self.torques) == 1
 
     def arm(self, k: int) -> Arm:
-        """Return the simulated arm of run k.
-
-        Raises:
-            InputError: if the parameters of the run change the coordinates of the arm.
-        """
+        """Return the simulated arm of run k."""
         arm = _of(self.arms, k)
         if not self.parameters:
             return arm
@@ -92,11 +88,7 @@ class Variations:
         return varied
 
     def check_events(self, events: Any) -> None:
-        """Raise if an event was created for one arm, but the runs simulate several.
-
-        Raises:
-            InputError: if there is such an event.
-        """
+        """Raise if an event was created for one arm, but the runs simulate several."""
         several = self.each_arm and any(arm.spec != self.arms[0].spec for arm in self.arms)
         if not _is_list(events) or not (several or self.parameters):
             return
@@ -151,10 +143,6 @@ def variations_of(
     Args:
         arm: the simulated arm, or a list with one for each run.
         name: of this argument; the others are those of ``simulate_batch``.
-
-    Raises:
-        InputError: if an argument has the wrong type or shape, the numbers of runs differ, or
-            arguments contradict each other.
     """
     arms = _arms(name, arm)
     first = arms[0]
@@ -395,21 +383,13 @@ class OpenLoop:
         self.users = Lock()
 
     def prepare(self) -> None:
-        """Validate what the first run shares with the others.
-
-        Raises:
-            InputError: if an argument does not fit the arm.
-        """
+        """Validate what the first run shares with the others."""
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
             self.history(0, run.arm, state, relative_of_functions(self._shared.settings, run.arm))
 
     def __call__(self, k: int) -> Outcome:
-        """Execute run k.
-
-        Raises:
-            InputError: if an argument does not fit the arm of the run.
-        """
+        """Execute run k."""
         try:
             run, state = self._new_run(k)
         except SimulationError as error:  # a factor or another function of time failed
@@ -475,11 +455,7 @@ class OpenLoop:
             return history
 
     def start(self, k: int, arm: Arm) -> FloatArray:
-        """Return the initial state (2, n, 1 + m) of run k.
-
-        Raises:
-            InputError: if it does not fit the arm.
-        """
+        """Return the initial state (2, n, 1 + m) of run k."""
         with self.users:  # the motion of a torque may be a function of the user
             return start_of(arm, *self._variations.state_of(k), None, self._variations.torque(k))
 
@@ -531,11 +507,7 @@ class ClosedLoop:
         self.users = Lock()
 
     def __call__(self, k: int) -> Outcome:
-        """Execute run k.
-
-        Raises:
-            InputError: if an argument does not fit the arm or the controller of the run.
-        """
+        """Execute run k."""
         own = self._variations
         simulated, duration = own.arm(k), self._shared.duration
         initial, initial_rate = own.state_of(k)

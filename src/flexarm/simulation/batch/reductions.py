@@ -134,11 +134,7 @@ class Reduction:
 
 
 def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArray:
-    """Return the value of a reduction for a run with samples at ``times`` (samples,), s.
-
-    Raises:
-        InputError: if a function does not return a finite number.
-    """
+    """Return the value of a reduction for a run with samples at ``times`` (samples,), s."""
     first = int(np.searchsorted(times, item.after))
     values = [channels[name][first:] for name in item.channels]
     times = times[first:]
@@ -158,11 +154,7 @@ def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArra
 
 
 def check_channel(name: str, channel: object) -> str:
-    """Return the name of a channel of results.
-
-    Raises:
-        InputError: if no channel has that name.
-    """
+    """Return the name of a channel of results."""
     if isinstance(channel, str) and channel in CHANNELS:
         return channel
     rule = "be the name of a channel of results"
@@ -174,9 +166,6 @@ def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction
 
     Args:
         taken: names of other variables of the dataset.
-
-    Raises:
-        InputError: if the value is not a mapping of names to reductions, or a name is taken.
     """
     if given is None:
         return {}
@@ -196,11 +185,7 @@ def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction
 
 
 def check_samples(reductions: Mapping[str, Reduction], end: float) -> None:
-    """Raise if a reduction would have no samples; ``end``: time of the last sample, s.
-
-    Raises:
-        InputError: if one begins after it.
-    """
+    """Raise if a reduction would have no samples; ``end``: time of the last sample, s."""
     problems = [
         Problem(f"reductions[{name!r}].after", f"be at most {end:g} s, the end", shown(item.after))
         for name, item in reductions.items()

@@ -120,9 +120,6 @@ class Recorder:
         counts: numbers of contacts, and of stations on each link.
         absent: channels that the runs do not have beyond those of an empty dimension, by name,
             with what is missing.
-
-    Raises:
-        InputError: if the runs do not have one of the channels.
     """
 
     def __init__(

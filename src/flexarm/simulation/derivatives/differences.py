@@ -44,9 +44,6 @@ def differences(
         name, path: of the parameter, for messages.
         scale: change of the parameter over which the function is smooth.
         at: function that returns arrays, whose last axis has one unit in each column.
-
-    Raises:
-        InputError: if the function is not smooth, or returns arrays of another shape.
     """
     step = _SHIFT * scale
     found: list[Array] = [np.zeros(1)]

@@ -68,11 +68,7 @@ class Inputs(NamedTuple):
 
 
 def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
-    """Return the numbers of an arm with loads and contacts.
-
-    Raises:
-        InputError: if a load or a contact is not on the arm.
-    """
+    """Return the numbers of an arm with loads and contacts."""
     placed = Environment(environment.loads, None, environment.contacts).placed(arm)
     contacts = placed.contacts
     return ArmInputs(
@@ -148,11 +144,7 @@ class DualStepper:
         return Progress(time, state, step, entry=entry)
 
     def advance(self, until: float) -> None:
-        """Advance to a time (s), and compute the states at the events up to it.
-
-        Raises:
-            SimulationError: if the run fails.
-        """
+        """Advance to a time (s), and compute the states at the events up to it."""
         seen = bool(self._waiting) and self._waiting[0] <= until
         start = (self.progress.time, self.progress.state.copy()) if seen else None
         self._carry(self.progress, until, self._run.sample_times, self._samples)
@@ -199,11 +191,7 @@ class DualStepper:
 
 
 def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
-    """Repeat a run without a controller; see `DualStepper`.
-
-    Raises:
-        SimulationError: if the run fails.
-    """
+    """Repeat a run without a controller; see `DualStepper`."""
     stepper = DualStepper(run, inputs, by)
     stepper.advance(run.duration)
     return stepper.result()

@@ -168,11 +168,7 @@ class Repetition:
         self._entry = Entry(additive_transfers if additive else explicit_transfers, often=1)
 
     def transfers(self, part: Part) -> FloatArray:
-        """Return the derivatives (intervals, 2 dof, directions) of the states at the ends.
-
-        Raises:
-            SimulationError: if the run fails.
-        """
+        """Return the derivatives (intervals, 2 dof, directions) of the states at the ends."""
         run, memory, count = self._run, self._memory, len(part.breaks)
         breaks, assembly = self.system.drive.breaks, run.arm.assembly
         breaks[:count], breaks[count:] = part.breaks, np.inf

@@ -47,9 +47,6 @@ class UpdateDerivatives:
 
     Attributes:
         stored: names of first readings on which planned inputs depend, without a reference.
-
-    Raises:
-        InputError: if the controller has no ``step`` that can be linearised.
     """
 
     def __init__(self, controller: Any, reference: Reference | None) -> None:
@@ -70,11 +67,7 @@ class UpdateDerivatives:
         self._before = self._controller.memory if self._last is not None else None
 
     def after(self, t: float, measurement: Measurement, torque: FloatArray) -> LinearController:
-        """Return the derivatives of the update that the controller has just made at t (s).
-
-        Raises:
-            InputError: if the update is not differentiable, or not a pure step.
-        """
+        """Return the derivatives of the update that the controller has just made at t (s)."""
         law = self._controller
         inputs = law.planned(t, law._reference_or_rest(measurement, self._reference))
         if self._last is None and self._reference is None:
@@ -105,11 +98,7 @@ class UpdateDerivatives:
         return changed == {"reference_angle"}
 
     def _differenced(self, step: StepMap, measurement: Measurement, t: float) -> FloatArray:
-        """Return derivatives by differences, infinite ones at corners.
-
-        Raises:
-            InputError: if the step is not differentiable at its point.
-        """
+        """Return derivatives by differences, infinite ones at corners."""
         readings = [np.ravel(value) for value in measurement.values()]
         before = step.point[: step.point.size - sum(part.size for part in readings)]
         parts = [*([before] if before.size else []), *readings]
@@ -148,10 +137,6 @@ class RecordedLoop(ClosedLoop):
     Attributes:
         updates: derivatives of each update, with columns for the readings in ``labels``.
         sensors: one instrument for each measured channel.
-
-    Raises:
-        InputError: if controller, hardware and arm do not fit each other, or the hardware or the
-            integrator is not supported with derivatives.
     """
 
     def __init__(
@@ -256,11 +241,7 @@ def _instruments(run: Run, hardware: Hardware | None) -> list[Instrument]:
 def loop_in_duals(
     run: Run, inputs: Inputs, blocks: Sequence[Sequence[Inputs]], loop: RecordedLoop
 ) -> list[DualRun]:
-    """Repeat a run with a controller in dual numbers for blocks of directions; see `DualStepper`.
-
-    Raises:
-        SimulationError: if the run fails.
-    """
+    """Repeat a run with a controller in dual numbers for blocks of directions; see `DualStepper`."""
     steppers = [DualStepper(run, inputs, block) for block in blocks]
     _LoopInDuals(run, loop, steppers).execute()
     return [stepper.result() for stepper in steppers]

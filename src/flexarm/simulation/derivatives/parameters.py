@@ -73,9 +73,6 @@ def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> 
 
     Args:
         name: name of the argument, for messages.
-
-    Raises:
-        InputError: if the path is not that of a number, or the numbers are not differentiable.
     """
     value = number_at(name, arm.spec, path)
     if not _has_formula(arm, environment, path, value):
@@ -249,12 +246,7 @@ class Parameters:
     checkpoints: Checkpoints | None = None
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:
-        """Return the derivatives of the numbers of the run by each parameter.
-
-        Raises:
-            InputError: if a path is not that of a number, is repeated, or the numbers are not
-                differentiable with respect to it; all problems are listed.
-        """
+        """Return the derivatives of the numbers of the run by each parameter."""
         found: list[Inputs] = []
         problems: list[Problem] = []
         for k, path in enumerate(paths):
@@ -396,11 +388,7 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
 
 
 def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
-    """Raise if there are arguments that derivatives do not support, or unknown ones.
-
-    Raises:
-        InputError: if there is any; all are listed.
-    """
+    """Raise if there are arguments that derivatives do not support, or unknown ones."""
     known = signature(simulate).parameters
     problems = [
         Problem(name, "is not supported with derivatives of runs")
@@ -419,11 +407,7 @@ def channels_of_states(arm: Arm) -> list[str]:
 
 
 def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:
-    """Return the names of channels; None: of all that are possible.
-
-    Raises:
-        InputError: if a channel does not exist or does not follow from q and qd.
-    """
+    """Return the names of channels; None: of all that are possible."""
     possible = channels_of_states(arm)
     if given is None:
         return possible

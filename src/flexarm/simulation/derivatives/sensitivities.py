@@ -88,11 +88,7 @@ class Crossing:
 
 
 def crossings(known: Parameters, paths: Sequence[str]) -> list[Crossing]:
-    """Return the events of a run.
-
-    Raises:
-        InputError: if the function of an event is not differentiable there, or not by a parameter.
-    """
+    """Return the events of a run."""
     run = known.run
     log = run.watch.log if run.watch is not None else None
     if log is None:

@@ -148,9 +148,6 @@ class _Follower:
         Returns:
             Starts of the pieces (k,) and coefficients (k, 4, columns), in order; both ends of the
             pieces for which halving did not help.
-
-        Raises:
-            InputError: if the function is rough everywhere.
         """
         stops = [np.zeros(0)]
         kept = [(np.zeros(0), np.zeros((0, 4, self._columns)))]

@@ -140,10 +140,6 @@ def prescribe(
         state: (2, n, 1 + m), changed in place.
         history: torques of the other joints.
         breaks, spacing: of functions of time, as in ``function_history``.
-
-    Raises:
-        InputError: if the arm has no such joint, a value is not a prescribed angle or a motion,
-            or the rates and accelerations are not consistent with the angle.
     """
     for joint, motion in prescribed.items():
         index = check_joint(arm, "each key of prescribed", joint)

@@ -60,11 +60,7 @@ class RestEnd(NamedTuple):
 
 
 def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
-    """Compute the equilibrium at a time at which the motion is at rest.
-
-    Raises:
-        InputError: if there is no equilibrium with the tip in place.
-    """
+    """Compute the equilibrium at a time at which the motion is at rest."""
     from scipy.linalg import eigh, null_space
 
     arm = constraint.arm

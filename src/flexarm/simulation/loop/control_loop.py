@@ -239,11 +239,7 @@ class ControlLoop(ABC):
             self._look()
 
     def hold(self, torque: Any) -> None:
-        """Command torques and advance to the next sample time, or to the end.
-
-        Raises:
-            SimulationError: if the integrator fails.
-        """
+        """Command torques and advance to the next sample time, or to the end."""
         acting = self.acting
         acting.command(self.time, torque)
         self.tick += 1
@@ -268,9 +264,6 @@ class RunLoop(ControlLoop):
     Args:
         sample_time: s.
         keep: whether the applied torques are stored for ``acting.at``.
-
-    Raises:
-        InputError: if the hardware does not fit the arm or the sample time, or the run is hopeless.
     """
 
     def __init__(
@@ -348,11 +341,7 @@ class RunLoop(ControlLoop):
 
 
 class ClosedLoop(RunLoop):
-    """Loop of one run with a controller.
-
-    Raises:
-        InputError: if controller, hardware and arm do not fit each other.
-    """
+    """Loop of one run with a controller."""
 
     def __init__(
         self,

@@ -250,12 +250,7 @@ def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[
 
 
 def sensing_of_run(run: Run, hardware: Hardware | None, tick: float) -> Sensing:
-    """Create the sensors of a run whose controller has the sample time ``tick`` (s).
-
-    Raises:
-        InputError: if an instrument does not fit the arm or the contacts, or its sample
-            time is not a multiple of ``tick``.
-    """
+    """Create the sensors of a run whose controller has the sample time ``tick`` (s)."""
     if hardware is None or hardware.instruments is None:
         names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
         readers = [

@@ -181,11 +181,7 @@ class Address(NamedTuple):
 
 
 def check_address(name: str, value: object) -> Address:
-    """Return the address of a text such as ``"127.0.0.1:5005"``.
-
-    Raises:
-        InputError: if the text is not a host and a port, or the host has no address.
-    """
+    """Return the address of a text such as ``"127.0.0.1:5005"``."""
     found = _ADDRESS.fullmatch(value) if isinstance(value, str) else None
     if found is None or not 0 < int(found[2]) < 65536:
         rule = "be an object or an address such as '127.0.0.1:5005'"
@@ -202,9 +198,6 @@ class Datagrams:
     Args:
         address: of the partner; with ``listen``, of this side, whose datagrams go to the last
             sender until `hold` is called.
-
-    Raises:
-        InputError: if this side cannot listen at the address.
     """
 
     def __init__(self, address: Address, listen: bool) -> None:
