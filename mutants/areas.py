@@ -171,10 +171,9 @@ AREAS: dict[str, Area] = {
                     "unit/linear/test_modes.py",
                 ),
             ),
-            Group(sources=("linear/**/pressed.py",), tests=("unit/linear/test_pressed.py",)),
             Group(
-                sources=("linear/**/quasi_static.py",),
-                tests=("simulate/test_flexible_references.py", "unit/linear/test_modes.py"),
+                sources=("linear/bent_references.py",),
+                tests=("simulate/test_flexible_references.py", "unit/linear/test_pressed.py"),
             ),
             Group(sources=("linear/**/tracking.py",), tests=("unit/linear/test_tracking.py",)),
             Group(

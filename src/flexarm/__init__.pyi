@@ -94,10 +94,10 @@ from .linear import equilibrium as equilibrium
 from .linear import linearize as linearize
 from .linear import modes as modes
 from .linear import track_modes as track_modes
-from .linear.reference_motions.pressed import PressedMotion as PressedMotion
-from .linear.reference_motions.pressed import pressed_motion as pressed_motion
-from .linear.reference_motions.quasi_static import QuasiStaticReference as QuasiStaticReference
-from .linear.reference_motions.quasi_static import quasi_static_reference as quasi_static_reference
+from .linear.bent_references import PressedMotion as PressedMotion
+from .linear.bent_references import QuasiStaticReference as QuasiStaticReference
+from .linear.bent_references import pressed_motion as pressed_motion
+from .linear.bent_references import quasi_static_reference as quasi_static_reference
 from .linear.small_deviations.along import Separation as Separation
 from .linear.small_deviations.along import linearize_along as linearize_along
 from .linear.step_derivatives.sampled_step import StepJacobian as StepJacobian
@@ -157,9 +157,9 @@ from .simulation.calls.run import simulate as simulate
 from .simulation.calls.separated import simulate_separated as simulate_separated
 from .simulation.derivatives.gradient import goal_gradient as goal_gradient
 from .simulation.derivatives.sensitivities import sensitivities as sensitivities
+from .simulation.histories.loads import PrescribedAngle as PrescribedAngle
 from .simulation.histories.multisine import Multisine as Multisine
 from .simulation.histories.multisine import multisine as multisine
-from .simulation.histories.prescribed import PrescribedAngle as PrescribedAngle
 from .simulation.inversion.flexible_torque import FlexibleTorque as FlexibleTorque
 from .simulation.inversion.flexible_torque import flexible_torque as flexible_torque
 from .simulation.inversion.tip_inversion import InversionError as InversionError

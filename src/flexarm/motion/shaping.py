@@ -9,7 +9,8 @@ References:
     N. C. Singer and W. P. Seering, J. Dynamic Systems, Measurement, and Control 112 (1990) 76-82.
     W. E. Singhose, W. P. Seering and N. C. Singer, J. Mechanical Design 116 (1994) 654-659.
     W. E. Singhose, W. P. Seering and N. C. Singer, Japan-USA Symposium on Flexible Automation
-    (1996) 1-8: specified insensitivity."""
+    (1996) 1-8: specified insensitivity.
+"""
 
 from __future__ import annotations
 

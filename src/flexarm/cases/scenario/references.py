@@ -15,8 +15,11 @@ from flexarm.base.errors import FlexarmError, LargeDeflectionWarning
 from flexarm.cases.scenario.file_errors import problems_under
 from flexarm.control.design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
-from flexarm.linear.reference_motions.pressed import PressedMotion, pressed_motion
-from flexarm.linear.reference_motions.quasi_static import quasi_static_reference
+from flexarm.linear.bent_references import (
+    PressedMotion,
+    pressed_motion,
+    quasi_static_reference,
+)
 from flexarm.model import Scenario
 from flexarm.model.drives import (
     ControllerDrive,

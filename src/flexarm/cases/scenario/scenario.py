@@ -33,7 +33,7 @@ from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.control.laws import CONTROLLERS
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.linear.reference_motions.pressed import PressedMotion
+from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import (
     AccelerationTable,
     Change,
@@ -59,9 +59,8 @@ from flexarm.model.wording import path_of
 from flexarm.motion import Motion
 from flexarm.simulation.calls.preparation import implausible_run
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.histories.loads import interpolated
+from flexarm.simulation.histories.loads import PrescribedAngle, constant, interpolated
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torque
-from flexarm.simulation.histories.prescribed import PrescribedAngle, constant
 from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
     AnalysedLoop,

@@ -35,8 +35,8 @@ from flexarm.cases.studies.execution import (
     table_of,
 )
 from flexarm.cases.studies.rare import rare_failures
-from flexarm.cases.studies.stopping import Ending
 from flexarm.cases.studies.store import (
+    Ending,
     Store,
     check_versions,
     checksum,

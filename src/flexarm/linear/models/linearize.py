@@ -21,7 +21,6 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_channels
-from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
@@ -87,7 +86,6 @@ def linearize(
         AccuracyWarning: friction has bristles, which a linear model does not contain.
         FlexarmWarning: friction holds a joint that is at rest.
     """
-    arm = check_kind("arm", arm, Arm)
     given = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(arm, *given)
     environment.placed(arm)  # errors name this function

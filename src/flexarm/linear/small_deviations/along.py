@@ -4,7 +4,8 @@ The deviations obey a linear system whose matrices change with time as the rigid
 Theory page "separation", (D.1) to (D.7). Gauss collocation integrates it, for many steps at once:
 the acceleration is a quadratic polynomial over a step, with the coefficients of
 `integrate.implicit.gauss`. The method is symmetric, so it adds neither damping nor growth, and
-stiff modes do not require shorter steps."""
+stiff modes do not require shorter steps.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_choice, check_kind, check_positive, check_times
+from flexarm.base.arguments import check_choice, check_positive, check_times
 from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.integrate.implicit.gauss import gauss_coefficients
@@ -255,7 +256,6 @@ def linearize_along(
     dynamics with straight links, (D.3). Where an acceleration jumps, a sample has the value after
     the jump.
     """
-    arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     warn_of_bristles(arm, "the linear model")
     joints = check_choice("joints", joints, JOINTS)

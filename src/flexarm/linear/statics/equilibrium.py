@@ -1,6 +1,7 @@
 """Static equilibrium of an arm under gravity, loads and joint torques, and motion close to it.
 
-Matrices of small deviations: theory page "small motion", (S.2)."""
+Matrices of small deviations: theory page "small motion", (S.2).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.arguments import check_kind, check_posture
+from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
     FlexarmError,
     InputError,
@@ -218,7 +219,6 @@ def equilibrium(
     if this one is unstable or was not found; with free joints they come first. Friction is
     neglected.
     """
-    arm = check_kind("arm", arm, Arm)
     if base_acceleration is not None:
         felt = arm.spec.gravity - check_array("base_acceleration", base_acceleration, (2,))
         arm = Arm(arm.spec.replace(gravity=felt))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.arguments import check_kind, check_list_of, check_positive
+from flexarm.base.arguments import check_list_of, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
 from flexarm.integrate import INTEGRATORS, REMOVED
 from flexarm.integrate.base import Drive, System
@@ -91,7 +91,6 @@ def step_jacobian(
     Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
-    arm = check_kind("arm", arm, Arm)
     warn_of_bristles(arm, "the step")
     h = check_positive("step", step)
     parameters = check_list_of("parameters", parameters, str)

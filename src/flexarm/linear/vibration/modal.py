@@ -19,7 +19,6 @@ from flexarm.base.arguments import (
     as_list,
     check_count,
     check_flag,
-    check_kind,
     check_number,
     check_posture,
 )
@@ -227,7 +226,6 @@ def modes(
     The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
-    arm = check_kind("arm", arm, Arm)
     given = Environment.of(arm, tip_force, loads)
     given.placed(arm)  # errors name this function
     held = joint_feedback(arm, joints)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning, warn_of_bending
-from flexarm.base.arguments import check_count, check_flag, check_kind
+from flexarm.base.arguments import check_count, check_flag
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import Joints, Modes, modes
@@ -100,7 +100,6 @@ def track_modes(
     intermediate postures are evaluated. Two curves that approach each other and separate again
     (veering) exchange their shapes gradually, and are tracked as the curves that they are.
     """
-    arm = check_kind("arm", arm, Arm)
     count = check_count("count", count)
     samples = check_count("samples", samples, least=2)
     sag = check_flag("sag", sag)
@@ -145,7 +144,6 @@ def campbell(
         InputError: if the arm has gravity, its first joint is fixed, or ``count`` is less than one.
         EquilibriumError: if the arm has no steady shape at some spin.
     """
-    arm = check_kind("arm", arm, Arm)
     rates = check_array("spin", spin, (-1,))
     count = check_count("count", count)
 

@@ -16,7 +16,8 @@ The functions of the tip accept leading axes, so that one call evaluates a whole
 
 Two links have a closed-form solution with two elbow branches. Longer arms are redundant: a posture
 is constructed link by link in closed form, or the nearest to a given posture is found. A point out
-of reach raises an error with the reach and the distance."""
+of reach raises an error with the reach and the distance.
+"""
 
 from __future__ import annotations
 

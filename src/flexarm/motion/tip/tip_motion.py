@@ -44,8 +44,7 @@ from flexarm.motion.geometry.inverse_kinematics import (
     tip_jacobian_rate,
     tip_position,
 )
-from flexarm.motion.motion import JointState, PathMotion, checked_times
-from flexarm.motion.timing import TimingLaw, timing_law
+from flexarm.motion.motion import JointState, PathMotion, TimingLaw, checked_times, timing_law
 from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:

@@ -139,7 +139,6 @@ def iterative_learning(
         S. Arimoto, S. Kawamura and F. Miyazaki, J. Robotic Systems 1 (1984) 123-140.
         S. Gunnarsson and M. Norrlof, Automatica 37 (2001) 2011-2016.
     """
-    arm = check_kind("arm", arm, Arm)
     check_reference(reference)
     check_controller("controller", controller)
     check_choice("output", output, OUTPUTS)

@@ -135,7 +135,6 @@ def optimal_excitation(
     ``torque_rate`` within 0.2 % also between them, for the torque and for the cubic spline through
     its samples, which is simulated. Mehra, IEEE Transactions on Automatic Control 19 (1974) 753.
     """
-    arm = check_kind("arm", arm, Arm)
     parameters = check_free(free)
     limits = check_kind("limits", limits, MotionLimits)
     check_mapping("noise", noise, "channels and standard deviations")

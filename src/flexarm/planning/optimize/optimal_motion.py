@@ -126,7 +126,6 @@ def optimal_motion(
     within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
     Contacts are not included.
     """
-    arm = check_kind("arm", arm, Arm)
     plant = arm if plant is None else check_kind("plant", plant, Arm)
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)

@@ -16,7 +16,6 @@ from flexarm.base.arguments import (
     as_list,
     check_choice,
     check_each,
-    check_kind,
     check_number,
     check_positive,
 )
@@ -98,7 +97,7 @@ class Requirements:
 
 
 def requirements_of(
-    arm: object,
+    arm: Arm,
     task: object,
     *,
     sensors: object,
@@ -113,7 +112,6 @@ def requirements_of(
     disk_margin: object,
 ) -> Requirements:
     """Validate the arguments of `flexarm.design`, and complete them with defaults."""
-    arm = check_kind("arm", arm, Arm)
     task = check_choice("task", task, TASKS)
     computing = check_choice("computing", computing, COMPUTING)
     if not arm.joints:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import check_flag, check_kind, check_mapping
+from flexarm.base.arguments import check_flag, check_mapping
 from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
@@ -356,7 +356,6 @@ def goal_gradient(
     Theory page "separation", (D.17).
     """
     refuse_unsupported(goal_gradient, arguments)
-    check_kind("arm", arm, Arm)
     driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
     situation = situation_of(goal_gradient, arm, duration, settings, driven)
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")

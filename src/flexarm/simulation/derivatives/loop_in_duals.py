@@ -3,7 +3,8 @@
 The steps are differentiated by their memory and their readings. Derivatives of a law that accepts
 complex numbers are exact. Central differences of order 8 differentiate other laws: for smooth ones
 their error is 1e-12. Differences of order 6 estimate it, so that a law that is not smooth is
-rejected."""
+rejected.
+"""
 
 from __future__ import annotations
 
@@ -241,7 +242,7 @@ def _instruments(run: Run, hardware: Hardware | None) -> list[Instrument]:
 def loop_in_duals(
     run: Run, inputs: Inputs, blocks: Sequence[Sequence[Inputs]], loop: RecordedLoop
 ) -> list[DualRun]:
-    """Repeat a run with a controller in dual numbers for blocks of directions; see `DualStepper`."""
+    """Repeat a run with a controller in dual numbers in blocks of directions; see `DualStepper`."""
     steppers = [DualStepper(run, inputs, block) for block in blocks]
     _LoopInDuals(run, loop, steppers).execute()
     return [stepper.result() for stepper in steppers]

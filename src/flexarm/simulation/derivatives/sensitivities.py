@@ -2,7 +2,8 @@
 
 The function g of an event is zero at its time, whatever the parameter is. With the derivatives of
 the state at a constant time, that of the event's time follows from dg = 0; theory page
-"separation", section 7."""
+"separation", section 7.
+"""
 
 from __future__ import annotations
 

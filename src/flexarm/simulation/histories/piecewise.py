@@ -1,7 +1,8 @@
 """Piecewise cubics over time: torques, load factors, base and prescribed accelerations.
 
 The kernels read this form only. Torque samples become zero-order holds, lines or splines here;
-`functions` converts functions of time."""
+`functions` converts functions of time.
+"""
 
 from __future__ import annotations
 

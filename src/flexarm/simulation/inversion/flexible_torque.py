@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_kind, check_positive, check_times
+from flexarm.base.arguments import check_positive, check_times
 from flexarm.base.errors import LargeDeflectionWarning, public_call
 from flexarm.linear import modes
 from flexarm.motion import Motion
@@ -102,7 +102,6 @@ def flexible_torque(
 
     With prescribed joints, the equations of the links are integrated forward in time; (D.8).
     """
-    arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     until = check_positive("duration", motion.end_time if duration is None else duration)
     rtol = check_positive("rtol", rtol)

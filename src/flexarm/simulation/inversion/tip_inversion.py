@@ -297,7 +297,6 @@ def tip_inversion(
     the runs have feedback of the joints, which the returned torque includes. Arms with elastic
     joints have no such feedback, so the inversion fails if they fall.
     """
-    arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
     settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)

@@ -3,7 +3,8 @@
 With the tip constrained, the links can still move: the zero dynamics. For torques at the joints and
 a tip at the other end of flexible links it has modes that grow as fast as others decay, so neither
 forward nor backward integration in time is stable. Their rates determine how long torques must act
-before the tip moves and after it has stopped; (D.10), (D.11)."""
+before the tip moves and after it has stopped; (D.10), (D.11).
+"""
 
 from __future__ import annotations
 

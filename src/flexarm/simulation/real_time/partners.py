@@ -13,7 +13,8 @@ The token keeps packets of other programs and of earlier runs apart. The plant d
 requests a run with it, in a packet with the number -2. The controller answers with the same token
 and number and, in place of the time, a token that it has drawn: that of the run, in all packets
 that follow. A controller whose run has begun ignores requests. Both sides ignore every packet with
-another token, and the plant every answer with another number or time."""
+another token, and the plant every answer with another number or time.
+"""
 
 from __future__ import annotations
 

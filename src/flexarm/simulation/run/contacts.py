@@ -16,7 +16,7 @@ from flexarm.integrate.nearness import turning_time
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, MOBILITY, STIFFNESS
 from flexarm.kernels.layout import Contacts
-from flexarm.linear.reference_motions.pressed import PressedMotion
+from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import Contact
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 
