@@ -42,5 +42,5 @@ def by_complex_steps(arm, method, times, q, qd, torque, path):
         constants = constants_at(arm, {path: value + 1j * STEP}, complex)[0]
     constants = ArmConstants(*(array.astype(complex) for array in constants))
     for start, end in pairwise(times):
-        x = stepper_of(arm, method, end - start).take(x, arm.padded_torque(torque), constants)
+        x = stepper_of(arm, method, end - start)(x, arm.padded_torque(torque), constants)
     return x.imag / STEP

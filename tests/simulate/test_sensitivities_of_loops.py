@@ -56,7 +56,7 @@ def in_complex_steps(arm, controller, reference, path, duration, steps):
         padded = np.zeros(arm.assembly.bodies, dtype=complex)
         padded[arm.assembly.joint_body] = torque
         for _ in range(steps):
-            x = step.take(x, padded, constants)
+            x = step(x, padded, constants)
     return x.imag / STEP
 
 

@@ -357,20 +357,20 @@ class SmoothMatrices:
             count *= 2
 
 
-Floats = NDArray[np.float64]
-
 STAGES = 3
 _METHOD = gauss_coefficients(STAGES)
 #: Coefficients (3, 3), rising powers, of the polynomials that are 1 at one stage.
 _LAGRANGE = np.linalg.inv(np.vander(_METHOD.c, increasing=True)).T
 
 
-def stage_times(edges: Floats) -> Floats:
+def stage_times(edges: FloatArray) -> FloatArray:
     """Return the times (N, 3) of the stages of N steps between edges (N + 1,)."""
     return np.asarray(edges[:-1, None] + np.diff(edges)[:, None] * _METHOD.c)
 
 
-def stage_accelerations(h: Floats, M: Floats, D: Floats, K: Floats, force: Floats) -> Floats:
+def stage_accelerations(
+    h: FloatArray, M: FloatArray, D: FloatArray, K: FloatArray, force: FloatArray
+) -> FloatArray:
     """Solve ``M qdd + D qd + K q = force`` at the stages of N steps of length h (N,) s.
 
     Matrices are (N, s, k, k) at the stages or constant (N, 1, k, k), forces (N, s, k, p). The
@@ -385,25 +385,25 @@ def stage_accelerations(h: Floats, M: Floats, D: Floats, K: Floats, force: Float
     G = G.transpose(0, 1, 3, 2, 4).reshape(count, s * k, s * k)
     by_rate = D + step[..., 0] * _METHOD.c[:, None, None] * K
     right = np.concatenate([np.broadcast_to(-K, by_rate.shape), -by_rate, force], axis=3)
-    solved: Floats = np.linalg.solve(G, right.reshape(count, s * k, -1))
+    solved: FloatArray = np.linalg.solve(G, right.reshape(count, s * k, -1))
     return solved.reshape(count, s, k, 2 * k + p)
 
 
-def step_maps(h: Floats, accelerations: Floats) -> Floats:
+def step_maps(h: FloatArray, accelerations: FloatArray) -> FloatArray:
     """Return the state (N, 2 k, 2 k + p) at the end of each step, in the same columns."""
     k = accelerations.shape[2]
     h = h[:, None, None]
     places = h**2 * np.tensordot(accelerations, _METHOD.bA, axes=(1, 0))
     rates = h * np.tensordot(accelerations, _METHOD.b, axes=(1, 0))
-    maps: Floats = np.concatenate([places, rates], axis=1)
+    maps: FloatArray = np.concatenate([places, rates], axis=1)
     maps[:, range(2 * k), range(2 * k)] += 1.0
     maps[:, range(k), range(k, 2 * k)] += h[:, 0]
     return maps
 
 
 def interpolate(
-    edges: Floats, q: Floats, qd: Floats, stages: Floats, times: Floats
-) -> tuple[Floats, Floats]:
+    edges: FloatArray, q: FloatArray, qd: FloatArray, stages: FloatArray, times: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Evaluate q and qd (T, k) at times (T,) from edges (N + 1, k) and stages (N, 3, k)."""
     i = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
     h = np.diff(edges)[i, None]
@@ -416,7 +416,7 @@ def interpolate(
     return q[i] + theta * h * qd[i] + h**2 * place, qd[i] + h * rate
 
 
-def step_edges(breaks: Floats, longest: float) -> Floats:
+def step_edges(breaks: FloatArray, longest: float) -> FloatArray:
     """Divide each interval between breaks evenly into steps no longer than ``longest``."""
     parts = [breaks[:1]]
     for a, b in pairwise(breaks):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,22 +97,22 @@ def step_jacobian(
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
     held = check_array("torque", torque, (arm.joints,))
-    stepper = stepper_of(arm, method, h)
+    step_of = stepper_of(arm, method, h)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
     columns = []
     for place in range(2 * arm.dof):
-        columns.append(stepper.take(x + _unit(place, x.size), tau, exact).imag / STEP)
+        columns.append(step_of(x + _unit(place, x.size), tau, exact).imag / STEP)
     inputs = []
     for joint in range(arm.joints):
         perturbed = arm.padded_torque(held + _unit(joint, arm.joints))
-        inputs.append(stepper.take(x, perturbed, exact).imag / STEP)
+        inputs.append(step_of(x, perturbed, exact).imag / STEP)
     named = {}
     for parameter in parameters:
         by = constants_by(arm, parameter)
         moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
-        named[parameter] = stepper.take(x, tau, moved).imag / STEP
-    after = stepper.take(x, tau, exact).real
+        named[parameter] = step_of(x, tau, moved).imag / STEP
+    after = step_of(x, tau, exact).real
     return StepJacobian(
         after[: arm.dof],
         after[arm.dof :],
@@ -128,22 +129,18 @@ def _unit(place: int, size: int) -> FloatArray:
     return unit
 
 
-class _Stepper(Protocol):
-    """One integrator with a fixed step length."""
+def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
+    """Return a step of length h (s) of a method whose step depends on the state alone.
 
-    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        """Return [q, qd] (2 dof,) after one step, complex; ``torque`` (n,) is given by body."""
-
-
-def stepper_of(arm: Arm, method: str, h: float) -> _Stepper:
-    """Return a stepper of step h (s) for a method whose step depends on the state alone."""
+    It is a function of [q, qd] (2 dof,), the torque (n,) of each body and the constants, and
+    returns [q, qd] after the step, complex.
+    """
     kind = INTEGRATORS.get(method) if isinstance(method, str) else None
+    kernels = KernelView(arm.assembly.constants, complex)
     if kind is not None and issubclass(kind, ExplicitRungeKutta):
-        tableau = kind().tableau
-        s = tableau.stages
-        return _Explicit(arm, np.ascontiguousarray(tableau.A[: s + 1, : s + 1]), h)
+        return _explicit_step(arm, kernels, _rows_of(kind), h)
     if kind is not None and issubclass(kind, Additive):
-        return _Additive(arm, kind.tableau, h)
+        return partial(_additive_step, arm, kernels, kind.tableau, h)
     known = [
         name for name, k in INTEGRATORS.items() if issubclass(k, (ExplicitRungeKutta, Additive))
     ]
@@ -156,56 +153,52 @@ def stepper_of(arm: Arm, method: str, h: float) -> _Stepper:
     raise InputError(Problem("method", rule, shown(method), hint))
 
 
-class _Explicit:
-    """Steps of an explicit Runge-Kutta method with complex numbers."""
+def _explicit_step(
+    arm: Arm, kernels: KernelView, rows: FloatArray, h: float
+) -> Callable[..., FloatArray]:
+    """Return the step of an explicit Runge-Kutta method with complex numbers."""
+    stages, after = kernels.zeros(len(rows) - 1, 2), kernels.zeros(2)
 
-    def __init__(self, arm: Arm, rows: FloatArray, h: float) -> None:
-        self.arm, self.rows, self.h = arm, rows, h
-        self.kernels = KernelView(arm.assembly.constants, complex)
-        self.stages, self.new = self.kernels.zeros(len(rows) - 1, 2), self.kernels.zeros(2)
-
-    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        """See ``Stepper.take``."""
+    def step(x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
         held_torque_step(
-            self.kernels.sizes,
+            kernels.sizes,
             _complex(constants),
-            self.rows,
-            self.h,
-            self.arm.padded(x.reshape(2, -1)).astype(complex),
+            rows,
+            h,
+            arm.padded(x.reshape(2, -1)).astype(complex),
             torque.astype(complex),
-            self.kernels.loads,
-            self.kernels.work,
-            self.stages,
-            self.new,
+            kernels.loads,
+            kernels.work,
+            stages,
+            after,
         )
-        return self.arm.unpadded(self.new).ravel()
+        return arm.unpadded(after).ravel()
+
+    return step
 
 
-class _Additive:
-    """Steps of a method that is implicit in bending, with complex numbers."""
-
-    def __init__(self, arm: Arm, tableau: AdditiveTableau, h: float) -> None:
-        self.arm, self.tableau, self.h = arm, tableau, h
-        self.kernels = KernelView(arm.assembly.constants, complex)
-
-    def take(self, x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        """See ``Stepper.take``."""
-        own, arm = _complex(constants), self.arm
-        coefficients = np.zeros((1, 4, torque.size), dtype=complex)
-        coefficients[0, 0] = torque
-        span, nothing = np.array([0.0, 1.0]), np.zeros((1, 4, 0))
-        amplitude = np.zeros((0, 3))
-        kernels = self.kernels
-        drive = Drive(span, coefficients, np.zeros(0), kernels.loads, amplitude, span, nothing)
-        state = arm.padded(x.reshape(2, -1)).astype(complex)
-        memory = new_memory(state, self.h)
-        held_torque_additive_step(
-            System(kernels.sizes, own, drive, kernels.work),
-            additive_record(self.tableau, own, state),
-            memory,
-            self.h,
-        )
-        return arm.unpadded(memory.new).ravel()
+def _additive_step(
+    arm: Arm,
+    kernels: KernelView,
+    tableau: AdditiveTableau,
+    h: float,
+    x: FloatArray,
+    torque: FloatArray,
+    constants: ArmConstants,
+) -> FloatArray:
+    """Return [q, qd] after a step that is implicit in bending, with complex numbers."""
+    numbers, span, nothing = _complex(constants), np.array([0.0, 1.0]), np.zeros((1, 4, 0))
+    coefficients = np.zeros((1, 4, torque.size), dtype=complex)
+    coefficients[0, 0] = torque
+    amplitude = np.zeros((0, 3))
+    drive = Drive(span, coefficients, np.zeros(0), kernels.loads, amplitude, span, nothing)
+    state = arm.padded(x.reshape(2, -1)).astype(complex)
+    memory = new_memory(state, h)
+    record = additive_record(tableau, numbers, state)
+    held_torque_additive_step(
+        System(kernels.sizes, numbers, drive, kernels.work), record, memory, h
+    )
+    return arm.unpadded(memory.new).ravel()
 
 
 def _complex(constants: ArmConstants) -> ArmConstants:
@@ -328,11 +321,13 @@ def fastest_rate(arm: Arm) -> float:
 
 def classical() -> FloatArray:
     """Return the classical Runge-Kutta method as the rows of ``held_torque_step``."""
-    kind = INTEGRATORS["rk4"]
-    assert issubclass(kind, ExplicitRungeKutta)
+    return _rows_of(INTEGRATORS["rk4"])
+
+
+def _rows_of(kind: Any) -> FloatArray:
+    """Return an explicit method as the rows of ``held_torque_step``."""
     tableau = kind().tableau
-    s = tableau.stages
-    return np.ascontiguousarray(tableau.A[: s + 1, : s + 1])
+    return np.ascontiguousarray(tableau.A[: tableau.stages + 1, : tableau.stages + 1])
 
 
 #: Relative change of a number (absolute if it is zero) for which formula and assembly must agree.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,23 +17,12 @@ from flexarm.base.arguments import check_count, check_flag
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import Joints, Modes, modes
+from flexarm.motion import Motion
 
 #: Minimum similarity of the shapes at neighbouring samples; below it the interval is halved.
 _ALIKE = 0.8
 _MOST_HALVINGS = 8
 _SAMPLES = 101
-
-
-class Motion(Protocol):
-    """Interface of motions such as those of `line_motion` and `joint_motion`."""
-
-    @property
-    def start_time(self) -> float: ...
-
-    @property
-    def end_time(self) -> float: ...
-
-    def joint_angle(self, t: Any) -> FloatArray: ...
 
 
 @dataclass(frozen=True, eq=False)
