@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,7 @@ from flexarm.base.errors import (
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
-from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
+from flexarm.motion.dynamics.dynamics_along import MotionTorque, TipConstraint, dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 from flexarm.motion.shaping import window_points
@@ -431,31 +431,15 @@ class QuasiStaticReference(DerivedMotion):
 
 
 @dataclass(frozen=True, eq=False)
-class QuasiStaticTorque:
+class QuasiStaticTorque(MotionTorque):
     """Torque of the bent arm along a quasi-static reference; callable with the time."""
-
-    #: Whether the torque accepts an array of times, for ``simulate``.
-    vectorized: ClassVar[bool] = True
 
     motion: QuasiStaticReference
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Times (s) where the torque or a derivative of it may jump."""
-        return self.motion.breaks
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self.motion.joints
-
-    @public_call
-    def __call__(self, t: ArrayLike) -> FloatArray:
-        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
-        times = check_times("t", t)
+    def _at(self, times: FloatArray) -> FloatArray:
         arm = self.motion.arm
-        force = arm.inverse_dynamics_many(*self.motion.coordinates(times.reshape(-1)))
-        return force[:, arm.joint_index].reshape(*times.shape, self.joints)
+        force = arm.inverse_dynamics_many(*self.motion.coordinates(times))
+        return np.asarray(force[:, arm.joint_index])
 
 
 @public_call

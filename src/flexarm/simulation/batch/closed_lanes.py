@@ -18,11 +18,11 @@ from flexarm.control.contract.base import Controller, Reference, declares, repor
 from flexarm.control.hardware.instruments import NoiseOfRuns, Readings, stride_and_delay
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
+from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.integrate.memory import REJECTED, STEPS
 from flexarm.model import Hardware, Sensor
 from flexarm.simulation.batch.execution import ClosedLoop, Variations
-from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, factors_of, fits_lanes
+from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, fits_lanes, held_drive
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
     instrument_numbers,
@@ -259,7 +259,8 @@ class LaneLoop(ControlLoop):
         acting = Acting(hardware, arms[0], runs=self._count)
         super().__init__(acting, loops[0].controller.sample_time)
         self._bodies = as_slice(arms[0].assembly.joint_body)
-        self._drive = self._new_drive(arms[0].assembly.bodies, loads)
+        bodies = arms[0].assembly.bodies
+        self._drive = held_drive(self._count, acting.pieces, bodies, loads)
         self._sensing = self._sensors()
         self._watches = _by_object(arms, RunawayWatch)
         self._small = np.array([watch.surely_small for watch in self._watches])
@@ -267,17 +268,6 @@ class LaneLoop(ControlLoop):
         self.controllers: dict[int, Controller] = {}
         with users:
             self._teams = self._new_teams()
-
-    def _new_drive(self, bodies: int, loads: LoadHistory) -> LaneDrive:
-        pieces, count = self.acting.pieces, self._count
-        first = pieces * np.arange(count)
-        places = np.zeros((count, 6), dtype=np.int64)
-        places[:, 1] = pieces + 1
-        places[:, 2], places[:, 3] = first, first + pieces
-        coefficients, stops = np.zeros((count * pieces, 4, bodies)), loads.factors.stops
-        places[:, 5] = stops.size
-        breaks = np.arange(pieces + 1.0)
-        return LaneDrive(breaks, coefficients, stops, places, **factors_of(loads))
 
     def _new_teams(self) -> list[_Team]:
         """Return the controllers, each with as many runs as it accepts."""

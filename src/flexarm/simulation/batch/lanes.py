@@ -461,11 +461,21 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
         ),
         stops=np.concatenate(stops),
         places=np.array([places[id(history)] for history in histories]),
-        **factors_of(loads),
+        **_factors_of(loads),
     )
 
 
-def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+def held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:
+    """Return a drive of runs with torques of their own, zero here, in a number of pieces."""
+    first, stops = pieces * np.arange(count), loads.factors.stops
+    places = np.zeros((count, 6), dtype=np.int64)
+    places[:, 1], places[:, 2], places[:, 3] = pieces + 1, first, first + pieces
+    places[:, 5] = stops.size
+    coefficients = np.zeros((count * pieces, 4, bodies))
+    return LaneDrive(np.arange(pieces + 1.0), coefficients, stops, places, **_factors_of(loads))
+
+
+def _factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
     """Return the fields of ``LaneDrive`` for loads."""
     return {
         "amplitude": loads.placed.value,

@@ -12,12 +12,12 @@ from flexarm.arm.actions.environment import EMPTY
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import SimulationError
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
+from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
 from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, STEP, TIME
 from flexarm.kernels.compilation.packs import LANES
-from flexarm.simulation.batch.lanes import arms_of_runs, factors_of
-from flexarm.simulation.histories.loads import LoadHistory, load_history
+from flexarm.simulation.batch.lanes import arms_of_runs, held_drive
+from flexarm.simulation.histories.loads import load_history
 from flexarm.simulation.run.integrator_choice import choose_integrator
 from flexarm.simulation.run.new_run import UNBOUNDED
 from flexarm.simulation.run.stepping import failure_of
@@ -159,7 +159,8 @@ class LanePlants:
             until=(now + 1) * self._sample_time,
         )
         runs.clock[:, TIME] = now * self._sample_time
-        drive = _held(torque[block.rows], self._loads)
+        drive = held_drive(count, 1, torque.shape[1], self._loads)
+        drive.coefficients[:, 0] = torque[block.rows]
         self._stepper.advance(block.method, drive, runs, _MOST_STEPS)
         self.state[places], self._clock[places] = runs.state, runs.clock
         return runs.status
@@ -170,16 +171,3 @@ class LanePlants:
         if status == Status.PAUSED:
             reason = f"a sample time takes more than {_MOST_STEPS} steps: the motion is unstable."
         return failure_of(status, float(self.time[place]), (state[0], state[1]), reason)
-
-
-def _held(torque: FloatArray, loads: LoadHistory) -> LaneDrive:
-    """Return the drive of runs with constant torques (k, n)."""
-    count, n = torque.shape
-    coefficients = np.zeros((count, 4, n))
-    coefficients[:, 0] = torque
-    places = np.zeros((count, 6), dtype=np.int64)
-    places[:, 1] = 2
-    places[:, 2] = np.arange(count)
-    places[:, 3] = places[:, 2] + 1
-    breaks, stops = np.array([0.0, 1.0]), np.zeros(0)
-    return LaneDrive(breaks, coefficients, stops, places, **factors_of(loads))

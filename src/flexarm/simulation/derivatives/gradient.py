@@ -53,11 +53,11 @@ from flexarm.simulation.derivatives.dual_run import (
 )
 from flexarm.simulation.derivatives.parameters import (
     Parameters,
-    Samples,
     check_channels,
     refuse_unsupported,
     simulated,
 )
+from flexarm.simulation.histories.piecewise import Samples
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run

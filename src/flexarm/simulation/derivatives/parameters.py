@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +35,7 @@ from flexarm.simulation.derivatives.dual_run import (
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
 from flexarm.simulation.histories.piecewise import (
     PiecewiseCubic,
-    added_coefficients,
-    collected_samples,
+    Samples,
 )
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
@@ -213,23 +212,6 @@ def has_samples(paths: Sequence[str]) -> bool:
 def is_of_arm(path: str) -> bool:
     """Return whether a path is that of a number of the arm."""
     return not any(kind.fullmatch(path) for kind in (_STATE, _SAMPLE, _TIP, _RECORD))
-
-
-class Samples(NamedTuple):
-    """Torque samples of a run."""
-
-    history: PiecewiseCubic  # with stops at its kinks alone
-    shape: tuple[int, int]  # (samples, joints)
-    rate: float  # Hz
-    interpolation: str
-
-    def added(self, units: Array) -> Array:
-        """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
-        return added_coefficients(self.history, units, self.rate, self.interpolation)
-
-    def collected(self, pieces: Array) -> Array:
-        """Return the gradient (samples, joints) from that by coefficients (pieces, k, joints)."""
-        return collected_samples(self.history, pieces, self.rate, self.interpolation, self.shape[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,56 +65,56 @@ def sampled_torque(
     return _spline(times, samples, beside.astype(np.intp)).held_to(duration)
 
 
-def added_coefficients(
-    history: PiecewiseCubic, units: FloatArray, rate: float, interpolation: str
-) -> FloatArray:
-    """Return the derivatives (pieces, 4, columns) of the coefficients of ``sampled_torque``.
+class Samples(NamedTuple):
+    """Torque samples of a run, and the derivatives of the coefficients of `sampled_torque`."""
 
-    Args:
-        history: the torque, whose kinks stay where they are.
-        units: (samples, columns) changes of the samples of one joint, one in each column.
-    """
-    times = np.arange(len(units)) / rate
-    if interpolation == "hold":
-        at_jumps = np.repeat(times, 2)[1:], np.repeat(units, 2, axis=0)[:-1]
-        return PiecewiseCubic.table(*at_jumps).coefficients
-    if interpolation == "linear" or len(times) == 1:
-        return PiecewiseCubic.table(times, units).coefficients
-    coefficients = _cubics(times, units, _edges(len(times), history, rate))
-    if len(history.coefficients) > len(coefficients):  # constant after the last sample
-        end = np.zeros((1, 4, units.shape[1]))
-        end[0, 0] = units[-1]
-        coefficients = np.concatenate([coefficients, end])
-    return coefficients
+    history: PiecewiseCubic  # with stops at its kinks alone, which stay where they are
+    shape: tuple[int, int]  # (samples, joints)
+    rate: float  # Hz
+    interpolation: str
 
+    @property
+    def _edges(self) -> list[int]:
+        """The first sample, the kinks of the history, and the last sample."""
+        last = self.shape[0] - 1
+        kinks = np.rint(self.history.stops * self.rate).astype(np.intp)
+        return [0, *kinks[kinks < last].tolist(), last]
 
-def collected_samples(
-    history: PiecewiseCubic, pieces: FloatArray, rate: float, interpolation: str, count: int
-) -> FloatArray:
-    """Return the gradient of a number by samples from that by coefficients of ``sampled_torque``.
+    def added(self, units: FloatArray) -> FloatArray:
+        """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
+        times = np.arange(len(units)) / self.rate
+        if self.interpolation == "hold":
+            at_jumps = np.repeat(times, 2)[1:], np.repeat(units, 2, axis=0)[:-1]
+            return PiecewiseCubic.table(*at_jumps).coefficients
+        if self.interpolation == "linear" or len(times) == 1:
+            return PiecewiseCubic.table(times, units).coefficients
+        coefficients = _cubics(times, units, self._edges)
+        if len(self.history.coefficients) > len(coefficients):  # constant after the last sample
+            end = np.zeros((1, 4, units.shape[1]))
+            end[0, 0] = units[-1]
+            coefficients = np.concatenate([coefficients, end])
+        return coefficients
 
-    This is the transpose of ``added_coefficients``.
+    def collected(self, pieces: FloatArray) -> FloatArray:
+        """Return the gradient (samples, joints) from that by coefficients (pieces, k, joints).
 
-    Args:
-        pieces: (pieces, k, joints) gradient by the first k coefficients: 1 for "hold", 2 for
-            "linear", 4 for "cubic".
-        count: number of samples.
-    """
-    found = np.zeros((count, pieces.shape[2]))
-    if interpolation == "cubic" and count > 1:
-        edges = _edges(count, history, rate)
-        for first, last in pairwise(edges):
-            found[first : last + 1] += _collected_spline(pieces[first:last], rate)
-        found[-1] += pieces[count - 1 :, 0].sum(axis=0)  # constant after the last sample
-        return found
-    starts = np.clip(np.rint(history.breaks[:-1] * rate).astype(np.intp), 0, count - 1)
-    np.add.at(found, starts, pieces[:, 0])
-    if interpolation == "linear" and count > 1:
-        inside = (history.breaks[:-1] >= 0.0) & (starts < count - 1)
-        slopes = rate * pieces[inside, 1]
-        np.add.at(found, starts[inside], -slopes)
-        np.add.at(found, starts[inside] + 1, slopes)
-    return found
+        This is the transpose of ``added``; k is 1 for "hold", 2 for "linear", 4 for "cubic".
+        """
+        history, rate, count = self.history, self.rate, self.shape[0]
+        gradient = np.zeros((count, pieces.shape[2]))
+        if self.interpolation == "cubic" and count > 1:
+            for first, last in pairwise(self._edges):
+                gradient[first : last + 1] += _collected_spline(pieces[first:last], rate)
+            gradient[-1] += pieces[count - 1 :, 0].sum(axis=0)  # constant after the last sample
+            return gradient
+        starts = np.clip(np.rint(history.breaks[:-1] * rate).astype(np.intp), 0, count - 1)
+        np.add.at(gradient, starts, pieces[:, 0])
+        if self.interpolation == "linear" and count > 1:
+            inside = (history.breaks[:-1] >= 0.0) & (starts < count - 1)
+            slopes = rate * pieces[inside, 1]
+            np.add.at(gradient, starts[inside], -slopes)
+            np.add.at(gradient, starts[inside] + 1, slopes)
+        return gradient
 
 
 def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:
@@ -121,12 +122,6 @@ def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) ->
     kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
     edges = [0, *kinks.tolist(), len(times) - 1]
     return PiecewiseCubic(times, _cubics(times, samples, edges), times[kinks])
-
-
-def _edges(count: int, history: PiecewiseCubic, rate: float) -> list[int]:
-    """Return the first sample, the kinks of a history, and the last sample."""
-    kinks = np.rint(history.stops * rate).astype(np.intp)
-    return [0, *kinks[kinks < count - 1].tolist(), count - 1]
 
 
 def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:

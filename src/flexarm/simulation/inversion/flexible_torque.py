@@ -5,17 +5,18 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_positive, check_times
+from flexarm.base.arguments import check_positive
 from flexarm.base.errors import LargeDeflectionWarning, public_call
 from flexarm.linear import modes
 from flexarm.motion import Motion
+from flexarm.motion.dynamics.dynamics_along import MotionTorque
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 
@@ -28,7 +29,7 @@ _FEWEST, _MOST = 200, 40_000
 
 
 @dataclass(frozen=True, eq=False)
-class FlexibleTorque:
+class FlexibleTorque(MotionTorque):
     """Torque that makes the joints of a flexible arm follow a motion, as a function of time.
 
     After ``end`` the torque is constant, and links that still vibrate are not controlled.
@@ -38,9 +39,6 @@ class FlexibleTorque:
         end: end of the computed torque, s.
         initial: initial q (dof,) at time zero.
     """
-
-    #: Whether the torque accepts an array of times, for ``simulate``.
-    vectorized: ClassVar[bool] = True
 
     arm: Arm
     motion: Motion
@@ -57,25 +55,14 @@ class FlexibleTorque:
         """Times (s) at which the torque or one of its derivatives may jump."""
         return self._edges
 
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self.motion.joints
-
-    @public_call
-    def __call__(self, t: ArrayLike) -> FloatArray:
-        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
-
-        At a break the value is that from the right.
-        """
-        times = check_times("t", t)
-        flat = np.clip(times.reshape(-1), 0.0, self.end)
+    def _at(self, times: FloatArray) -> FloatArray:
+        flat = np.clip(times, 0.0, self.end)
         torque = np.empty((flat.size, self.joints))
         last = len(self._splines) - 1
         piece = np.clip(np.searchsorted(self._edges, flat, side="right") - 1, 0, last)
         for k, spline in enumerate(self._splines):
             torque[piece == k] = spline(flat[piece == k])
-        return torque.reshape(*times.shape, self.joints)
+        return torque
 
 
 @public_call

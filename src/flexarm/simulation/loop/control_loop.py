@@ -31,7 +31,8 @@ from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 
 _LONGEST = 1e8  # limit on the sample times of a run, given by the memory
-#: Methods of a reference that are tabulated, in addition to the motion of the joints.
+#: Methods of a reference that are tabulated: the motion of the joints, and others.
+_OF_JOINTS = ("joint_angle", "joint_rate", "joint_acceleration")
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 
@@ -44,6 +45,9 @@ class SampledReference:
     """
 
     vectorized = True
+    joint_angle: Callable[[ArrayLike], FloatArray]
+    joint_rate: Callable[[ArrayLike], FloatArray]
+    joint_acceleration: Callable[[ArrayLike], FloatArray]
 
     def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
         self._reference = reference
@@ -54,9 +58,7 @@ class SampledReference:
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):
-            angle, rate, acceleration = reference.state(self._schedule)
-            self._tables |= {"joint_angle": angle, "joint_rate": rate}
-            self._tables["joint_acceleration"] = acceleration
+            self._tables = dict(zip(_OF_JOINTS, reference.state(self._schedule), strict=True))
 
     def _look_up(self, name: str, t: ArrayLike) -> Any:
         # Only times that equal a sample time exactly have the tabulated value.
@@ -76,25 +78,10 @@ class SampledReference:
                 return self._tables[name][samples.astype(np.intp)]
         return getattr(self._reference, name)(t)
 
-    def joint_angle(self, t: ArrayLike) -> FloatArray:
-        """Joint angles (joints,) or (T, joints) at t, rad."""
-        found: FloatArray = self._look_up("joint_angle", t)
-        return found
-
-    def joint_rate(self, t: ArrayLike) -> FloatArray:
-        """Joint rates (joints,) or (T, joints) at t, rad/s."""
-        found: FloatArray = self._look_up("joint_rate", t)
-        return found
-
-    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
-        """Joint accelerations (joints,) or (T, joints) at t, rad/s^2."""
-        found: FloatArray = self._look_up("joint_acceleration", t)
-        return found
-
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):  # copies and pickles look these up before `_reference` is set
             raise AttributeError(name)
-        if name in _MORE and hasattr(self._reference, name):
+        if name in _OF_JOINTS or (name in _MORE and hasattr(self._reference, name)):
             return lambda t: self._look_up(name, t)
         return getattr(self._reference, name)
 

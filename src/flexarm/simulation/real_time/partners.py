@@ -28,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -355,29 +355,13 @@ class PartnerError(Exception):
         self.reason, self.hint = reason, hint
 
 
-class Partner(Protocol):
-    """Controller, as a plant calls it."""
-
-    name: str  # name or address
-    counts: dict[str, int]  # numbers of packets, by the name of their attribute in the result
-
-    def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
-        """Return the torques (joints,) for the values of a sample, N m; None if it is too late.
-
-        Args:
-            seconds: time for the answer.
-            repeat: whether the packet is sent again until it is answered.
-
-        Raises:
-            PartnerError: if the controller failed.
-        """
-
-    def close(self, time: float) -> None:
-        """End the run."""
-
-
 class OwnController:
-    """Controller in this process, which is always in time."""
+    """Controller in this process, which is always in time.
+
+    Attributes:
+        name: name or address.
+        counts: numbers of packets, by the name of their attribute in the result.
+    """
 
     def __init__(self, controller: Controller, reference: Reference | None, joints: int) -> None:
         self.name, self.counts = type(controller).__name__, dict[str, int]()
@@ -385,7 +369,7 @@ class OwnController:
         controller.reset()
 
     def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
-        """Return the torques of the controller."""
+        """Return the torques (joints,) for the values of a sample, N m."""
         measurement = Measurement(**packet.values)
         return updated(self._controller, packet.time, measurement, self._reference, self._joints)
 
@@ -438,7 +422,7 @@ class UdpController:
         self._begun = False
 
     def answer(self, packet: Packet, seconds: float, repeat: bool) -> FloatArray | None:
-        """Send a packet and return the torques that answer it."""
+        """Send a packet, and perhaps ``repeat`` it; return the torques that answer it in time."""
         answer = self._exchange(packet, seconds, repeat)
         if answer is None:
             return None
@@ -507,3 +491,7 @@ class UdpController:
             with suppress(PartnerError):
                 self._exchange(Packet(END, time, {}), _FAREWELL, repeat=True)
         self._datagrams.close()
+
+
+#: Controller, as a plant calls it.
+Partner = OwnController | UdpController
