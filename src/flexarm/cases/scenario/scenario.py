@@ -224,12 +224,7 @@ class Prepared:
         hardware: Hardware | None = None,
         changes: Sequence[Change] = (),
     ) -> list[LoopPole]:
-        """Return the dominant poles of the sampled loop, see `flexarm.simulation.loop.stability`.
-
-        Args:
-            plant, hardware: those to simulate; None for those of the scenario.
-            changes: those in addition to the scenario's.
-        """
+        """Return the dominant poles of the loop, of the scenario or with other arguments."""
         options = self.options
         if "controller" not in options:
             return []
@@ -386,11 +381,7 @@ def _check_touch(
 
 
 def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
-    """Raise if the requirements of a drive are not met.
-
-    Args:
-        options: arguments of ``simulate``.
-    """
+    """Raise if the requirements of a drive are not met; ``options``: arguments of ``simulate``."""
     if "controller" not in options:
         return
     found = misfits(

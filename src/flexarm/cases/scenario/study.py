@@ -38,12 +38,7 @@ if TYPE_CHECKING:
 
 
 class PreparedStudy:
-    """Validated study, converted to objects and ready to run.
-
-    Args:
-        study: the study to run.
-        place: function from key path to location in its file, for messages.
-    """
+    """Validated study, converted to objects and ready to run."""
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
         self.study = study
@@ -95,11 +90,7 @@ class PreparedStudy:
         }
 
     def run(self, progress: bool | None = None, workers: int = 1) -> xr.Dataset:
-        """Run the study once; return the table of ``flexarm.compare``, drives as controllers.
-
-        Args:
-            workers: number of processes for runs that take long.
-        """
+        """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
         evaluations = in_processes(self.evaluation, runs_of(self.names), workers)
         table = comparison(self.names, evaluations, progress)
         table.attrs["duration"] = self.study.run.duration
@@ -210,11 +201,7 @@ def run_study(
 
 @contextmanager
 def _problems_in_study(drive: str, motion: str, plant: str | None = None) -> Iterator[None]:
-    """Report problems of one scenario with their key paths in the study.
-
-    Args:
-        plant: owner of the hardware; None for that of the study.
-    """
+    """Report problems of one scenario with their key paths in the study."""
     try:
         yield
     except InputError as error:

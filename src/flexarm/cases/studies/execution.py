@@ -45,13 +45,7 @@ def table_of(
     paths: Sequence[str],
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:
-    """Return the labelled dataset of outcomes.
-
-    Args:
-        numbers: (samples,) of the samples.
-        names: of controllers, plants and references.
-        paths: of the varied numbers.
-    """
+    """Return the labelled dataset of outcomes."""
     import xarray as xr
 
     table = xr.Dataset(attrs=dict(attributes))
@@ -105,12 +99,7 @@ def _distributed() -> Any:
 
 @contextmanager
 def cluster(client: object, workers: int) -> Iterator[Any]:
-    """Provide a client of Dask.
-
-    Args:
-        client: as for ``check_client``; None for processes of this computer.
-        workers: number of those processes.
-    """
+    """Provide a client of Dask, or ``workers`` processes of this computer."""
     distributed = _distributed()
     if client is None:
         # One thread for each process: most of a run is Python code, and threads take turns at it.
@@ -148,11 +137,7 @@ def execute(
     arguments: Sequence[tuple[Any, ...]],
     done: Callable[[int, Any], None],
 ) -> None:
-    """Call ``task`` with each of ``arguments`` on a cluster.
-
-    Args:
-        done: called with the place of the arguments and the result, in the order of completion.
-    """
+    """Call ``task`` with each of ``arguments`` on a cluster; ``done`` gets place and result."""
     from distributed import CancelledError, KilledWorker, as_completed
 
     completed: Any = as_completed  # without annotations
@@ -222,11 +207,7 @@ class Outcomes(NamedTuple):
 
 
 class Executor:
-    """Runs of a study.
-
-    Args:
-        place: function from key path to location in its file, for messages.
-    """
+    """Runs of a study."""
 
     def __init__(self, prepared: PreparedStudy, place: Where = lambda _: "study") -> None:
         self._prepared = prepared
@@ -287,11 +268,7 @@ class Executor:
     def _evaluations(
         self, samples: Mapping[int, _Sample], start: int, chosen: tuple[str, str, str]
     ) -> Iterator[tuple[int, Evaluation]]:
-        """Execute one run of each sample; ``chosen``: its drive, plant and motion.
-
-        Args:
-            samples: by their numbers, counted from ``start``.
-        """
+        """Execute one run of each sample; ``chosen``: its drive, plant and motion."""
         cases = []
         for k, sample in samples.items():
             try:
@@ -319,12 +296,7 @@ class Executor:
 
 
 class _Sample:
-    """One sample of a study: its file and its simulated arms, created when they are needed.
-
-    Args:
-        study: the study without variation.
-        values: of the varied numbers, by path.
-    """
+    """One sample of a study: its file and its simulated arms, created when they are needed."""
 
     def __init__(self, study: PreparedStudy, values: Mapping[str, float]) -> None:
         self._study = study

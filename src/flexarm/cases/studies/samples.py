@@ -32,10 +32,6 @@ _SOBOL_BITS = 30
 class Samples:
     """Values of the varied numbers of a study.
 
-    Args:
-        study: its description; without `vary` and `samples`, it has one sample.
-        place: function from key path to location in its file, for messages.
-
     Attributes:
         paths: of the varied numbers. count: number of samples.
     """

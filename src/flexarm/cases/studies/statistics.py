@@ -396,9 +396,6 @@ def _chosen(
 ) -> tuple[list[int], list[float]]:
     """Return the columns of a basis in their order of importance; the first one is constant.
 
-    Args:
-        learned: (samples,) those from which columns and coefficients follow.
-
     Returns:
         The columns, and for each number of them the sum of squared errors of the other samples.
     """

@@ -51,9 +51,6 @@ FIRST = 64
 class Ending:
     """The number of samples of a study, which may depend on their metrics.
 
-    Args:
-        plan: that of the study. count: number of its samples.
-
     Attributes:
         decisions: numbers of samples after which the study may end; the last one is ``count``.
     """
@@ -64,11 +61,7 @@ class Ending:
         self.decisions: list[int] = [*(sizes if self._stop is not None else []), count]
 
     def after(self, metrics: FloatArray) -> int | None:
-        """Return at how many samples the study ends, None if that takes more metrics.
-
-        Args:
-            metrics: those of the first samples, as in `Outcomes`.
-        """
+        """Return at how many samples the study ends by their metrics; None if it takes more."""
         for size in self.decisions:
             if size > len(metrics):
                 return None
@@ -79,12 +72,7 @@ class Ending:
     def lacking(
         self, missing: Callable[[int], list[int]], metrics: Callable[[int], FloatArray]
     ) -> tuple[int, list[int]]:
-        """Return how many samples the study needs so far, and their missing chunks.
-
-        Args:
-            missing: function from a number of samples to the chunks of these that are missing.
-            metrics: function from a number of samples to their metrics.
-        """
+        """Return how many samples the study needs so far, and their missing chunks."""
         size = 0
         for size in self.decisions:
             if chunks := missing(size):
@@ -163,9 +151,6 @@ def versions() -> dict[str, str]:
 
 class Store:
     """A store of a study that exists.
-
-    Args:
-        path: its folder.
 
     Attributes:
         text: the study as a file. chunk: number of samples of a chunk. count: of all samples.
@@ -308,13 +293,7 @@ class Store:
 def create_store(
     path: Path, text: str, executor: Executor, names: Mapping[str, Sequence[str]], chunk: int
 ) -> Store:
-    """Create the folder of a store, completely or not at all.
-
-    Args:
-        text: the study as a file.
-        names: of drives, plants and motions.
-        chunk: number of samples of a chunk.
-    """
+    """Create the folder of a store, completely or not at all."""
     zarr = _zarr()
     unfinished = path.with_name(path.name + _PARTIAL)
     samples = executor.samples

@@ -335,12 +335,7 @@ class Study:
         workers: int,
         progress: bool | None,
     ) -> None:
-        """Execute chunks in this process or on a cluster, until none is lacking.
-
-        Args:
-            task: function from a chunk to the function that executes it, and its arguments.
-            done: function that receives a chunk and its result.
-        """
+        """Execute chunks in this process or on a cluster, until none is lacking."""
         with ExitStack() as stack:
             connected, before = None, list[int]()
             while (chunks := lacking()[1]) and chunks != before:
@@ -359,11 +354,7 @@ class Study:
 
 
 class _Report:
-    """Receiver of results, which reports them to a meter.
-
-    Args:
-        chunks: that are executed. done: function that receives a chunk and its result.
-    """
+    """Receiver of results, which reports them to a meter."""
 
     def __init__(self, meter: Meter, chunks: list[int], done: Callable[[int, Any], object]) -> None:
         self._meter, self._chunks, self._done, self._count = meter, chunks, done, 0

@@ -364,11 +364,6 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
 class OpenLoop:
     """Runs under given torques; several threads may execute them at the same time.
 
-    Args:
-        variations: arguments of the runs.
-        shared: what all runs have in common, with the arm of the first one.
-        channels: names of the required channels.
-
     Attributes:
         users: lock of functions of users.
     """

@@ -441,11 +441,7 @@ def _stacked(records: Sequence[Any], names: Sequence[str]) -> Any:
 
 
 def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:
-    """Join the torques of the runs; equal objects are stored once.
-
-    Args:
-        loads: of all runs.
-    """
+    """Join the torques of the runs; equal objects are stored once."""
     different = list({id(history): history for history in histories}.values())
     places, starts = {}, np.zeros(3, dtype=np.int64)
     stops = [loads.stops_with(history) for history in different]

@@ -52,12 +52,6 @@ class LanePlants:
     Each plant has the numbers of a ``flexarm.Plant`` with the same arguments, to the last bit, for
     any number of plants and threads.
 
-    Args:
-        arm: the simulated arm, one that `arm_fits_lanes` accepts.
-        count: number of plants.
-        sample_time: s from one step to the next.
-        threads: that advance the plants.
-
     Attributes:
         state: (count, 2, n, 1 + m) of the plants at their current times.
         tick: (count,) number of completed steps of each since its start.

@@ -162,11 +162,7 @@ def check_channel(name: str, channel: object) -> str:
 
 
 def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction]:
-    """Return reductions by the names of their variables.
-
-    Args:
-        taken: names of other variables of the dataset.
-    """
+    """Return reductions by the names of their variables; ``taken``: names of other variables."""
     if given is None:
         return {}
     found = dict(check_mapping("reductions", given, "names and Reduction objects"))

@@ -122,10 +122,6 @@ class DualStepper:
     """Repetition of a run that has been simulated, with derivatives in up to eight directions.
 
     The steps are chosen by the values alone, so that they are those of the run.
-
-    Args:
-        inputs: numbers of the run.
-        by: derivatives of ``inputs`` in each direction.
     """
 
     def __init__(self, run: Run, inputs: Inputs, by: Sequence[Inputs]) -> None:
@@ -269,11 +265,7 @@ def channel_derivatives(
 def _in_direction(
     arm: Arm, quantities: Sequence[DualArray | None], place: int, names: Collection[str]
 ) -> dict[str, FloatArray]:
-    """Return the derivatives of channels in one direction.
-
-    Args:
-        quantities: states, and the fields of ``Observed`` that follow from them.
-    """
+    """Return the derivatives of channels in one direction."""
 
     def channels(form: Callable[[Duals, int], FloatArray], own: set[str]) -> dict[str, FloatArray]:
         if not own:

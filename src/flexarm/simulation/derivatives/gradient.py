@@ -140,13 +140,7 @@ def parts_of(known: Parameters, ends: FloatArray, pieces: Sequence[int]) -> list
 
 
 class Repetition:
-    """Repetition of parts of a run in dual numbers, with arrays that all parts share.
-
-    Args:
-        known: the run.
-        parts: all parts that will be repeated.
-        blocks: directions of the derivatives.
-    """
+    """Repetition of parts of a run in dual numbers, with arrays that all parts share."""
 
     def __init__(self, known: Parameters, parts: Sequence[Part], blocks: Sequence[Block]) -> None:
         run = known.run

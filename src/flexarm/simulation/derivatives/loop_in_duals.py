@@ -132,9 +132,6 @@ def _same(found: FloatArray, wanted: FloatArray) -> bool:
 class RecordedLoop(ClosedLoop):
     """Closed loop that stores the derivatives of the updates of its controller.
 
-    Args:
-        signals: channels that may be measured.
-
     Attributes:
         updates: derivatives of each update, with columns for the readings in ``labels``.
         sensors: one instrument for each measured channel.

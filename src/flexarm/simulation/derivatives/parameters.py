@@ -68,11 +68,7 @@ _OF_STATES = (
 
 
 def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> ArmInputs:
-    """Return the derivatives of ``arm_inputs`` by the number at a path.
-
-    Args:
-        name: name of the argument, for messages.
-    """
+    """Return the derivatives of ``arm_inputs`` by the number at a path."""
     value = number_at(name, arm.spec, path)
     if not _has_formula(arm, environment, path, value):
         if value == 0.0:

@@ -80,8 +80,7 @@ class Crossing:
     def time_slopes(self, states: FloatArray, first: int) -> FloatArray:
         """Return the derivatives (k,) of the time, from those (k, 2, dof) of the state there.
 
-        Args:
-            first: place of the first of the k parameters.
+        ``first`` is the place of the first of the k parameters.
         """
         own = self.partial[first : first + len(states)]
         found: FloatArray = -(np.tensordot(states, self.slopes, 2) + own) / self.rate

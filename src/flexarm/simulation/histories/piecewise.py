@@ -144,10 +144,6 @@ def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
 
     The coefficients follow from the slopes at the samples and those of the chords. The former
     satisfy the tridiagonal system of SciPy's ``CubicSpline``, here for equal distances.
-
-    Args:
-        pieces: (k, 4, joints) gradient by the coefficients.
-        rate: of the samples, Hz.
     """
     from scipy.linalg import solve_banded
 

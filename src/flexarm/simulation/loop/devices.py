@@ -96,11 +96,7 @@ class Acting:
         return until
 
     def hold(self, t: float, rate: FloatArray | None) -> None:
-        """Apply the command that is due at time t.
-
-        Args:
-            rate: joint rates (joints,) at that time, rad/s; not needed by ``plain`` motors.
-        """
+        """Apply the due command; rates (joints,) rad/s matter unless motors are ``plain``."""
         due = None
         # A command that is due later by rounding alone is due now.
         while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):

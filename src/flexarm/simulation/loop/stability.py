@@ -201,9 +201,6 @@ def describe_slow_instability(
     """Describe the first pole that grows less than tenfold in a run; empty if none does.
 
     A run shows little of it, but a machine that works all day does.
-
-    Args:
-        sample_time, duration: of the controller and of the run, s.
     """
     for pole in poles:
         growth = pole.growth
@@ -219,11 +216,7 @@ def describe_slow_instability(
 
 
 def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
-    """Return the times (s) of the postures to analyse an arm at, with their description.
-
-    Args:
-        end: s, of the motion; 0 without one.
-    """
+    """Return times (s) and descriptions of the postures of an arm, in a motion up to ``end``."""
     times = [(part.begin, part.cause or "at the start")]
     if part.begin < end <= part.end:
         cause = f", {part.cause}" if part.cause else ""

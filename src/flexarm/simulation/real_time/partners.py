@@ -406,10 +406,6 @@ class UdpController:
 
     The first sample is also the handshake: the request for a run is repeated with its packet until
     the controller answers the packet, because a controller may be restarted in between.
-
-    Args:
-        address: at which it listens.
-        sent: layout of the packets of the plant.
     """
 
     def __init__(self, address: Address, sent: Layout, joints: int, clock: Clock) -> None:
