@@ -13,7 +13,7 @@ Safety 93, 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -177,7 +177,9 @@ def sensitivity_indices(
 
     table = _checked(table)
     check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
-    paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
+    paths = [
+        str(k) for k, item in table.coords.items() if item.dims == ("sample",) and k != "sample"
+    ]
     if not paths:
         raise InputError(Problem("table", "has no varied numbers"))
     values, possible = table[metric].transpose(*DIMS).values, _possible(table)
@@ -247,10 +249,6 @@ def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
             meaning = f"{metric.name}, divided by its nominal value"
             ratios[f"{metric.name}_ratio"] = ratio.assign_attrs(units="1", long_name=meaning)
     return ratios
-
-
-def _is_parameter(name: Any, item: xr.DataArray) -> bool:
-    return item.dims == ("sample",) and name != "sample"
 
 
 def _quantiles(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,7 +151,7 @@ class Study:
         study that was killed and resumed leaves the same files as one that was not. In a script,
         processes require the guard ``if __name__ == "__main__":``.
         """
-        count = check_workers("workers", workers)
+        processes = check_workers("workers", workers)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))
         check_client(client)
@@ -157,16 +159,16 @@ class Study:
         if place is not None and place.exists():
             kept = self._existing(place, resume)
         else:
-            size = min(self._ending.decisions[0], chunk or self._measured_chunk(count))
+            size = min(self._ending.decisions[0], chunk or self._measured_chunk(processes))
             if place is None:
-                return self._in_memory(size, client, count, progress)
+                return self._in_memory(size, client, processes, progress)
             kept = create_store(place, self._text, self._executor, self._prepared.names, size)
         path = str(kept.path.resolve())
 
         def task(i: int) -> tuple[Any, ...]:
             return record_chunk, path, kept.digest, i
 
-        self._execute(kept.lacking, task, lambda *_: None, client, count, progress)
+        self._execute(kept.lacking, task, lambda *_: None, client, processes, progress)
         kept.clean()
         self._ending.warn(kept.metrics(kept.lacking()[0]))
         return kept.table()
@@ -224,7 +226,7 @@ class Study:
         The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
         with adaptive conditional samples. Its runs follow from the seed and stay in memory.
         """
-        count = check_workers("workers", workers)
+        processes = check_workers("workers", workers)
         given = {"limits": limits, "samples": samples, "seed": seed}
         changes = {name: value for name, value in given.items() if value is not None}
         rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
@@ -233,7 +235,7 @@ class Study:
             check_choice("limits", name, names)
         if not self._executor.samples.paths:
             raise InputError(Problem("study", "has no varied numbers"))
-        return rare_failures(self._text, self._prepared.names, rare, count, progress)
+        return rare_failures(self._text, self._prepared.names, rare, processes, progress)
 
     @public_call
     def verify(
@@ -345,7 +347,7 @@ class Study:
                 if not local and connected is None:
                     connected = stack.enter_context(cluster(client, min(workers, len(chunks))))
                 with Meter("simulating", progress, lines=True) as meter:
-                    report = _Report(meter, chunks, done)
+                    report = partial(_report, meter, chunks, done, count(1))
                     if local:
                         for place, (function, *arguments) in enumerate(tasks):
                             report(place, function(*arguments))
@@ -353,16 +355,16 @@ class Study:
                         execute(connected, tasks[0][0], [tuple(own[1:]) for own in tasks], report)
 
 
-class _Report:
-    """Receiver of results, which reports them to a meter."""
-
-    def __init__(self, meter: Meter, chunks: list[int], done: Callable[[int, Any], object]) -> None:
-        self._meter, self._chunks, self._done, self._count = meter, chunks, done, 0
-
-    def __call__(self, place: int, result: Any) -> None:
-        self._count += 1
-        self._done(self._chunks[place], result)
-        self._meter.update(self._count / len(self._chunks))
+def _report(
+    meter: Meter,
+    chunks: list[int],
+    done: Callable[[int, Any], object],
+    counted: Iterator[int],
+    place: int,
+    result: Any,
+) -> None:
+    done(chunks[place], result)
+    meter.update(next(counted) / len(chunks))
 
 
 def record_chunk(path: str, digest: str, i: int) -> None:

@@ -401,21 +401,6 @@ def step_maps(h: FloatArray, accelerations: FloatArray) -> FloatArray:
     return maps
 
 
-def interpolate(
-    edges: FloatArray, q: FloatArray, qd: FloatArray, stages: FloatArray, times: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Evaluate q and qd (T, k) at times (T,) from edges (N + 1, k) and stages (N, 3, k)."""
-    i = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
-    h = np.diff(edges)[i, None]
-    theta = (times - edges[i])[:, None] / h
-    powers = np.arange(1.0, STAGES + 1.0)
-    single = (theta**powers / powers) @ _LAGRANGE.T
-    double = (theta ** (powers + 1.0) / (powers * (powers + 1.0))) @ _LAGRANGE.T
-    rate = np.einsum("ts,tsk->tk", single, stages[i])
-    place = np.einsum("ts,tsk->tk", double, stages[i])
-    return q[i] + theta * h * qd[i] + h**2 * place, qd[i] + h * rate
-
-
 def step_edges(breaks: FloatArray, longest: float) -> FloatArray:
     """Divide each interval between breaks evenly into steps no longer than ``longest``."""
     parts = [breaks[:1]]
@@ -499,7 +484,15 @@ class DeviationPath:
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dq and dqd (T, k) at times (T,) within the edges."""
-        return interpolate(self.edges, self.dq, self.dqd, self.stages, times)
+        i = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.edges) - 2)
+        h = np.diff(self.edges)[i, None]
+        theta = (times - self.edges[i])[:, None] / h
+        powers = np.arange(1.0, STAGES + 1.0)
+        single = (theta**powers / powers) @ _LAGRANGE.T
+        double = (theta ** (powers + 1.0) / (powers * (powers + 1.0))) @ _LAGRANGE.T
+        rate = np.einsum("ts,tsk->tk", single, self.stages[i])
+        place = np.einsum("ts,tsk->tk", double, self.stages[i])
+        return self.dq[i] + theta * h * self.dqd[i] + h**2 * place, self.dqd[i] + h * rate
 
 
 def solve_deviations(

@@ -275,7 +275,10 @@ def _solved(experiment: _Experiment, iterations: int) -> OptimalExcitation:
         warnings.simplefilter("ignore", FlexarmWarning)
         begin = experiment.largest(experiment.first)
         first = experiment.identifiability(experiment.run(begin))
-        _check_distinct(first)
+        values = np.linalg.eigvalsh(first.information)
+        if not values[0] > _SINGULAR * values[-1]:
+            rule = "contain a combination of parameters that the record does not determine"
+            raise InputError(Problem("free", rule, hint=" ".join(first.undetermined)))
         found = experiment.largest(_search(experiment, begin, iterations))
         best = experiment.identifiability(experiment.run(found))
         if best.log_determinant < first.log_determinant:
@@ -286,17 +289,10 @@ def _solved(experiment: _Experiment, iterations: int) -> OptimalExcitation:
     )
 
 
-def _check_distinct(first: Identifiability) -> None:
-    values = np.linalg.eigvalsh(first.information)
-    if values[0] > _SINGULAR * values[-1]:
-        return
-    rule = "contain a combination of parameters that the record does not determine"
-    raise InputError(Problem("free", rule, hint=" ".join(first.undetermined)))
-
-
 def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multisine:
     """Return a multisine with a larger determinant, nearly within the limits."""
     from scipy.optimize import minimize
+    from scipy.special import logsumexp
 
     shape = begin.coefficients.shape
     scale = float(np.abs(begin.coefficients).max())
@@ -315,7 +311,9 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
             try:
                 run = experiment.run(torque)
                 value = -experiment.identifiability(run).log_determinant
-                margin = -_smooth_largest(experiment.excess(torque, run))
+                # A smooth upper bound of the largest excess.
+                excess = logsumexp(_SHARP * experiment.excess(torque, run)) / _SHARP
+                margin = -float(excess)
             except SimulationError:
                 value, margin = _FAILED, -1.0
             known[key] = min(value, _FAILED), margin
@@ -330,10 +328,3 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
         options={"maxiter": iterations, "eps": _STEP, "ftol": 1e-3},
     )
     return torque_of(found.x)
-
-
-def _smooth_largest(values: FloatArray) -> float:
-    """Return a smooth upper bound of the largest value."""
-    from scipy.special import logsumexp
-
-    return float(logsumexp(_SHARP * values) / _SHARP)

@@ -299,7 +299,10 @@ class _Correction:
 
     def plan(self) -> Plan:
         """Return the corrected plan."""
-        torque = self._torque_of(self._given)
+        given = self._given.torque  # of the nodes if they are continuous, else of the intervals
+        torque = given[:, 0].copy()
+        if self._task.continuous:
+            torque = np.vstack([torque, given[-1:, 1]])
         end = self._simulated(torque)
         if np.abs(end.error).max() < _CLOSE:
             return self._given
@@ -319,11 +322,6 @@ class _Correction:
             return self._given
         q, slope, curve = states_of(end.run, 0.0, self._given.duration, self._given.intervals)
         return replace(self._given, q=q, slope=slope, curve=curve, torque=self._pieces(torque))
-
-    def _torque_of(self, plan: Plan) -> FloatArray:
-        """Return the torques of the intervals, or of the nodes if they are continuous."""
-        first = plan.torque[:, 0]
-        return np.vstack([first, plan.torque[-1:, 1]]) if self._task.continuous else first.copy()
 
     def _pieces(self, torque: FloatArray) -> FloatArray:
         pair = (torque[:-1], torque[1:]) if self._task.continuous else (torque, torque)

@@ -28,7 +28,7 @@ from flexarm.control.design.default_requirements import NOISE
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
-from flexarm.model import Contact, Hardware, Scenario
+from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.model.drives.base import ControllerParameters
 from flexarm.model.drives.force import HybridForceParameters, ImpedanceParameters
@@ -272,7 +272,8 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
         )
         yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
     reason = "The simplest loop of the joints, along the joint angles of the bent arm."
-    yield Candidate("joint PD", reason, tuple(_pd(needs)))
+    settings = product(_BANDWIDTHS, _DAMPINGS)
+    yield Candidate("joint PD", reason, tuple(_joint_pd(needs, *pair) for pair in settings))
 
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
@@ -343,11 +344,6 @@ def _joint_pd(needs: Requirements, factor: float, damping: float) -> Drive:
         "derivative": rounded(2.0 * damping * omega * inertia),
         "sample_time": sample_time_of(needs),
     }
-
-
-def _pd(needs: Requirements) -> Iterator[Drive]:
-    for factor, damping in product(_BANDWIDTHS, _DAMPINGS):
-        yield _joint_pd(needs, factor, damping)
 
 
 def _resonant(needs: Requirements) -> Iterator[Drive]:
@@ -472,35 +468,36 @@ class Loops:
         self._followed: dict[str | None, Followed] = {}
         self.error = ""
 
-    def scenario(self, drive: Drive) -> Scenario:
-        """Return the scenario of a drive on the arm of the model."""
-        return scenario_of(self._content, drive)
-
     def prepare_motion(self, drive: Drive) -> None:
         """Create the motion, which all drives share; InputError if it leaves the reach."""
-        scenario = self.scenario(drive)
+        scenario = scenario_of(self._content, drive)
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
 
     def assess(self, drive: Drive) -> Assessed:
         """Return the margins of a drive; FlexarmError if it cannot be designed for the arm."""
-        scenario = self.scenario(drive)
+        scenario = scenario_of(self._content, drive)
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
         prepared = prepare(scenario, motion=self._motion, followed=known, arm=self._arm)
         self._followed[kind] = prepared.followed
         controller = prepared.options["controller"]
-        around: dict[str, Any] = {"hardware": prepared.options.get("hardware")}
+        hardware, contacts = prepared.options.get("hardware"), scenario.contacts
+        around: dict[str, Any] = {"hardware": hardware}
         places: Any = self._postures
-        if scenario.contacts:
-            reference: Any = prepared.followed.motion
-            around |= {"contacts": scenario.contacts, "reference": reference}
+        reference: Any = prepared.followed.motion if contacts else None
+        if contacts:
+            around |= {"contacts": contacts, "reference": reference}
             places = [reference.start_time, reference.end_time]
         found = loop_margins(controller, self._plants, places, **around)
         margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
         margins["damping_ratio"] = _slowest_vibration(found)
-        nominal = next(iter(self._plants.values()))
-        return Assessed(drive, margins, _states(controller, nominal, self._postures[0], **around))
+        nominal, start = (
+            next(iter(self._plants.values())),
+            reference.start_time if contacts else 0.0,
+        )
+        at = nominal, self._postures[0], hardware, without_friction(contacts), reference, start
+        return Assessed(drive, margins, len(loop_at(controller, *at).controller.A))
 
     def best(self, candidate: Candidate, disk_margin: float) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed."""
@@ -531,18 +528,3 @@ def _slowest_vibration(found: xr.Dataset) -> float:
     decay = ratio * found["pole_frequency"].values
     vibrates = ratio < 1.0 - 1e-9
     return float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0
-
-
-def _states(
-    controller: Any,
-    plant: Arm,
-    posture: FloatArray,
-    hardware: Hardware | None,
-    contacts: Sequence[Contact] = (),
-    reference: Any = None,
-) -> int:
-    """Return the number of states of a controller."""
-    start = 0.0 if reference is None else reference.start_time
-    bare = without_friction(contacts)
-    loop = loop_at(controller, plant, posture, hardware, bare, reference, start)
-    return len(loop.controller.A)

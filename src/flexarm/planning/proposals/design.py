@@ -28,7 +28,6 @@ from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
-from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Load, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.scenarios.study import plant_spec
@@ -356,7 +355,8 @@ def _disturbance(needs: Requirements) -> dict[str, Any]:
     """Return a push across the last link at the tip, for one period after the start."""
     arm, links = needs.arm, len(needs.arm.spec.links)
     still = equilibrium(arm, needs.start)
-    across = _across(needs)
+    angle = float(arm.tip(arm.rest(needs.start))[2])
+    across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
     pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
     compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
     force = rounded(across * _DISTURBED * float(np.sum(arm.lengths)) / compliance)
@@ -364,12 +364,6 @@ def _disturbance(needs: Requirements) -> dict[str, Any]:
     times = rounded([before, before, before + period, before + period])
     factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
     return {"link": links, "force": force, "factor": factor}
-
-
-def _across(needs: Requirements) -> FloatArray:
-    """Return the unit vector (2,) across the last link."""
-    angle = float(needs.arm.tip(needs.arm.rest(needs.start))[2])
-    return np.array([-np.sin(angle), np.cos(angle)])
 
 
 def _instruments(needs: Requirements) -> list[dict[str, Any]]:

@@ -131,8 +131,8 @@ class ClosedLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         """Return run k before its start."""
         own, duration = self._variations, self._shared.duration
-        controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
-        assert controller is not None
+        controller, reference = own.item("controllers", k), own.item("references", k)
+        hardware = own.hardware_of(k)
         sample_time, loads = controller.sample_time, self._loads_on(arm)
         with self._alone.users:
             if state is None:
@@ -158,8 +158,7 @@ class ClosedLanes(Lanes):
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
         own = self._variations
-        controller, reference = own.controller(k), own.reference(k)
-        assert controller is not None
+        controller, reference = own.item("controllers", k), own.item("references", k)
         # Arms with changed parameters are not kept, so that another one may have the same id.
         simulated = arm.spec if own.parameters else id(arm)
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})

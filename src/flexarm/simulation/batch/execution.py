@@ -73,11 +73,6 @@ class Variations:
         """Whether all runs simulate the same arm."""
         return not self.each_arm and not self.parameters
 
-    @property
-    def same_torque(self) -> bool:
-        """Whether all runs have the same torque."""
-        return len(self.torques) == 1
-
     def arm(self, k: int) -> Arm:
         """Return the simulated arm of run k."""
         arm = _of(self.arms, k)
@@ -112,17 +107,9 @@ class Variations:
             return self.hardware
         return self.hardware.replace(seed=int(self.seeds[k]))
 
-    def torque(self, k: int) -> Torque | None:
-        """Return the torque of run k, in a form that ``simulate`` accepts."""
-        return _of(self.torques, k)
-
-    def controller(self, k: int) -> Controller | None:
-        """Return the controller of run k."""
-        return _of(self.controllers, k)
-
-    def reference(self, k: int) -> Reference | None:
-        """Return the reference of run k."""
-        return _of(self.references, k)
+    def item(self, name: str, k: int) -> Any:
+        """Return the item of run k of ``torques``, ``controllers`` or ``references``."""
+        return _of(getattr(self, name), k)
 
 
 def variations_of(
@@ -433,7 +420,7 @@ class OpenLoop:
             run = replace(
                 shared,
                 arm=arm,
-                torque=own.torque(k),
+                torque=own.item("torques", k),
                 initial=initial,
                 initial_rate=initial_rate,
             ).new_run(self._meter)
@@ -452,7 +439,8 @@ class OpenLoop:
     def start(self, k: int, arm: Arm) -> FloatArray:
         """Return the initial state (2, n, 1 + m) of run k."""
         with self.users:  # the motion of a torque may be a function of the user
-            return start_of(arm, *self._variations.state_of(k), None, self._variations.torque(k))
+            own = self._variations
+            return start_of(arm, *own.state_of(k), None, own.item("torques", k))
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
         """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.
@@ -461,8 +449,8 @@ class OpenLoop:
             InputError: if the torque does not fit the arm.
             FunctionError: if a function of time raises an exception.
         """
-        torque = self._variations.torque(k)
-        shared = self._variations.same_torque and not self._shared.prescribed
+        torque = self._variations.item("torques", k)
+        shared = len(self._variations.torques) == 1 and not self._shared.prescribed
         with self.users:
             if shared and relative in self._histories:
                 return self._histories[relative]
@@ -470,17 +458,6 @@ class OpenLoop:
             if shared:
                 self._histories[relative] = found
             return found
-
-
-def _copied(controller: Controller | None) -> Controller | None:
-    """Return a copy, so that a batch leaves the objects of its caller as they are.
-
-    An object that cannot be copied, such as one with an open connection, is returned itself.
-    """
-    try:
-        return deepcopy(controller)
-    except Exception:
-        return controller
 
 
 class ClosedLoop:
@@ -506,6 +483,9 @@ class ClosedLoop:
         own = self._variations
         simulated, duration = own.arm(k), self._shared.duration
         initial, initial_rate = own.state_of(k)
+        controller = own.item("controllers", k)
+        with suppress(Exception):  # an object with an open connection is used itself
+            controller = deepcopy(controller)  # the objects of the caller stay as they are
         try:
             with self.users, warnings.catch_warnings():  # kept in the outcome
                 warnings.simplefilter("ignore", FlexarmWarning)
@@ -513,8 +493,8 @@ class ClosedLoop:
                     self.model or simulated,
                     duration,
                     plant=None if self.model is None else simulated,
-                    controller=_copied(own.controller(k)),
-                    reference=own.reference(k),
+                    controller=controller,
+                    reference=own.item("references", k),
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,

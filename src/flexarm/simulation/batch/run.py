@@ -383,7 +383,8 @@ def simulate_batch(
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
     size = shared.times.size * 16 * first.assembly.coordinates.size
-    lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
+    most = min(_LANE_BLOCK, _MEMORY // size, -(-own.count // threads) + LANES - 1)
+    lane_blocks = _blocks(0, own.count, LANES * max(1, most // LANES))
     if closed:
         model = model or (first if own.parameters else None)
         loop = ClosedLoop(own, model, shared, needed)
@@ -440,12 +441,6 @@ def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: i
 
 def _blocks(first: int, count: int, size: int) -> list[range]:
     return [range(k, min(k + size, count)) for k in range(first, count, size)]
-
-
-def _lane_block(size: int, count: int, threads: int) -> int:
-    """Return the number of runs of a block; ``size``: bytes of the states of one run."""
-    most = min(_LANE_BLOCK, _MEMORY // size, -(-count // threads) + LANES - 1)
-    return LANES * max(1, most // LANES)
 
 
 def _execute(

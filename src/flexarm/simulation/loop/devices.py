@@ -250,7 +250,7 @@ def sensing_of_run(run: Run, hardware: Hardware | None, tick: float) -> Sensing:
     if hardware is None or hardware.instruments is None:
         names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
         readers = [
-            _contact_force(run) if name == "contact_force" else _channel(run.arm, name)
+            _contact(run, name) if name == "contact_force" else _channel(run.arm, name)
             for name in names
         ]
         none = {} if run.arm.gauges else {"strain": np.zeros(0)}
@@ -268,7 +268,7 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
         if not run.loads.placed.contacts.body.size:
             rule = f"measure {signal}, but there are no contacts"
             raise InputError(Problem("hardware.instruments", rule))
-        return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
+        return _contact(run, signal)
     if signal == "strain" and not run.arm.gauges:
         rule = "measure strain, but the arm has no gauges"
         raise InputError(Problem("hardware.instruments", rule))
@@ -290,17 +290,12 @@ def _channel(arm: Arm, name: str) -> Reader:
     return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
 
 
-def _contact_force(run: Run) -> Reader:
-    """Return the reader of the contact forces (contacts, 2) on the arm, N, world axes."""
+def _contact(run: Run, signal: str) -> Reader:
+    """Return the reader of contact forces (contacts, 2) N, world axes, or gaps (contacts,) m."""
     arm, placed = run.arm, run.loads.placed.contacts
     kernels = KernelView(arm.assembly.constants)
-    return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
-
-
-def _contact_gap(run: Run) -> Reader:
-    """Return the reader of the contact gaps (contacts,), m; negative in contact."""
-    arm, placed = run.arm, run.loads.placed.contacts
-    kernels = KernelView(arm.assembly.constants)
+    if signal == "contact_force":
+        return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
     return lambda state, system, t: contact_values(arm, placed, state[None], kernels)[0, :, GAP]
 
 
