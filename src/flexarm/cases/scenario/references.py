@@ -84,15 +84,12 @@ def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
 def _pressed(arm: Arm, spec: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
     with problems_under("path"):
         path = _plain(arm, spec.path)
-    force: Any = spec.force
-    if isinstance(force, ForceTable):
-        # The deflection follows the force: a kink of the force is a jump of the joint rates.
-        force = partial(_eased, np.array(force.times), np.array(force.values), quintic())
+    force = spec.force
     surface = scenario.contacts[0].surface if scenario.contacts else None
     return pressed_motion(
         arm,
         path,
-        force,
+        _over_time(force) if isinstance(force, ForceTable) else force,
         spec.normal if spec.normal is not None else _normal(surface, path),
         duration=max(scenario.run.duration, path.end_time),
         friction=spec.friction,
@@ -100,8 +97,15 @@ def _pressed(arm: Arm, spec: PressedMotionSpec, scenario: Scenario) -> PressedMo
     )
 
 
+def _over_time(table: ForceTable) -> Callable[[float], float]:
+    """Return the force over time, with a quintic between two values and zero slope at each.
+
+    The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
+    """
+    return partial(_eased, np.array(table.times), np.array(table.values), quintic())
+
+
 def _eased(times: FloatArray, values: FloatArray, law: TimingLaw, t: float) -> float:
-    """Return a quintic between each two values of a table, with zero slope at each."""
     if len(times) == 1:
         return float(values[0])
     k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2))

@@ -265,7 +265,7 @@ def _in_direction(
     def channels(form: Callable[[Duals, Any], Any], chosen: set[str]) -> dict[str, FloatArray]:
         if not chosen:
             return {}
-        parts = [
+        parts: list[Any] = [
             None if part is None else form(part, part.array[..., 1 + place]) for part in quantities
         ]
         return named_channels(arm, parts[0], Observed(*parts[1:]), chosen)
