@@ -498,8 +498,7 @@ class TabulatedMotion(Motion):
 
     def _derivative(self, times: Floats, order: int) -> Floats:
         ends = self._table.x[0], self._table.x[-1]
-        found: Floats = self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order)
-        return found
+        return np.asarray(self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order))
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,8 +122,7 @@ def _normal(surface: Surface | None, path: Motion) -> Any:
 
 
 def _away_from(center: FloatArray, sign: float, path: Motion, t: float) -> FloatArray:
-    away: FloatArray = sign * (path.tip(t) - center)
-    return away
+    return np.asarray(sign * (path.tip(t) - center))
 
 
 #: Function of time (s) that returns torques (joints,), N m.

@@ -146,8 +146,7 @@ def _levels(item: Distribution) -> FloatArray:
     if isinstance(item, NormalDistribution):
         return np.zeros(0)
     scale = np.geomspace if isinstance(item, LogUniformDistribution) else np.linspace
-    values: FloatArray = scale(item.low, item.high, item.levels)
-    return values
+    return np.asarray(scale(item.low, item.high, item.levels))
 
 
 def _quantile(item: Distribution, fraction: FloatArray) -> FloatArray:

@@ -330,8 +330,7 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
     def fractions(c: FloatArray) -> FloatArray:
         squares = c**2 * terms.any(axis=1)
         whole = squares.sum(axis=-1, keepdims=True) + error
-        parts: FloatArray = np.stack([squares @ alone.T, squares @ within.T]) / whole
-        return parts
+        return np.asarray(np.stack([squares @ alone.T, squares @ within.T]) / whole)
 
     first, total = fractions(coefficients)
     factor = np.linalg.qr(basis, mode="r")

@@ -428,8 +428,7 @@ def _same(one: ArmConstants, other: ArmConstants) -> bool:
 
 def _largest(array: FloatArray) -> FloatArray:
     """Return the largest magnitude of each column, which is one kind of number."""
-    found: FloatArray = np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0)
-    return found
+    return np.asarray(np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0))
 
 
 #: Largest product of step and fastest rate. The classical Runge-Kutta method changes the frequency

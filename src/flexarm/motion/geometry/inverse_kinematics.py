@@ -223,8 +223,7 @@ def elbow_angle(lengths: FloatArray, distance: FloatArray | float, elbow: str) -
 def shoulder_offset(lengths: FloatArray, bend: FloatArray) -> FloatArray:
     """Return the direction of the tip relative to link 1 for theta_2 = `bend`, in [-pi, pi]."""
     first, second = lengths
-    direction: FloatArray = np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
-    return direction
+    return np.asarray(np.arctan2(second * np.sin(bend), first + second * np.cos(bend)))
 
 
 def built_posture(lengths: FloatArray, point: FloatArray, elbow: str) -> FloatArray:

@@ -68,42 +68,8 @@ class TipPath(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class LinePath(TipPath):
-    """A straight line: start + s way."""
-
-    title: str
-    marks: dict[str, float]
-    start: Floats
-    way: Floats
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """None."""
-        return ()
-
-    @property
-    def fastest(self) -> float:
-        """See `TipPath.fastest`."""
-        return float(np.hypot(*self.way))
-
-    def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
-        slope = np.tile(self.way, (len(s), 1))
-        return PathPoint(self.start + s[:, None] * self.way, slope, np.zeros_like(slope))
-
-    def extremes(self, center: Floats) -> Floats:
-        """See `TipPath.extremes`: the ends, and the foot of the perpendicular."""
-        length = self.fastest
-        if length == 0.0:
-            return np.array([0.0, 1.0])
-        unit = self.way / length  # the square of a length may underflow
-        foot = (center - self.start) @ unit / length
-        return np.array([0.0, 1.0, min(max(foot, 0.0), 1.0)])
-
-
-@dataclass(frozen=True, eq=False)
 class PolynomialPath(TipPath):
-    """A path of polynomials: a rounded polygon or a spline."""
+    """A path of polynomials: a line, a rounded polygon or a spline."""
 
     title: str
     marks: dict[str, float]
@@ -182,10 +148,11 @@ class ArcPath(TipPath):
         return np.concatenate([[0.0, 1.0], np.clip(turned / self.angle, 0.0, 1.0)])
 
 
-def line_path(start: ArrayLike, end: ArrayLike) -> LinePath:
+def line_path(start: ArrayLike, end: ArrayLike) -> PolynomialPath:
     """Return the straight line between two world points (2,), m."""
     start, end = check_array("start", start, (2,)), check_array("end", end, (2,))
-    return LinePath("line from start to end", {"start": 0.0, "end": 1.0}, start, end - start)
+    line = _polynomials([0.0, 1.0], [[start, end - start]])
+    return PolynomialPath("line from start to end", {"start": 0.0, "end": 1.0}, line)
 
 
 def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:

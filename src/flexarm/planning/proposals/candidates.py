@@ -332,8 +332,7 @@ def _inertia(needs: Requirements) -> FloatArray:
     """Return the largest inertia (joints,) about each joint at the two postures, kg m^2."""
     rigid = RigidModel(needs.arm)
     each = np.array([np.diag(rigid.mass_matrix(at)) for at in postures_of(needs)])
-    largest: FloatArray = each.max(axis=0)
-    return largest
+    return np.asarray(each.max(axis=0))
 
 
 def _joint_pd(needs: Requirements, factor: float, damping: float) -> Drive:

@@ -378,8 +378,7 @@ class LaneLoop(ControlLoop):
         return [team]
 
     def _rates(self) -> FloatArray:
-        rates: FloatArray = self._runs.state[:, 1, self._bodies, 0]
-        return rates
+        return np.asarray(self._runs.state[:, 1, self._bodies, 0])
 
     def _advance(self, now: float, until: float) -> None:
         acting, drive, runs = self.acting, self._drive, self._runs

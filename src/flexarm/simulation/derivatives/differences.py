@@ -135,8 +135,7 @@ def _has_jumps(
     def values(changes: Array) -> Array:
         points = np.tile(point, (2, 1))
         points[:, number] += changes
-        found: Array = function(points)[:, place]
-        return found
+        return np.asarray(function(points)[:, place])
 
     last = np.abs(values(far) - here)
     for _ in range(_HALVINGS):
@@ -148,5 +147,4 @@ def _has_jumps(
 
 def _largest(array: Array) -> Array:
     """Return the largest absolute value of each column, the last axis."""
-    largest: Array = np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0)
-    return largest
+    return np.asarray(np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0))

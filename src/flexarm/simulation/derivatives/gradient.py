@@ -181,8 +181,7 @@ class Repetition:
         whole = self._ends.reshape(*self._ends.shape[:3], -1, 1 + DIRECTIONS)
         slopes = whole[:, : len(part.ends), :, assembly.coordinates, 1:]
         columns = len(self._blocks) * DIRECTIONS
-        found: FloatArray = np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns)
-        return found
+        return np.asarray(np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns))
 
 
 class Gradient(NamedTuple):

@@ -83,8 +83,7 @@ class Crossing:
         ``first`` is the place of the first of the k parameters.
         """
         own = self.partial[first : first + len(states)]
-        found: FloatArray = -(np.tensordot(states, self.slopes, 2) + own) / self.rate
-        return found
+        return np.asarray(-(np.tensordot(states, self.slopes, 2) + own) / self.rate)
 
 
 def crossings(known: Parameters, paths: Sequence[str]) -> list[Crossing]:
@@ -159,8 +158,7 @@ def _motion(known: Parameters, found: Found) -> FloatArray:
     kernels = KernelView(system.constants)
     stages, torque = kernels.zeros(1, 2), np.zeros(kernels.shape[0])
     slope_at(system, found.time, True, found.state, torque, stages, 0, True)
-    motion: FloatArray = stages[0]
-    return motion
+    return np.asarray(stages[0])
 
 
 def _values(function: Any, points: FloatArray, dof: int) -> FloatArray:

@@ -150,8 +150,7 @@ def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
     count = len(pieces)
     if count < 3:  # a parabola or a line
         units = _cubics(np.arange(count + 1) / rate, np.eye(count + 1), [0, count])
-        found: FloatArray = np.tensordot(units, pieces, axes=([0, 1], [0, 1]))
-        return found
+        return np.asarray(np.tensordot(units, pieces, axes=([0, 1], [0, 1])))
     by_value, by_slope, square, cube = np.moveaxis(pieces, 1, 0)
     square, cube = square * rate, cube * rate**2
     slope = np.zeros((count + 1, pieces.shape[2]))
@@ -249,8 +248,7 @@ class PiecewiseCubic:
     def at(self, times: FloatArray) -> FloatArray:
         """Evaluate at times (T,): (T, columns); at a break the value from the right."""
         c, x = self._pieces_at(times)
-        values: FloatArray = c[:, 0] + x * (c[:, 1] + x * (c[:, 2] + x * c[:, 3]))
-        return values
+        return np.asarray(c[:, 0] + x * (c[:, 1] + x * (c[:, 2] + x * c[:, 3])))
 
     def rates_at(self, times: FloatArray) -> FloatArray:
         """Evaluate the derivative at times (T,): (T, columns), 1/s; at a break from the right."""

@@ -185,8 +185,7 @@ def spline_values(knots: FloatArray, t: FloatArray) -> FloatArray:
     from scipy.interpolate import BSpline
 
     inside = np.clip(t, knots[0], knots[-1])
-    values: FloatArray = BSpline.design_matrix(inside, knots, DEGREE).toarray()
-    return values
+    return np.asarray(BSpline.design_matrix(inside, knots, DEGREE).toarray())
 
 
 def free_coefficients(knots: FloatArray) -> slice:
@@ -222,8 +221,7 @@ class JointSupport:
     def feedback(self, t: FloatArray, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the torque (T, joints) of springs and dampers, N m, at joint angles and rates."""
         desired, speed = self._desired(t)
-        torque: FloatArray = self.stiffness * (desired - angle) + self.damping * (speed - rate)
-        return torque
+        return np.asarray(self.stiffness * (desired - angle) + self.damping * (speed - rate))
 
 
 @dataclass(frozen=True, eq=False)

@@ -241,8 +241,7 @@ class ControlLoop(ABC):
     def command_at(self, times: FloatArray) -> FloatArray:
         """Return the last commands (T, ..., joints) at times (T,)."""
         index = np.searchsorted(np.asarray(self.times), times * (1.0 + 1e-12), side="right") - 1
-        commands: FloatArray = np.asarray(self.commands)[np.clip(index, 0, None)]
-        return commands
+        return np.asarray(np.asarray(self.commands)[np.clip(index, 0, None)])
 
 
 class RunLoop(ControlLoop):
@@ -314,8 +313,7 @@ class RunLoop(ControlLoop):
         raise NotImplementedError  # the commands come from outside
 
     def _rates(self) -> FloatArray:
-        rates: FloatArray = self.run.progress.state[1, self._bodies, 0]
-        return rates
+        return np.asarray(self.run.progress.state[1, self._bodies, 0])
 
     def _advance(self, now: float, until: float) -> None:
         drive = self._system.drive

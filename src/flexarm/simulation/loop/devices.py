@@ -163,8 +163,7 @@ class Acting:
             return target
         left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)
         left = left.reshape(-1, *(1,) * self._nothing.ndim)
-        held: FloatArray = target + (np.asarray(self._initial)[index] - target) * left
-        return held
+        return np.asarray(target + (np.asarray(self._initial)[index] - target) * left)
 
 
 #: Function of the state (2, n, 1 + m), the system and the time that returns a signal's value.
