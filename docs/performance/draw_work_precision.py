@@ -21,7 +21,7 @@ from measure_integrators import Torque
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
-from flexarm.simulation.histories.functions import function_history
+from flexarm.simulation.histories.piecewise import function_history
 from flexarm.view.plot.line_labels import label_lines
 from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import Sheet, styled

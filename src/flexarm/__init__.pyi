@@ -160,11 +160,11 @@ from .simulation.derivatives.sensitivities import sensitivities as sensitivities
 from .simulation.histories.loads import PrescribedAngle as PrescribedAngle
 from .simulation.histories.multisine import Multisine as Multisine
 from .simulation.histories.multisine import multisine as multisine
-from .simulation.inversion.flexible_torque import FlexibleTorque as FlexibleTorque
-from .simulation.inversion.flexible_torque import flexible_torque as flexible_torque
 from .simulation.inversion.tip_inversion import InversionError as InversionError
 from .simulation.inversion.tip_inversion import TipInversion as TipInversion
 from .simulation.inversion.tip_inversion import tip_inversion as tip_inversion
+from .simulation.inversion.torques import FlexibleTorque as FlexibleTorque
+from .simulation.inversion.torques import flexible_torque as flexible_torque
 from .simulation.real_time.realtime import realtime as realtime
 from .simulation.run.events import Event as Event
 from .simulation.run.events import contact_event as contact_event

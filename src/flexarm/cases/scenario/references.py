@@ -43,8 +43,8 @@ from flexarm.motion import (
     spline_motion,
     via_point_motion,
 )
-from flexarm.simulation.inversion.flexible_torque import flexible_torque
 from flexarm.simulation.inversion.tip_inversion import tip_inversion
+from flexarm.simulation.inversion.torques import flexible_torque
 
 #: Functions of the Python interface by kind; their arguments have the names of the keys.
 MOTION_FUNCTIONS: dict[str, Callable[..., Motion]] = {

@@ -241,11 +241,6 @@ class Executor:
     ) -> FloatArray:
         """Return the largest metric of a run for each sample, divided by its limit.
 
-        Args:
-            values: (samples, parameters) of the varied numbers.
-            first: number of the first sample, for its noise.
-            chosen: drive, plant and motion.
-
         Returns:
             (samples,), infinite for a run that failed or has no value, -inf for an infeasible one.
         """

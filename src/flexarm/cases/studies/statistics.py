@@ -109,18 +109,16 @@ def study_statistics(
         statistics = statistics.assign(_ratios(statistics, nominal))
     rates = _rates(failed.sum(axis=0), possible.sum(axis=0), confidence)
     complete = possible & (table["failure"].transpose(*DIMS).values == "")
-    statistics["samples"] = (
-        DIMS[1:],
-        complete.sum(axis=0),
-        {"long_name": "runs that did not fail"},
-    )
-    label = {"long_name": "runs whose numbers are not possible"}
-    statistics["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
-    label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
-    statistics["failure_rate"] = (DIMS[1:], rates[..., 0], label)
-    for j, end in enumerate(("low", "high"), start=1):
-        label = {"long_name": f"{end} limit of the confidence interval"}
-        statistics[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    fraction = "fraction of the possible runs that failed or exceed a limit"
+    rows = {
+        "samples": (complete.sum(axis=0), "runs that did not fail"),
+        "infeasible": ((~possible).sum(axis=0), "runs whose numbers are not possible"),
+        "failure_rate": (rates[..., 0], fraction),
+        "failure_rate_low": (rates[..., 1], "low limit of the confidence interval"),
+        "failure_rate_high": (rates[..., 2], "high limit of the confidence interval"),
+    }
+    for name, (values, meaning) in rows.items():
+        statistics[name] = (DIMS[1:], values, {"long_name": meaning})
     return statistics
 
 

@@ -352,8 +352,7 @@ def line_motion(
             of the distance to this point. Its acceleration is infinite with the quintic law, and
             its rate jumps with the trapezoidal law.
     """
-    path = line_path(start, end)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(arm, line_path(start, end), duration, profile, elbow, start_time, posture)
 
 
 @public_call
@@ -383,8 +382,9 @@ def via_point_motion(
         InputError: under the conditions of `line_motion`, if a point equals the one before it, or
             the corners do not fit on the lines.
     """
-    path = polygon_path(points, blend)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(
+        arm, polygon_path(points, blend), duration, profile, elbow, start_time, posture
+    )
 
 
 @public_call
@@ -410,8 +410,7 @@ def spline_motion(
     Raises:
         InputError: under the conditions of `line_motion`, or if a point equals the one before it.
     """
-    path = spline_path(points)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(arm, spline_path(points), duration, profile, elbow, start_time, posture)
 
 
 @public_call

@@ -81,18 +81,17 @@ class _Team(NamedTuple):
             Exception: any, from the controller; InputError if the shape is wrong, or the torque
                 of a single run is not finite.
         """
-        if not self.together:
-            row = int(self.rows[0])
-            own = Measurement(**{name: value[row] for name, value in values.items()})
-            given = self.controller.update(t, own, self.reference)
-            return check_array("torque", given, (joints,))
         everybody = self.rows.size == len(next(iter(values.values())))
-        rows = slice(None) if everybody else self.rows
-        own = Measurement(**{name: value[rows] for name, value in values.items()})
-        given = np.asarray(self.controller.update(t, own, self.reference))
-        if given.dtype != np.float64 or given.shape != (self.rows.size, joints):
-            return check_array("torque", given, (self.rows.size, joints))
-        return given
+        rows: Any = slice(None) if everybody else self.rows
+        rows = rows if self.together else int(self.rows[0])
+        readings = Measurement(**{name: value[rows] for name, value in values.items()})
+        torque: Any = self.controller.update(t, readings, self.reference)
+        if not self.together:
+            return check_array("torque", torque, (joints,))
+        torque = np.asarray(torque)
+        shape = self.rows.size, joints
+        right = torque.dtype == np.float64 and torque.shape == shape
+        return torque if right else check_array("torque", torque, shape)
 
 
 def fits_closed_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
@@ -226,13 +225,6 @@ class LaneLoop(ControlLoop):
 
     Runs that fail are marked in ``alive``; the caller executes them again, one at a time, for the
     reason.
-
-    Args:
-        advance: function that advances ``runs`` under a drive to their ``until``, in at most a
-            number of steps.
-        arms: of the runs. loops: their controllers.
-        users: lock of functions of users, and of objects that runs share.
-        loads: of all runs.
 
     Attributes:
         alive: (runs,) whether a run has not failed.

@@ -125,12 +125,7 @@ def variations_of(
     parameters: Mapping[str, ArrayLike] | None,
     seeds: ArrayLike | None,
 ) -> Variations:
-    """Validate the arguments of ``simulate_batch`` that may differ from run to run.
-
-    Args:
-        arm: the simulated arm, or a list with one for each run.
-        name: of this argument; the others are those of ``simulate_batch``.
-    """
+    """Validate the arguments of ``simulate_batch`` that may differ from run to run."""
     arms = _arms(name, arm)
     first = arms[0]
     states = {
@@ -462,10 +457,6 @@ class OpenLoop:
 
 class ClosedLoop:
     """Runs with controllers, which are Python objects: one thread at a time executes them.
-
-    Args:
-        arm: the controllers' model of the arm if parameters vary, otherwise None.
-        shared, channels: as for `OpenLoop`.
 
     Attributes:
         model: ``arm`` as given. users: lock of functions and objects of users.

@@ -123,12 +123,7 @@ def _has_jumps(
     place: int,
     ends: tuple[float, float],
 ) -> bool:
-    """Return whether a value that is constant near a point jumps on both sides of it.
-
-    Args:
-        number, place: of the changed number, and of the value.
-        ends: change of the number with the same value, and one with another.
-    """
+    """Return whether a value that is constant near a point jumps on both sides of it."""
     near, far = (np.array([1.0, -1.0]) * end for end in ends)
     here = function(point[None])[0, place]
 

@@ -29,8 +29,7 @@ from flexarm.kernels.layout import ArmConstants, Contacts, Loads
 from flexarm.model import AccelerationTable, FactorTable, Load
 from flexarm.model.environment.tables import is_table
 from flexarm.motion import Motion
-from flexarm.simulation.histories.functions import Row, function_history
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, Row, function_history
 
 #: Boundary conditions of a table of angles, and their names in SciPy.
 ENDS = {"rest": "clamped", "free": "not-a-knot"}

@@ -135,13 +135,7 @@ def inversion_reference(
     final: FloatArray,
     supported: SupportedTorque | None = None,
 ) -> InversionReference:
-    """Simulate an arm under the torques of an inversion and return its joint angles.
-
-    Args:
-        ends: start and end of the torque's change, s.
-        initial, final: (dof,) coordinates at rest before and after.
-        supported: the torque of a supported arm, to use instead of ``torque``.
-    """
+    """Simulate an arm under the torques of an inversion and return its joint angles."""
     from scipy.interpolate import make_interp_spline
 
     start, end = ends

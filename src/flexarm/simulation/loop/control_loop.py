@@ -107,11 +107,6 @@ def misfits(
 
     Faults of instruments at channels that the arm does not have, and sample times of instruments
     that do not fit the controller, are among them.
-
-    Args:
-        arm: the simulated arm.
-        contacts: number of contacts.
-        called: user's name of the controller; empty for the name of its class.
     """
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
@@ -245,12 +240,7 @@ class ControlLoop(ABC):
 
 
 class RunLoop(ControlLoop):
-    """Loop of one run, with the hardware between arm and controller.
-
-    Args:
-        sample_time: s.
-        keep: whether the applied torques are stored for ``acting.at``.
-    """
+    """Loop of one run with its hardware; ``keep``: store the applied torques for ``acting.at``."""
 
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True

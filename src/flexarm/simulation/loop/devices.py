@@ -90,10 +90,7 @@ class Acting:
 
     def next_change(self, t: float, until: float) -> float:
         """Return the time at which the commanded torque changes next, at most ``until``."""
-        for due, _ in self._waiting:
-            if due > t:
-                return min(due, until)
-        return until
+        return min([until, *(due for due, _ in self._waiting if due > t)])
 
     def hold(self, t: float, rate: FloatArray | None) -> None:
         """Apply the due command; rates (joints,) rad/s matter unless motors are ``plain``."""

@@ -24,7 +24,7 @@ import secrets
 import select
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import prod
@@ -152,23 +152,17 @@ def reference_values(reference: Reference | None, t: float) -> dict[str, FloatAr
     return {n: np.asarray(getattr(reference, method)(t)) for n, method in REFERENCE.items()}
 
 
+def _sent(name: str) -> Callable[[Any, float], FloatArray]:
+    return lambda self, t: self.values[name]
+
+
 class SentReference:
     """Reference whose values are those of the last packet; zero before the first one."""
 
     def __init__(self, joints: int) -> None:
         self.values: Mapping[str, FloatArray] = dict.fromkeys(REFERENCE, np.zeros(joints))
 
-    def joint_angle(self, t: float) -> FloatArray:
-        """Return the angles (joints,) of the packet, rad."""
-        return self.values["reference_angle"]
-
-    def joint_rate(self, t: float) -> FloatArray:
-        """Return the rates (joints,) of the packet, rad/s."""
-        return self.values["reference_rate"]
-
-    def joint_acceleration(self, t: float) -> FloatArray:
-        """Return the accelerations (joints,) of the packet, rad/s^2."""
-        return self.values["reference_acceleration"]
+    joint_angle, joint_rate, joint_acceleration = map(_sent, REFERENCE)  # in their order
 
 
 class Address(NamedTuple):
