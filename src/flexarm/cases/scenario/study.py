@@ -18,7 +18,7 @@ from flexarm.cases.scenario.references import Followed, TaskReference
 from flexarm.cases.scenario.scenario import Prepared, check_fit, prepare
 from flexarm.control.contract.base import Reference
 from flexarm.integrate.base import FloatArray
-from flexarm.model import Hardware, Scenario, StudySpec, locate_study
+from flexarm.model import Hardware, StudySpec, locate_study
 from flexarm.model.arm.plausibility import implausible
 from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.plausible import warn_of
@@ -54,7 +54,8 @@ class PreparedStudy:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
                 with _problems_in_study(drive, motion):
-                    kind = _reference_kind(scenario)
+                    law = scenario.drive
+                    kind = law.reference_kind if isinstance(law, ControllerDrive) else _OWN
                     prepared = prepare(
                         scenario, own, made.get(motion), followed.get((motion, kind)), self.arm
                     )
@@ -165,12 +166,6 @@ class PreparedStudy:
 
 #: Kind of the reference of drives without feedback, which share nothing.
 _OWN = "own"
-
-
-def _reference_kind(scenario: Scenario) -> str | None:
-    """Return the kind of reference that drives share, see ``ControllerDrive.reference_kind``."""
-    drive = scenario.drive
-    return drive.reference_kind if isinstance(drive, ControllerDrive) else _OWN
 
 
 @public_call

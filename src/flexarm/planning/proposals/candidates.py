@@ -20,7 +20,7 @@ from flexarm.base.arguments import (
     check_positive,
 )
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
-from flexarm.cases.scenario.references import Followed, TaskReference, motion_of
+from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
 from flexarm.control.analysis.sample_time import recommended_sample_time
@@ -459,19 +459,18 @@ class Loops:
     """
 
     def __init__(
-        self, content: Mapping[str, Any], plants: Mapping[str, Arm], postures: FloatArray
+        self,
+        content: Mapping[str, Any],
+        plants: Mapping[str, Arm],
+        postures: FloatArray,
+        drive: Drive,
     ) -> None:
         self._content, self._plants, self._postures = content, plants, postures
-        self._motion: TaskReference | None = None
-        self._arm: Arm | None = None
-        self._followed: dict[str | None, Followed] = {}
-        self.error = ""
-
-    def prepare_motion(self, drive: Drive) -> None:
-        """Create the motion, which all drives share; InputError if it leaves the reach."""
-        scenario = scenario_of(self._content, drive)
+        scenario = scenario_of(content, drive)  # all drives share its motion
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
+        self._followed: dict[str | None, Followed] = {}
+        self.error = ""
 
     def assess(self, drive: Drive) -> Assessed:
         """Return the margins of a drive; FlexarmError if it cannot be designed for the arm."""

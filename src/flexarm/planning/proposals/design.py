@@ -221,8 +221,7 @@ def _assessed(
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
     }
-    loops = Loops(content, plants, postures_of(needs))
-    loops.prepare_motion(candidates[0].drives[0])
+    loops = Loops(content, plants, postures_of(needs), candidates[0].drives[0])
     best = {one.name: loops.best(one, needs.disk_margin) for one in candidates}
     found = {name: one for name, one in best.items() if one is not None}
     if not found:

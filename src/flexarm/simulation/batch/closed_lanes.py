@@ -59,13 +59,6 @@ class LoopOfRun(NamedTuple):
     unstable: str  # warning of an unstable loop, or empty
 
 
-def can_read(hardware: Hardware | None) -> bool:
-    """Return whether the signals of all instruments are functions of the state alone."""
-    instruments = (hardware.instruments if hardware is not None else None) or ()
-    signals = [item.output for item in instruments]
-    return not any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
-
-
 class _Team(NamedTuple):
     """A controller and the runs for which it computes torques."""
 
@@ -96,8 +89,11 @@ class _Team(NamedTuple):
 
 def fits_closed_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
     """Return whether lanes support runs with controllers, as far as known before their start."""
-    fits = fits_lanes(variations, shared, channels) and not shared.environment.contacts
-    return fits and can_read(variations.hardware)
+    if shared.environment.contacts or not fits_lanes(variations, shared, channels):
+        return False
+    instruments = (variations.hardware and variations.hardware.instruments) or ()
+    signals = [item.output for item in instruments]  # which have to follow from the state alone
+    return not any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
 
 
 class ClosedLanes(Lanes):
@@ -253,7 +249,8 @@ class LaneLoop(ControlLoop):
         bodies = arms[0].assembly.bodies
         self._drive = held_drive(self._count, acting.pieces, bodies, loads)
         self._sensing = self._sensors()
-        self._watches = _by_object(arms, RunawayWatch)
+        watches = {arm: RunawayWatch(arm) for arm in dict.fromkeys(arms)}
+        self._watches = [watches[arm] for arm in arms]
         self._small = np.array([watch.surely_small for watch in self._watches])
         self.alive = np.ones(self._count, dtype=bool)
         self.controllers: dict[int, Controller] = {}
@@ -265,7 +262,8 @@ class LaneLoop(ControlLoop):
         groups: dict[tuple[int, int], list[int]] = {}
         teams = []
         for row, loop in enumerate(self._loops):
-            if _vectorized(loop.controller):
+            vectorized = getattr(loop.controller, "vectorized", False)
+            if vectorized and declares(loop.controller, "vectorized"):
                 key = id(loop.controller), id(loop.reference)
                 groups.setdefault(key, []).append(row)
             else:
@@ -407,17 +405,6 @@ class LaneLoop(ControlLoop):
         return numbers
 
 
-def _vectorized(controller: Controller) -> bool:
-    given = bool(getattr(controller, "vectorized", False))
-    return given and declares(controller, "vectorized")
-
-
 def _channel(arm: Arm, states: FloatArray, name: str) -> FloatArray:
     """Return a channel at states (k, 2, n, 1 + m)."""
     return arm.strains(states) if name == "strain" else channels_of(arm, states, [name])[name]
-
-
-def _by_object(items: Sequence[Any], create: Callable[[Any], Any]) -> list[Any]:
-    """Return one created object for each item; equal items share it."""
-    known = {id(item): create(item) for item in {id(item): item for item in items}.values()}
-    return [known[id(item)] for item in items]

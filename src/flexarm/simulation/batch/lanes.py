@@ -300,7 +300,9 @@ class Lanes(ABC):
         if not _TORQUES.isdisjoint(self._channels):
             channels |= self._torques(times, ready, places, carried)
         if not BY_CONTACTS.isdisjoint(self._channels):
-            channels |= self._touched(own, samples)
+            pairs = zip(own, samples, strict=True)
+            rows = [contact_channels(r.arm, r.loads.placed.contacts, row) for r, row in pairs]
+            channels |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
         limits, texts = self._limits(times, own, samples, places, carried)
@@ -326,12 +328,6 @@ class Lanes(ABC):
             runs.counts[places, EVALUATIONS].tolist(),
             limits,
         )
-
-    def _touched(self, own: Sequence[Ready], samples: FloatArray) -> dict[str, FloatArray]:
-        """Return the channels of contacts of runs (k,) at samples (k, T, 2, n, 1 + m)."""
-        pairs = zip(own, samples, strict=True)
-        found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
-        return {name: np.array([one[name] for one in found]) for name in found[0]}
 
     def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""

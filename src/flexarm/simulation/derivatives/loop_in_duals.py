@@ -8,7 +8,7 @@ rejected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
 from functools import partial
 from typing import Any, cast
@@ -308,18 +308,12 @@ class _LoopInDuals(ControlLoop):
         slopes = self._sensing.values(self.tick)
         count = self._directions
         nothing = {name: np.zeros((count, size)) for name, size in self._loop.sizes.items()}
-        if self.tick == 0:
-            self._refuse_stored(slopes)
+        for name in self._loop.stored if self.tick == 0 else ():
+            if np.any(slopes.get(name, 0.0)):
+                rule = f"stores its first {name}, which a parameter changes"
+                raise InputError(Problem("controller", rule, hint="Give it a reference."))
         parts = [slopes.get(name, nothing[name]) for name in nothing]
         return np.concatenate([np.zeros((count, 0)), *parts], axis=1)
-
-    def _refuse_stored(self, first: Mapping[str, FloatArray]) -> None:
-        """Raise if a parameter changes a first reading that the controller stores."""
-        for name in self._loop.stored:
-            if np.any(first.get(name, 0.0)):
-                rule = f"stores its first {name}, which a parameter changes"
-                hint = "Give it a reference."
-                raise InputError(Problem("controller", rule, hint=hint))
 
     def _rates(self) -> Any:
         value = self._states()[0].array[1, self._bodies, 0, 0]

@@ -29,8 +29,6 @@ from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import second_run, state_errors
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.dual_run import (
-    DualRun,
-    Inputs,
     channel_derivatives,
     run_in_duals,
 )
@@ -287,7 +285,12 @@ def _derivatives(known: Parameters, paths: Sequence[str], names: Sequence[str]) 
     blocks = [by[first : first + DIRECTIONS] for first in range(0, len(by), DIRECTIONS)]
     found: list[dict[str, FloatArray]] = []
     states: list[FloatArray] = []
-    for block, one in zip(blocks, _runs_in_duals(known, blocks), strict=True):
+    if known.loop is not None:  # Python for most of its time, which threads would only interrupt
+        runs = loop_in_duals(run, known.inputs, blocks, known.loop)
+    else:
+        with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
+            runs = list(pool.map(partial(run_in_duals, run, known.inputs), blocks))
+    for block, one in zip(blocks, runs, strict=True):
         first, count = len(found), len(block)
         if run.watch is not None and run.watch.log.ended_by is not None:
             moved_to(one.samples, arm, events[-1], first, count)
@@ -299,17 +302,6 @@ def _derivatives(known: Parameters, paths: Sequence[str], names: Sequence[str]) 
         found += channels
         states += list(one.samples.slopes[:count])
     return _Derivatives(run, found, np.array(states))
-
-
-def _runs_in_duals(known: Parameters, blocks: Sequence[Sequence[Inputs]]) -> list[DualRun]:
-    """Return the run in dual numbers for each block of directions, each in a thread.
-
-    A closed loop is Python for most of its time, which threads would only interrupt.
-    """
-    if known.loop is not None:
-        return loop_in_duals(known.run, known.inputs, blocks, known.loop)
-    with ThreadPoolExecutor(min(len(blocks), usable_cores())) as pool:
-        return list(pool.map(partial(run_in_duals, known.run, known.inputs), blocks))
 
 
 def _dataset(

@@ -123,8 +123,10 @@ class PlantLoop:
             SimulationError: if the plant or the controller fails, or the controller is silent;
                 its ``result`` is the result so far.
         """
-        if self._paced:
-            _step_a_copy(self._plant)
+        if self._paced:  # the first step of a process loads compiled functions
+            with warnings.catch_warnings(), suppress(FlexarmError):  # the plant repeats them
+                warnings.simplefilter("ignore")
+                copy.deepcopy(self._plant).step(np.zeros(self._plant.arm.joints))
         self._begin = self._heard = self._clock.now()
         try:
             for k in range(samples):
@@ -203,13 +205,6 @@ class PlantLoop:
         return add_samples(run, at[:-1], self._readings[:steps], times)
 
 
-def _step_a_copy(plant: Plant) -> None:
-    """Step a copy of a plant, because the first step of a process loads compiled functions."""
-    with warnings.catch_warnings(), suppress(FlexarmError):  # the step of the plant repeats them
-        warnings.simplefilter("ignore")
-        copy.deepcopy(plant).step(np.zeros(plant.arm.joints))
-
-
 class ControllerLoop:
     """A controller that listens at an address.
 
@@ -280,7 +275,10 @@ class ControllerLoop:
             self._answer_packet(data, started)
             self._until = self._clock.now() + self._timeout
         elif started >= self._until:
-            raise PartnerError(*self._silence())
+            hint, foreign = "Start the plant, or increase timeout.", self._counts["packets_foreign"]
+            if foreign:
+                hint += f" {foreign} packets of other programs or earlier runs were ignored."
+            raise PartnerError(f"no packet at {self._address} for {self._timeout:g} s.", hint)
         return True
 
     def _is_of_the_run(self, head: Head) -> bool:
@@ -298,14 +296,6 @@ class ControllerLoop:
         elif head.token not in self._tokens:  # else a repeated request
             self._counts["packets_foreign"] += 1
         return False
-
-    def _silence(self) -> tuple[str, str]:
-        """Return reason and hint of a run without packets."""
-        hint = "Start the plant, or increase timeout."
-        foreign = self._counts["packets_foreign"]
-        if foreign:
-            hint += f" {foreign} packets of other programs or earlier runs were ignored."
-        return f"no packet at {self._address} for {self._timeout:g} s.", hint
 
     def _answer_packet(self, data: bytes, started: float) -> None:
         """Answer a packet of the run, unless it is older than another one."""
@@ -565,7 +555,11 @@ def _controller_loop(
     sent = [name for name in REFERENCE if name in sizes]
     if reference is None and len(sent) == len(REFERENCE):
         reference = SentReference(*sizes[sent[0]])
-    needed = requirements_of(controller, _arm_of(controller, sizes), reference)
+    arm = getattr(controller, "arm", None)
+    if not isinstance(arm, Arm):  # only the other process has the arm of the plant
+        link = Link(length=1.0, flexible=False, mass_per_length=1.0)
+        arm = Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
+    needed = requirements_of(controller, arm, reference)
     problems = _missing("readings", "contain", controller, needed, sizes)
     if 0 < len(sent) < len(REFERENCE):
         rule = f"contain all of {', '.join(REFERENCE)}, or none"
@@ -573,18 +567,6 @@ def _controller_loop(
     if problems:
         raise InputError(*problems)
     return ControllerLoop(controller, address, Layout(sizes), reference, Clock(), timeout)
-
-
-def _arm_of(controller: Controller, sizes: Mapping[str, tuple[int]]) -> Arm:
-    """Return the arm of a controller, or one of rigid links if it has none.
-
-    Requirements are stated for an arm, and only the other process has that of the plant.
-    """
-    arm = getattr(controller, "arm", None)
-    if isinstance(arm, Arm):
-        return arm
-    link = Link(length=1.0, flexible=False, mass_per_length=1.0)
-    return Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
 
 
 @contextmanager
