@@ -156,9 +156,7 @@ def iterative_learning(
     check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
-    choice = _check_choice_of_law(
-        arm.joints, effort, change, proportional, derivative, lead, cutoff
-    )
+    choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.joints)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     with one_warning() as bent:
         unchanged = AddedTorque(
@@ -213,14 +211,33 @@ def _learn(
 
 
 class _Choice(NamedTuple):
-    """Valid parameters of a law, with the meaning that ``iterative_learning`` gives them."""
+    """Parameters of a law, with the meaning that ``iterative_learning`` gives them."""
 
     effort: float
     change: float
-    proportional: FloatArray | None
-    derivative: FloatArray
+    proportional: Any
+    derivative: Any
     lead: float
     cutoff: float | None
+
+    def checked(self, joints: int) -> _Choice:
+        """Return the validated parameters of a law: numbers of one law only, positive or zero."""
+        proportional, cutoff = self.proportional, self.cutoff
+        effort = check_nonnegative("effort", self.effort)
+        change = check_nonnegative("change", self.change)
+        derivative = _per_joint("derivative", self.derivative, joints)
+        if proportional is not None:
+            proportional = _per_joint("proportional", proportional, joints)
+        lead = check_nonnegative("lead", self.lead)
+        cutoff = None if cutoff is None else check_positive("cutoff", cutoff)
+        if proportional is None and (np.any(derivative) or lead):
+            raise InputError(Problem("proportional", "is required with derivative or lead"))
+        if proportional is not None and change:
+            raise InputError(Problem("change", "cannot be combined with proportional"))
+        if proportional is None and effort + change == 0.0:
+            hint = "Without them, the torques would be arbitrarily large."
+            raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
+        return _Choice(effort, change, proportional, derivative, lead, cutoff)
 
     def law(
         self, P: FloatArray, arm: Arm, reference: Reference, window: Window, output: str
@@ -236,33 +253,6 @@ class _Choice(NamedTuple):
         if self.cutoff is None:
             return law
         return filtered(law, arm.joints, self.cutoff, window.interval)
-
-
-def _check_choice_of_law(
-    joints: int,
-    effort: float,
-    change: float,
-    proportional: ArrayLike | None,
-    derivative: ArrayLike,
-    lead: float,
-    cutoff: float | None,
-) -> _Choice:
-    """Return the validated parameters of a law: numbers of one law only, positive or zero."""
-    weights = check_nonnegative("effort", effort), check_nonnegative("change", change)
-    given = {"derivative": derivative, "proportional": proportional}
-    gains = {
-        name: _per_joint(name, value, joints) for name, value in given.items() if value is not None
-    }
-    lead = check_nonnegative("lead", lead)
-    highest = None if cutoff is None else check_positive("cutoff", cutoff)
-    if proportional is None and (np.any(gains["derivative"]) or lead):
-        raise InputError(Problem("proportional", "is required with derivative or lead"))
-    if proportional is not None and weights[1]:
-        raise InputError(Problem("change", "cannot be combined with proportional"))
-    if proportional is None and sum(weights) == 0.0:
-        hint = "Without them, the torques would be arbitrarily large."
-        raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
-    return _Choice(*weights, gains.get("proportional"), gains["derivative"], lead, highest)
 
 
 def _per_joint(name: str, value: ArrayLike, joints: int) -> FloatArray:

@@ -1,8 +1,9 @@
-"""Runs with controllers in packs of eight, which lanes advance from one sample time to the next."""
+"""Runs with controllers, and plants, in packs of eight that lanes advance by sample times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from threading import Lock
 from typing import Any, NamedTuple
@@ -10,19 +11,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.arm.actions.environment import EMPTY
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.arm.observe import channels_of
-from flexarm.base.errors import FlexarmError, InputError, check_array
+from flexarm.base.errors import FlexarmError, InputError, SimulationError, check_array
 from flexarm.control.contract.base import Controller, Reference, declares, report_of
-from flexarm.control.hardware.instruments import NoiseOfRuns, Readings, stride_and_delay
+from flexarm.control.hardware.instruments import NoiseOfRuns, Readings
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneRuns
-from flexarm.integrate.memory import REJECTED, STEPS
+from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
+from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, REJECTED, STEP, STEPS, TIME
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware, Sensor
 from flexarm.simulation.batch.execution import ClosedLoop, Variations
-from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, fits_lanes, held_drive
+from flexarm.simulation.batch.lanes import (
+    Advance,
+    Lanes,
+    Ready,
+    arms_of_runs,
+    fits_lanes,
+    held_drive,
+)
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
     instrument_numbers,
@@ -31,15 +42,158 @@ from flexarm.simulation.calls.limits import (
     motor_warning,
 )
 from flexarm.simulation.calls.preparation import Situation, start_of
-from flexarm.simulation.histories.loads import LoadHistory
+from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
-from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
+from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
+from flexarm.simulation.run.new_run import UNBOUNDED
+from flexarm.simulation.run.stepping import failure_of
+from flexarm.simulation.run.tolerance import (
+    RTOL,
+    absolute_tolerance,
+    fastest_frequencies,
+    tip_units,
+)
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 
-#: Attempted steps of a run between two sample times. Longer runs are executed one at a time.
+#: Plants that a thread advances in one call: enough to hide the cost of the call, and few enough
+#: that a thread which has finished early takes another block.
+_BLOCK = 256
+
+
+class _Block(NamedTuple):
+    """Plants that a thread advances in one call."""
+
+    method: LaneIntegrator
+    rows: Rows  # in the arguments of ``step``
+    places: Rows  # of the plants
+
+
+class LanePlants:
+    """Plants of one arm, with its exact state and with motors that apply the torque exactly.
+
+    Each plant has the numbers of a ``flexarm.Plant`` with the same arguments, to the last bit, for
+    any number of plants and threads.
+
+    Attributes:
+        state: (count, 2, n, 1 + m) of the plants at their current times.
+        tick: (count,) number of completed steps of each since its start.
+    """
+
+    def __init__(self, arm: Arm, count: int, sample_time: float, threads: int) -> None:
+        self.arm, self._sample_time = arm, sample_time
+        n, m = arm.assembly.bodies, arm.assembly.modes
+        self.state = np.zeros((count, 2, n, 1 + m))
+        self.tick = np.zeros(count, dtype=np.int64)
+        self._clock = np.zeros((count, CLOCK_PLACES))
+        self._fastest = np.ones(count)
+        self._methods: list[LaneIntegrator] = []
+        self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
+        self._horizon = UNBOUNDED * sample_time
+        absolute, scale = absolute_tolerance(arm, None, RTOL)
+        unit = tip_units(arm, scale, self._horizon)
+        self._tolerance = Tolerance(absolute, RTOL, unit, 1.0 / self._horizon, scale)
+        self._loads = load_history(arm, EMPTY, sample_time, RTOL)
+        placed = self._loads.placed
+        self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance, several=False)
+        self._constants = arms_of_runs([arm], [placed], None, self._horizon)
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
+
+    @property
+    def time(self) -> FloatArray:
+        """Time (count,) of each plant since its start, s."""
+        return self._clock[:, TIME]
+
+    def start(self, places: Rows, q: FloatArray) -> None:
+        """Begin anew at rest at the coordinates q (k, dof) of the plants ``places`` (k,)."""
+        states = self.arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
+        fastest = fastest_frequencies(self.arm, states, 1.0 / self._horizon)
+        self.state[places], self._fastest[places] = states, fastest
+        self._clock[places] = 0.0
+        self.tick[places] = 0
+        for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
+            tolerance = self._tolerance._replace(fastest=frequency)
+            choice = choose_integrator("auto", None, self.arm, tolerance)
+            choice = choose_by_samples(choice, self.arm, self._sample_time)
+            method = lane_method(choice.integrator)
+            assert method is not None  # "auto" has step control
+            if method not in self._methods:
+                self._methods.append(method)
+            self._method[place] = self._methods.index(method)
+            self._clock[place, STEP] = method.first_step(frequency)
+
+    def step(self, places: Rows, torque: FloatArray) -> dict[int, SimulationError]:
+        """Apply torques (k, joints), N m, to the plants ``places`` (k,) for one sample time.
+
+        Returns:
+            The failures by the number of the plant. The plant keeps its last valid state and its
+            time, and its ``tick`` does not change; start it before the next step.
+        """
+        padded = self.arm.padded_torque(torque)
+        blocks = [
+            block
+            for k, method in enumerate(self._methods)
+            for block in self._blocks(method, np.flatnonzero(self._method[places] == k), places)
+        ]
+        if self._pool is None or len(blocks) == 1:
+            done = [self._advance(block, padded) for block in blocks]
+        else:
+            done = list(self._pool.map(self._advance, blocks, [padded] * len(blocks)))
+        failed = {}
+        for block, status in zip(blocks, done, strict=True):
+            self.tick[block.places] += status == Status.DONE
+            for row in np.flatnonzero(status != Status.DONE):
+                place = int(block.places[row])
+                failed[place] = self._failure(place, Status(status[row]))
+        return failed
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _blocks(self, method: LaneIntegrator, rows: Rows, places: Rows) -> list[_Block]:
+        """Divide plants of one method into blocks of whole packs, at least one for each thread."""
+        share = -(-len(rows) // self._threads)
+        size = min(_BLOCK, -(-share // LANES) * LANES)
+        parts = [rows[k : k + size] for k in range(0, len(rows), max(size, 1))]
+        return [_Block(method, part, places[part]) for part in parts]
+
+    def _advance(self, block: _Block, torque: FloatArray) -> NDArray[np.int64]:
+        """Advance the plants of a block by one sample time; return their statuses."""
+        places, count = block.places, len(block.places)
+        now = self.tick[places]
+        runs = LaneRuns(
+            *self._constants,
+            state=self.state[places],
+            fastest=self._fastest[places],
+            clock=self._clock[places],
+            counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
+            status=np.full(count, Status.PAUSED.value),
+            sample_times=np.zeros(0),
+            samples=np.zeros((count, 0, *self.state.shape[1:])),
+            until=(now + 1) * self._sample_time,
+        )
+        runs.clock[:, TIME] = now * self._sample_time
+        drive = held_drive(count, 1, torque.shape[1], self._loads)
+        drive.coefficients[:, 0] = torque[block.rows]
+        self._stepper.advance(block.method, drive, runs, _MOST_STEPS)
+        self.state[places], self._clock[places] = runs.state, runs.clock
+        return runs.status
+
+    def _failure(self, place: int, status: Status) -> SimulationError:
+        state = self.arm.unpadded(self.state[place])
+        reason = ""
+        if status == Status.PAUSED:
+            reason = f"a sample time takes more than {_MOST_STEPS} steps: the motion is unstable."
+        return failure_of(status, float(self.time[place]), (state[0], state[1]), reason)
+
+
+#: Attempted steps of a run between two sample times: longer runs are executed one at a time, and a
+#: plant fails.
 _MOST_STEPS = 200_000
 #: Signals of instruments that are not functions of the state alone.
 _BY_TORQUE = ("torque", "contact_force", "contact_gap")
@@ -135,8 +289,6 @@ class ClosedLanes(Lanes):
             if problems := misfits(controller, arm, reference, hardware, 0):
                 raise InputError(*problems)
             Acting(hardware, arm)
-            for instrument in (hardware.instruments if hardware is not None else None) or ():
-                stride_and_delay(instrument, sample_time)
             key = id(reference), sample_time
             if key not in self._references:
                 self._references[key] = sampled_reference(reference, sample_time, duration)

@@ -344,11 +344,7 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
 
 
 class OpenLoop:
-    """Runs under given torques; several threads may execute them at the same time.
-
-    Attributes:
-        users: lock of functions of users.
-    """
+    """Runs under given torques; several threads may execute them at the same time."""
 
     def __init__(
         self, variations: Variations, shared: Situation, channels: Collection[str]
@@ -456,11 +452,7 @@ class OpenLoop:
 
 
 class ClosedLoop:
-    """Runs with controllers, which are Python objects: one thread at a time executes them.
-
-    Attributes:
-        model: ``arm`` as given. users: lock of functions and objects of users.
-    """
+    """Runs with controllers, which are Python objects: one thread at a time executes them."""
 
     def __init__(
         self, variations: Variations, arm: Arm | None, shared: Situation, channels: Collection[str]
