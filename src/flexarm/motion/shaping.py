@@ -20,16 +20,14 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.base.arguments import check_choice, check_positive
 from flexarm.base.errors import InputError, Problem, public_call
-from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
+from flexarm.motion.motion import DerivedMotion, Floats, JointState, Motion, check_motion
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-Floats = NDArray[np.float64]
 
 #: Number of frequencies at which a design limits the residual, and of possible impulses in half a
 #: shaper. Between two frequencies the residual exceeds the tolerance by 5e-4 of it at most, for

@@ -14,17 +14,12 @@ from flexarm.base.arguments import check_times
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
-from flexarm.motion.motion import check_motion
+from flexarm.motion.motion import Floats, Motion, check_motion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from flexarm.arm.arm import Arm
-
-    Floats = NDArray[np.float64]
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.motion.motion import Motion
+    from flexarm.arm.arm import Arm
 
 
 class DynamicsAlong(NamedTuple):

@@ -44,18 +44,22 @@ from flexarm.motion.geometry.inverse_kinematics import (
     tip_jacobian_rate,
     tip_position,
 )
-from flexarm.motion.motion import JointState, PathMotion, TimingLaw, checked_times, timing_law
-from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
+from flexarm.motion.motion import (
+    Floats,
+    JointState,
+    PathMotion,
+    TimingLaw,
+    checked_times,
+    timing_law,
+)
+from flexarm.motion.tip.tip_paths import TipPath, arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from scipy.integrate import OdeSolution
 
     from flexarm.arm.arm import Arm
-    from flexarm.motion.geometry.inverse_kinematics import RigidChain
-    from flexarm.motion.tip.tip_paths import TipPath
 
-    Floats = NDArray[np.float64]
     Posture = Callable[[Floats], Floats]
 
 

@@ -21,12 +21,12 @@ import numpy as np
 
 from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.motion.motion import Floats
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from scipy.interpolate import PPoly
 
-    Floats = NDArray[np.float64]
 
 #: Corners start by default at this fraction of the shorter of their two sides; half is the most.
 CORNER = 0.25
