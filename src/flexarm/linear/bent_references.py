@@ -38,6 +38,7 @@ from flexarm.base.errors import (
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
+from flexarm.model.quantities import NonNegative, Positive
 from flexarm.motion.dynamics.dynamics_along import MotionTorque, TipConstraint, dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
@@ -194,8 +195,8 @@ def pressed_motion(
     normal: ArrayLike | Callable[[float], ArrayLike],
     *,
     duration: float | None = None,
-    friction: float = 0.0,
-    interval: float = 0.05,
+    friction: NonNegative = 0.0,
+    interval: Positive = 0.05,
 ) -> PressedMotion:
     """Compute a reference for a tip that presses on a surface along a motion.
 
@@ -217,8 +218,6 @@ def pressed_motion(
         SimulationError: if a function of time raises an exception.
     """
     motion = check_motion(motion, arm)
-    friction = check_nonnegative("friction", friction)
-    interval = check_positive("interval", interval)
     end = check_positive("duration", motion.end_time if duration is None else duration)
     count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
     times = np.linspace(0.0, end, count)
@@ -387,7 +386,6 @@ class QuasiStaticReference(DerivedMotion):
         return self.motion.tip(t)
 
     def at(self, times: FloatArray) -> JointState:
-        """See `Motion.at`."""
         return JointState(*(part[:, self.arm.joint_index] for part in self.coordinates(times)))
 
     @public_call

@@ -492,7 +492,6 @@ class TabulatedMotion(Motion):
 
     @public_call
     def at(self, times: Floats) -> JointState:
-        """See `Motion.at`."""
         checked = check_times("times", times)
         return JointState(*(self._derivative(checked, order) for order in range(3)))
 

@@ -350,7 +350,6 @@ class SmoothedMotion(DerivedMotion):
         return tuple(sorted({*own, *late, self.end_time}))
 
     def at(self, times: Floats) -> JointState:
-        """See `Motion.at`."""
         parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
         if not parts:
             return self.motion.at(times)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.arguments import check_list_of, check_positive
+from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
 from flexarm.integrate import INTEGRATORS, REMOVED
 from flexarm.integrate.base import Drive, System
@@ -34,6 +34,7 @@ from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.parameters import constants_at, constants_by
 from flexarm.model.paths import number_at, with_number
+from flexarm.model.quantities import Positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def step_jacobian(
     q: ArrayLike,
     qd: ArrayLike,
     torque: ArrayLike,
-    step: float,
+    step: Positive,
     *,
     method: str = "rk4",
     parameters: Sequence[str] = (),
@@ -93,11 +94,10 @@ def step_jacobian(
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
     warn_of_bristles(arm, "the step")
-    h = check_positive("step", step)
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
     held = check_array("torque", torque, (arm.joints,))
-    step_of = stepper_of(arm, method, h)
+    step_of = stepper_of(arm, method, step)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
     columns = []

@@ -18,7 +18,6 @@ from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import (
     as_list,
     check_count,
-    check_flag,
     check_number,
     check_posture,
 )
@@ -45,6 +44,7 @@ from flexarm.linear.statics.equilibrium import (
 )
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.model import Load
+from flexarm.model.quantities import Flag, Number
 
 JOINTS = ("locked", "free")
 _RULE = "be 'locked', 'free' or [proportional, derivative] (N m/rad, N m s/rad) for each joint"
@@ -158,12 +158,12 @@ class Modes:
         return np.asarray(np.abs(self.eigenvalues.imag) / (2.0 * np.pi))
 
     @public_call
-    def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
+    def displacements(self, stations: int = 50, damped: Flag = False) -> NDArray[Any]:
         """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
 
         World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
         """
-        shapes = self.complex_shapes if check_flag("damped", damped) else self.shapes
+        shapes = self.complex_shapes if damped else self.shapes
         count = check_count("stations", stations, 2, MOST_STATIONS)
         return _displacements(self.arm, self.q, shapes, count)
 
@@ -194,7 +194,7 @@ def modes(
     joints: Joints = "locked",
     *,
     q: ArrayLike | Equilibrium | None = None,
-    spin: float = 0.0,
+    spin: Number = 0.0,
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
 ) -> Modes:
@@ -229,18 +229,17 @@ def modes(
     given = Environment.of(arm, tip_force, loads)
     given.placed(arm)  # errors name this function
     held = joint_feedback(arm, joints)
-    rate = check_number("spin", spin)
     place, environment = _place(arm, joint_angles, q, given)
-    if rate != 0.0 and (environment.loads or environment.contacts):
+    if spin != 0.0 and (environment.loads or environment.contacts):
         raise InputError(Problem("loads", "cannot be combined with spin"))
-    if rate != 0.0 and q is None:
-        place = steady_shape(arm, place, rate)
-    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
-    warn_of_theory(arm, place, environment, steady_rates(arm, rate))
+    if spin != 0.0 and q is None:
+        place = steady_shape(arm, place, spin)
+    found = _solve(arm, place, spin, held, _small_motion(arm, place, spin, environment))
+    warn_of_theory(arm, place, environment, steady_rates(arm, spin))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
     rates = np.full(arm.dof, np.inf)  # of locked joints, whose friction has no effect
-    rates[held.moving] = steady_rates(arm, rate)[held.moving]
+    rates[held.moving] = steady_rates(arm, spin)[held.moving]
     warn_of_sticking(arm, rates, "The model of the modes")
     return found
 

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning, warn_of_bending
-from flexarm.base.arguments import check_count, check_flag
+from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import Joints, Modes, modes
+from flexarm.model.quantities import Count, Flag
 from flexarm.motion import Motion
 
 #: Minimum similarity of the shapes at neighbouring samples; below it the interval is halved.
@@ -64,9 +65,9 @@ def track_modes(
     along: ArrayLike | Motion,
     joints: Joints = "locked",
     *,
-    count: int = 6,
+    count: Count = 6,
     samples: int = _SAMPLES,
-    sag: bool = False,
+    sag: Flag = False,
 ) -> ModeTracks:
     """Track modes of vibration along postures or a motion.
 
@@ -89,9 +90,7 @@ def track_modes(
     intermediate postures are evaluated. Two curves that approach each other and separate again
     (veering) exchange their shapes gradually, and are tracked as the curves that they are.
     """
-    count = check_count("count", count)
     samples = check_count("samples", samples, least=2)
-    sag = check_flag("sag", sag)
     motion: Any = along
     if isinstance(along, type):
         raise InputError(Problem("along", "be a motion or joint angles", shown(along)))
@@ -119,7 +118,7 @@ def campbell(
     joint_angles: ArrayLike | None = None,
     joints: Joints = "locked",
     *,
-    count: int = 4,
+    count: Count = 4,
 ) -> ModeTracks:
     """Track modes of an arm that rotates as a whole at increasing spin (Campbell diagram).
 
@@ -134,7 +133,6 @@ def campbell(
         EquilibriumError: if the arm has no steady shape at some spin.
     """
     rates = check_array("spin", spin, (-1,))
-    count = check_count("count", count)
 
     def solve(at: float) -> Modes:
         return modes(arm, joint_angles, joints, spin=at)

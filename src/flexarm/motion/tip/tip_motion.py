@@ -97,7 +97,6 @@ class TipMotion(PathMotion):
 
     @property
     def path_breaks(self) -> tuple[float, ...]:
-        """See `PathMotion.path_breaks`."""
         return self.tip_path.breaks
 
     def path(self, s: Floats) -> JointState:

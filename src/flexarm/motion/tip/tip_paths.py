@@ -77,7 +77,6 @@ class PolynomialPath(TipPath):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """See `TipPath.breaks`."""
         return tuple(self.pieces.x[1:-1].tolist())
 
     @property
@@ -93,7 +92,6 @@ class PolynomialPath(TipPath):
         return float(terms.sum(axis=0).max())
 
     def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
         return PathPoint(*(self.pieces(s, order) for order in range(3)))
 
     def extremes(self, center: Floats) -> Floats:
@@ -128,11 +126,9 @@ class ArcPath(TipPath):
 
     @property
     def fastest(self) -> float:
-        """See `TipPath.fastest`."""
         return self.radius * abs(self.angle)
 
     def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
         turned = self.first + s * self.angle
         out = self.radius * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
         along = np.stack([-out[:, 1], out[:, 0]], axis=-1)

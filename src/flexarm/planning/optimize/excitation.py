@@ -27,6 +27,7 @@ from flexarm.identification.space import check_free
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification.parameters import FreeParameter
 from flexarm.model.identification.records import RecordSettings
+from flexarm.model.quantities import Count
 from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
@@ -99,7 +100,7 @@ def optimal_excitation(
     duration: float | None = None,
     rate: float = 200.0,
     start: ArrayLike | None = None,
-    iterations: int = 30,
+    iterations: Count = 30,
 ) -> OptimalExcitation:
     """Compute a torque whose record determines parameters best: a D-optimal multisine.
 
@@ -150,7 +151,7 @@ def optimal_excitation(
     rate = check_positive("rate", rate, "Hz")
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
-    return _solved(experiment, check_count("iterations", iterations))
+    return _solved(experiment, iterations)
 
 
 def _chosen(full: Multisine, lines: int) -> Multisine:

@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.model.quantities import Count
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
 from flexarm.planning.optimize.solution import (
@@ -79,7 +80,7 @@ def optimal_motion(
     modes: int | None = None,
     guess: Motion | None = None,
     intervals: int | None = None,
-    iterations: int = 1000,
+    iterations: Count = 1000,
     plant: Arm | None = None,
 ) -> OptimalMotion:
     """Compute the optimal motion of a flexible arm between two postures, with its torque.
@@ -136,7 +137,6 @@ def optimal_motion(
     if plant.joints != arm.joints:
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, str(plant.joints)))
-    most = check_count("iterations", iterations)
     count = None if modes is None else check_count("modes", modes, 1, _elastic(arm))
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
@@ -146,7 +146,7 @@ def optimal_motion(
         pieces = pieces or _default_intervals(task, straight.duration)
         first = shaped_guess(task, straight) if own is None else own
         plan = plan_of(task, first, min(pieces, _COARSE))
-        found = _within_limits(task, plan, plant, pieces, most)
+        found = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
     return found
 

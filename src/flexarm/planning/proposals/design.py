@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_flag
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -30,6 +29,7 @@ from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
 from flexarm.linear import equilibrium
 from flexarm.model import Load, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
     Assessed,
@@ -111,7 +111,7 @@ class ControllerDesign:
         return "".join(f"# {line}\n" for line in lines) + file_text(self.scenario)
 
     @public_call
-    def save(self, path: AnyPath, overwrite: bool = False) -> None:
+    def save(self, path: AnyPath, overwrite: Flag = False) -> None:
         """Write the scenario file, completely or not at all.
 
         Args:
@@ -121,7 +121,7 @@ class ControllerDesign:
         Raises:
             InputError: if the file exists, or cannot be written.
         """
-        check_new("path", path, overwrite=check_flag("overwrite", overwrite))
+        check_new("path", path, overwrite=overwrite)
         write_text(self.text, path)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_count, check_kind, check_options
+from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -29,6 +29,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
+from flexarm.model.quantities import Count
 from flexarm.model.scenarios.events import FAILURE
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
 from flexarm.simulation.batch.execution import (
@@ -281,7 +282,7 @@ def simulate_batch(
     channels: Sequence[str] = ("joint_angle", "tip"),
     reductions: Mapping[str, Reduction] | None = None,
     rate: float = 1000.0,
-    stride: int = 1,
+    stride: Count = 1,
     threads: int | None = None,
     progress: bool | None = None,
     settings: RunSettings | None = None,
@@ -349,7 +350,6 @@ def simulate_batch(
     # Code that is compiled in the middle of a run may differ in the last digits.
     checked = replaced(checked, specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
-    stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
     model = None if plant is None else check_kind("arm", arm, Arm)

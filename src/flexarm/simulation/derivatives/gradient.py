@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import check_flag, check_mapping
+from flexarm.base.arguments import check_mapping
 from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
@@ -41,6 +41,7 @@ from flexarm.integrate.transfers import additive_transfers, explicit_transfers
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray, Duals
 from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import GoalArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import relative_error, second_run
@@ -311,7 +312,7 @@ def goal_gradient(
     weights: Mapping[str, ArrayLike],
     *,
     torque: ArrayLike,
-    error_estimate: bool = True,
+    error_estimate: Flag = True,
     settings: RunSettings | None = None,
     **arguments: Unpack[GoalArguments],
 ) -> xr.Dataset:
@@ -356,7 +357,6 @@ def goal_gradient(
     names = check_channels(arm, "weights", list(weights))
     if not names:
         raise InputError(Problem("weights", "must not be empty"))
-    check_flag("error_estimate", error_estimate)
     with Meter("differentiating", situation.settings.progress) as meter:
 
         def differentiated(settings: RunSettings, once: bool = False) -> tuple[Run, Gradient]:

@@ -17,13 +17,14 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.arguments import check_flag, check_list_of
+from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
 from flexarm.base.processes import usable_cores
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
 from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray
 from flexarm.model.paths import number_at, with_number
+from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import second_run, state_errors
@@ -195,7 +196,7 @@ def sensitivities(
     parameters: Sequence[str],
     *,
     channels: Sequence[str] | None = None,
-    error_estimate: bool = True,
+    error_estimate: Flag = True,
     settings: RunSettings | None = None,
     **arguments: Unpack[DrivenArguments],
 ) -> xr.Dataset:
@@ -248,7 +249,6 @@ def sensitivities(
     names = check_channels(arm, "channels", channels)
     if not paths:
         raise InputError(Problem("parameters", "must not be empty"))
-    check_flag("error_estimate", error_estimate)
     with Meter("differentiating", situation.settings.progress) as meter:
 
         def differentiated(settings: RunSettings, once: bool = False) -> _Derivatives:

@@ -17,7 +17,6 @@ from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.base.arguments import (
     check_choice,
     check_function,
-    check_number,
     check_times,
     warn_of_degrees,
 )
@@ -28,6 +27,7 @@ from flexarm.kernels.columns import FREE
 from flexarm.kernels.layout import ArmConstants, Contacts, Loads
 from flexarm.model import AccelerationTable, FactorTable, Load
 from flexarm.model.environment.tables import is_table
+from flexarm.model.quantities import Number
 from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, Row, function_history
 
@@ -59,11 +59,10 @@ class PrescribedAngle:
 
     @classmethod
     @public_call
-    def hold(cls, angle: float) -> PrescribedAngle:
+    def hold(cls, angle: Number) -> PrescribedAngle:
         """Lock the joint at an angle (rad)."""
-        still = check_number("angle", angle)
         nothing = partial(constant, 0.0)
-        return cls(partial(constant, still), nothing, nothing)
+        return cls(partial(constant, angle), nothing, nothing)
 
     @classmethod
     @public_call

@@ -21,6 +21,7 @@ from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import InputError, LargeDeflectionWarning, Problem, public_call
 from flexarm.linear import modes
+from flexarm.model.quantities import Positive
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import MotionTorque, RigidTorque, dynamics_along
 from flexarm.motion.motion import check_motion
@@ -81,7 +82,7 @@ def flexible_torque(
     duration: float | None = None,
     *,
     initial: ArrayLike | None = None,
-    rtol: float = 1e-8,
+    rtol: Positive = 1e-8,
 ) -> FlexibleTorque:
     """Return the torque that makes the joints of a flexible arm follow a motion exactly.
 
@@ -100,7 +101,6 @@ def flexible_torque(
     """
     motion = check_motion(motion, arm)
     until = check_positive("duration", motion.end_time if duration is None else duration)
-    rtol = check_positive("rtol", rtol)
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))

@@ -337,7 +337,6 @@ class ClosedLoop(RunLoop):
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        """See `ControlLoop.execute`."""
         self.controller.reset()
         super().execute()
 

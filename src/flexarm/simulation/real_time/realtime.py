@@ -17,7 +17,6 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import (
     check_count,
-    check_flag,
     check_kind,
     check_mapping,
     check_positive,
@@ -43,6 +42,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import Link
+from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.plant import Plant
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.loop.control_loop import sampled_reference
@@ -375,7 +375,7 @@ def realtime(
     reference: Reference | None = None,
     *,
     readings: Mapping[str, int] | None = None,
-    clock: bool = True,
+    clock: Flag = True,
     answer_within: float | None = None,
     timeout: float = 5.0,
 ) -> xr.Dataset:
@@ -429,12 +429,11 @@ def realtime(
     same token and number, and in place of the time with the token of the run, also random.
     """
     timeout = check_positive("timeout", timeout, "s")
-    paced = check_flag("clock", clock)
     if reference is not None:
         check_reference(reference)
     if isinstance(plant, str):
         loop = _controller_loop(plant, controller, duration, reference, readings, timeout)
-        with _without_collection(paced):
+        with _without_collection(clock):
             return loop.run()
     check_kind("plant", plant, Plant, "a Plant or an address such as '127.0.0.1:5005'")
     if readings is not None:
@@ -448,7 +447,7 @@ def realtime(
     if within > h:
         rule = f"be at most the sample time ({h:g} s)"
         raise InputError(Problem("answer_within", rule, shown(answer_within)))
-    if answer_within is not None and not paced:
+    if answer_within is not None and not clock:
         raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
     motion = sampled_reference(reference, h, samples * h)
@@ -456,8 +455,8 @@ def realtime(
         _warn_of_another_start(plant, motion)
     partner = _partner(plant, controller, motion, now)
     sent = motion if isinstance(controller, str) else None
-    with _without_collection(paced):
-        return PlantLoop(plant, partner, sent, now, paced, within, timeout).run(samples)
+    with _without_collection(clock):
+        return PlantLoop(plant, partner, sent, now, clock, within, timeout).run(samples)
 
 
 def _warn_of_another_start(plant: Plant, reference: Reference) -> None:
