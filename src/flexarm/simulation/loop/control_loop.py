@@ -36,6 +36,10 @@ _OF_JOINTS = ("joint_angle", "joint_rate", "joint_acceleration")
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 
+def _looked_up(name: str) -> Callable[[Any, ArrayLike], FloatArray]:
+    return lambda self, t: self._look_up(name, t)
+
+
 class SampledReference:
     """Reference that is evaluated for all sample times in one call.
 
@@ -45,9 +49,7 @@ class SampledReference:
     """
 
     vectorized = True
-    joint_angle: Callable[[ArrayLike], FloatArray]
-    joint_rate: Callable[[ArrayLike], FloatArray]
-    joint_acceleration: Callable[[ArrayLike], FloatArray]
+    joint_angle, joint_rate, joint_acceleration = map(_looked_up, _OF_JOINTS)
 
     def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
         self._reference = reference
@@ -81,7 +83,7 @@ class SampledReference:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):  # copies and pickles look these up before `_reference` is set
             raise AttributeError(name)
-        if name in _OF_JOINTS or (name in _MORE and hasattr(self._reference, name)):
+        if name in _MORE and hasattr(self._reference, name):
             return lambda t: self._look_up(name, t)
         return getattr(self._reference, name)
 
