@@ -112,15 +112,8 @@ _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
 class Recorder:
     """Arrays of a batch. Threads may record different runs at the same time.
 
-    Args:
-        arm: the first arm, for the sizes of the channels.
-        times: (samples,) s, sample times of a run that is complete.
-        channels: names of the stored channels.
-        reductions: by the names of their variables.
-        stride: stride of the stored samples.
-        counts: numbers of contacts, and of stations on each link.
-        absent: channels that the runs do not have beyond those of an empty dimension, by name,
-            with what is missing.
+    ``times`` (samples,) s are those of a complete run, ``counts`` the numbers of contacts and of
+    stations on each link, and ``absent`` names channels without an object, with what is missing.
     """
 
     def __init__(

@@ -311,19 +311,15 @@ class JointSupport:
     start: float  # s, interval in which the offset changes from the first to the second
     end: float  # likewise
 
-    def _desired(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the reference angles and rates (..., joints) of the feedback."""
+    def feedback(self, t: FloatArray, angle: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return the torque (T, joints) of springs and dampers, N m, at joint angles and rates."""
         u = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)[..., None]
         ease = u**3 * (10.0 + u * (-15.0 + 6.0 * u))
         ease_rate = 30.0 * u**2 * (1.0 - u) ** 2 / (self.end - self.start)
         first, last = self.offset
         state = self.motion.state(t)
-        angle = state.angle + first + ease * (last - first)
-        return angle, state.rate + ease_rate * (last - first)
-
-    def feedback(self, t: FloatArray, angle: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return the torque (T, joints) of springs and dampers, N m, at joint angles and rates."""
-        desired, speed = self._desired(t)
+        desired = state.angle + first + ease * (last - first)
+        speed = state.rate + ease_rate * (last - first)
         return np.asarray(self.stiffness * (desired - angle) + self.damping * (speed - rate))
 
 

@@ -125,15 +125,9 @@ def misfits(
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(called, name, arm, hardware, there, contacts))
     problems += [one.problem() for one in channel_faults(arm.spec, hardware, contacts)]
-    return [*problems, *_unfitting_frames(hardware, controller.sample_time)]
-
-
-def _unfitting_frames(hardware: Hardware | None, sample_time: float) -> list[Problem]:
-    """Return the problems of instruments that do not sample at the controller's sample times."""
-    problems: list[Problem] = []
     for k, item in enumerate((hardware and hardware.instruments) or ()):
         try:
-            stride_and_delay(item, sample_time)
+            stride_and_delay(item, controller.sample_time)
         except InputError as error:
             name = f"hardware.instruments[{k}].sample_time"
             problems += [replace(problem, name=name) for problem in error.problems]

@@ -338,11 +338,7 @@ def add_samples(
 
 
 class PartnerError(Exception):
-    """The other side failed.
-
-    Attributes:
-        reason, hint: as in `SimulationError`.
-    """
+    """The other side failed, with ``reason`` and ``hint`` as in `SimulationError`."""
 
     def __init__(self, reason: str, hint: str = "") -> None:
         super().__init__(reason, hint)
