@@ -44,34 +44,15 @@ class Impulses(NamedTuple):
     phases: Floats  # (k,) rad, ascending from 0
 
 
-def zero_vibration(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return two impulses without residual vibration at the design frequency; (C.4)."""
-    return 1.0, K
-
-
-def zero_vibration_and_derivative(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses: the derivative of the residual by frequency is zero, too; (C.5)."""
-    return 1.0, 2.0 * K, K * K
-
-
-def zero_vibration_and_two_derivatives(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return four impulses: the second derivative is zero, too; (C.5)."""
-    return 1.0, 3.0 * K, 3.0 * K * K, K**3
-
-
-def extra_insensitive(K: float, tolerance: float) -> tuple[float, ...]:
-    """Return three impulses with the residual ``tolerance`` at the design frequency; (C.6)."""
-    middle = (2.0 * K * K - tolerance * (1.0 + K * K)) / (K + tolerance)
-    return 1.0, middle, K * K
-
-
 #: Impulses, half a period of the vibration apart, up to a common factor. ``K`` is the amplitude of
-#: a vibration after half a period relative to its start.
+#: a vibration after half a period relative to its start. At the design frequency, no residual
+#: vibration remains, (C.4), nor its derivative by the frequency, nor the second one, (C.5); or the
+#: residual is the tolerance r, (C.6).
 SHAPERS: dict[str, Callable[[float, float], tuple[float, ...]]] = {
-    "zv": zero_vibration,
-    "zvd": zero_vibration_and_derivative,
-    "zvdd": zero_vibration_and_two_derivatives,
-    "ei": extra_insensitive,
+    "zv": lambda K, r: (1.0, K),
+    "zvd": lambda K, r: (1.0, 2.0 * K, K * K),
+    "zvdd": lambda K, r: (1.0, 3.0 * K, 3.0 * K * K, K**3),
+    "ei": lambda K, r: (1.0, (2.0 * K * K - r * (1.0 + K * K)) / (K + r), K * K),
 }
 
 

@@ -228,7 +228,7 @@ def equilibrium(
     q = arm.rest(check_posture("joint_angles", angles, arm.joints))
     if start is not None:
         q = check_array("start", start, (arm.dof,))
-    search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts), q)
+    search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts))
     if torque is not None:
         search.force[arm.joint_index] = check_array("torque", torque, (arm.joints,))
         search.unknown = np.arange(arm.dof)
@@ -243,7 +243,7 @@ def equilibrium(
 class _Search:
     """Residual, stiffness and load steps of one equilibrium problem."""
 
-    def __init__(self, arm: Arm, environment: Environment, q: FloatArray) -> None:
+    def __init__(self, arm: Arm, environment: Environment) -> None:
         self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
         self.environment = environment
         self.force = np.zeros(arm.dof)

@@ -164,7 +164,7 @@ class Transcription:
             motion = (at, rate, curve[:, j] / T**2, torque, 0, self.model.nominal)
             residual.append(self.model.residual(*motion) / scale.residual)
             limited.append(self._limited(at, rate))
-            cost += h * GAUSS.b[j] * self._cost(rate, torque, given[5])
+            cost += h * GAUSS.b[j] * self._cost(rate, torque)
         q_end = q + h * slope + h * h * (curve @ self.casadi.DM(GAUSS.bA))
         slope_end = slope + h * (curve @ self.casadi.DM(GAUSS.b))
         limited.append(self._limited(q_end, slope_end / T))
@@ -191,7 +191,7 @@ class Transcription:
             found.append(column / self.casadi.DM(bound.size))
         return self.casadi.vertcat(*found)
 
-    def _cost(self, rate: Any, torque: Any, T: Any) -> Any:
+    def _cost(self, rate: Any, torque: Any) -> Any:
         """Return the integrand of the objective over the fraction s of the duration."""
         effort = self.casadi.sumsqr(torque) / float(np.sum(self.sizes.torque**2))
         smooth = _SMOOTHING[self.task.objective] * effort

@@ -27,22 +27,6 @@ class _Kind(NamedTuple):
     meaning: str  # for the label of the variable
 
 
-def _peak(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return np.abs(values).max(axis=0)
-
-
-def _rms(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return np.sqrt(np.mean(values**2, axis=0))
-
-
-def _mean(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return values.mean(axis=0)
-
-
-def _final(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return values[-1]
-
-
 def _settling(times: FloatArray, values: FloatArray, band: float) -> Any:
     """Return the time from the first sample until the values stay within the band."""
     outside = np.abs(values) > band
@@ -53,11 +37,15 @@ def _settling(times: FloatArray, values: FloatArray, band: float) -> Any:
 
 #: Built-in reductions by name.
 KINDS: dict[str, _Kind] = {
-    "peak": _Kind(_peak, None, True, "largest magnitude of"),
-    "rms": _Kind(_rms, None, True, "root mean square of"),
-    "mean": _Kind(_mean, None, False, "mean of"),
-    "final": _Kind(_final, None, False, "last value of"),
-    "residual": _Kind(_peak, "mean", True, "largest distance from the mean of"),
+    "peak": _Kind(lambda t, x, band: np.abs(x).max(axis=0), None, True, "largest magnitude of"),
+    "rms": _Kind(
+        lambda t, x, band: np.sqrt(np.mean(x**2, axis=0)), None, True, "root mean square of"
+    ),
+    "mean": _Kind(lambda t, x, band: x.mean(axis=0), None, False, "mean of"),
+    "final": _Kind(lambda t, x, band: x[-1], None, False, "last value of"),
+    "residual": _Kind(
+        lambda t, x, band: np.abs(x).max(axis=0), "mean", True, "largest distance from the mean of"
+    ),
     "settling": _Kind(_settling, "last", True, "settling time of"),
 }
 
