@@ -164,28 +164,25 @@ AREAS: dict[str, Area] = {
         mutants=25,
         groups=(
             Group(
-                sources=("linear/**/equilibrium.py", "linear/**/descent.py", "linear/**/held.py"),
+                sources=("linear/**/equilibrium.py",),
                 tests=(
                     "unit/linear/test_equilibrium.py",
                     "unit/linear/test_reprs.py",
                     "unit/linear/test_modes.py",
                 ),
             ),
-            Group(sources=("linear/**/pressed.py",), tests=("unit/linear/test_pressed.py",)),
             Group(
-                sources=("linear/**/quasi_static.py", "linear/**/curves.py"),
-                tests=("simulate/test_flexible_references.py", "unit/linear/test_modes.py"),
+                sources=("linear/bent_references.py",),
+                tests=("simulate/test_flexible_references.py", "unit/linear/test_pressed.py"),
             ),
             Group(sources=("linear/**/tracking.py",), tests=("unit/linear/test_tracking.py",)),
-            Group(sources=("linear/**/state_space.py",), tests=("unit/linear/test_transfer.py",)),
-            Group(sources=("linear/**/along.py",), tests=("unit/linear/test_linearize_along.py",)),
             Group(
-                sources=(
-                    "linear/**/collocation.py",
-                    "linear/**/deviations.py",
-                    "linear/**/smooth.py",
-                ),
-                tests=("simulate/test_separated.py",),
+                sources=("linear/**/state_space.py",),
+                tests=("unit/linear/test_transfer.py", "unit/linear/test_linear_signals.py"),
+            ),
+            Group(
+                sources=("linear/**/along.py",),
+                tests=("unit/linear/test_linearize_along.py", "simulate/test_separated.py"),
             ),
             Group(
                 sources=(

@@ -77,8 +77,8 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
             "runs.until[:] = np.where(self.alive, until, 1.0)",
         ): "a run that has failed is repeated alone; what lanes compute after that is not read",
         (
-            "row = int(self.rows[0])",
-            "row = int(self.rows[ -1])",
+            "rows = rows if self.together else int(self.rows[0])",
+            "rows = rows if self.together else int(self.rows[ -1])",
         ): "there is one row",
         (
             "hardware = self._loops[0].hardware",

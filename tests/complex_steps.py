@@ -7,7 +7,7 @@ import numpy as np
 import flexarm as fa
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.parameters import constants_at
-from flexarm.linear.step_derivatives.step_jacobian import stepper_of
+from flexarm.linear.step_derivatives.sampled_step import stepper_of
 from flexarm.model.paths import number_at
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
@@ -42,5 +42,5 @@ def by_complex_steps(arm, method, times, q, qd, torque, path):
         constants = constants_at(arm, {path: value + 1j * STEP}, complex)[0]
     constants = ArmConstants(*(array.astype(complex) for array in constants))
     for start, end in pairwise(times):
-        x = stepper_of(arm, method, end - start).take(x, arm.padded_torque(torque), constants)
+        x = stepper_of(arm, method, end - start)(x, arm.padded_torque(torque), constants)
     return x.imag / STEP

@@ -21,10 +21,9 @@ import numpy as np
 
 import flexarm as fa
 from flexarm.base.processes import usable_cores
-from flexarm.cases.studies.execution import executor_of
+from flexarm.cases.studies.execution import cluster, execute, executor_of
 from flexarm.cases.studies.store import create_store
 from flexarm.cases.studies.study import outcomes_of, record_chunk
-from flexarm.cases.studies.workers import cluster, execute
 
 LINK = {"flexural_rigidity": 40.0, "mass_per_length": 0.5, "elements": 1}
 STUDY: dict[str, Any] = {

@@ -10,7 +10,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import flexarm as fa
 from flexarm.bridges.gymnasium_env import VECTOR_ENVIRONMENTS, laboratory_arm
-from flexarm.simulation.batch.plants import LanePlants
+from flexarm.simulation.batch.closed_lanes import LanePlants
 
 every = pytest.mark.parametrize("name", VECTOR_ENVIRONMENTS)
 REACH, FORCE = "flexarm/Reach-v0", "flexarm/TrackForce-v0"

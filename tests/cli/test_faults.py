@@ -107,7 +107,7 @@ def test_full_disk_keeps_the_older_file_of_a_separation(tmp_path):
 
 WAITING = """
 import os, signal, sys
-from flexarm.cases.results import formats
+from flexarm.cases import results
 def parts(*_):
     yield b"half"
     os.kill(os.getpid(), signal.{signal})

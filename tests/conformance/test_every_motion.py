@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.cases.scenario.motions import MOTION_FUNCTIONS, motion_of
+from flexarm.cases.scenario.references import MOTION_FUNCTIONS, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import Scenario
 from flexarm.model.scenarios.motions import PlainMotionSpec, ShapingSpec, SmoothingSpec

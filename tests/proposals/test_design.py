@@ -11,9 +11,8 @@ from arms import chain
 from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops
+from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, requirements_of
 from flexarm.planning.proposals.design import _chosen, case_of, plants_of, reasons_of
-from flexarm.planning.proposals.requirements import requirements_of
 
 DEFAULTS = {
     "sensors": None,

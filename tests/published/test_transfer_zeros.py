@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import flexarm as fa
 from flexarm.motion.dynamics.dynamics_along import TipConstraint
-from flexarm.simulation.inversion.zero_dynamics import rest_end
+from flexarm.simulation.inversion.torques import rest_end
 
 DATA = Path(__file__).parents[1] / "data"
 BEAM = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))

@@ -5,9 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import unit_link
-from flexarm.simulation.histories.functions import function_history
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history, sampled_torque
 
 #: Between two of the points that are evaluated first in runs of two seconds, 1.0031 and 1.0078.
 ON, OFF = 1.0051, 1.0062

@@ -6,7 +6,7 @@ from scipy.signal import cont2discrete
 
 import flexarm as fa
 from arms import chain, laboratory_arm
-from flexarm.motion.geometry.chain import tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 from flexarm.simulation.calls.metrics import metrics_of
 
 LENGTHS, RIGIDITY = (1.2, 0.9), 105.0

@@ -6,11 +6,7 @@ import pytest
 import flexarm as fa
 from arms import chain
 from flexarm.simulation.derivatives.gradient import Repetition
-from flexarm.simulation.histories.samples import (
-    added_coefficients,
-    collected_samples,
-    sampled_torque,
-)
+from flexarm.simulation.histories.piecewise import Samples, sampled_torque
 
 pytestmark = pytest.mark.compiled
 #: Both add the same derivatives in another order.
@@ -83,9 +79,9 @@ def test_samples_are_collected_by_the_transpose_of_the_spline(kinks, held):
     history = sampled_torque(samples, rate, 29 / rate, 1, "cubic", np.array(kinks) / rate)
     history = history.held_to(29 / rate + held)
     assert history.stops.size == len(kinks) + (held > 0.0)
-    added = added_coefficients(history, np.eye(30), rate, "cubic")
+    added = Samples(history, (30, 2), rate, "cubic").added(np.eye(30))
     pieces = rng.normal(size=(len(history.coefficients), 4, 2)) / rate ** np.arange(4)[:, None]
-    found = collected_samples(history, pieces, rate, "cubic", 30)
+    found = Samples(history, (30, 2), rate, "cubic").collected(pieces)
     wanted = np.tensordot(added, pieces, axes=([0, 1], [0, 1]))
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-13 * np.abs(wanted).max())
 
@@ -112,7 +108,12 @@ def test_derivatives_in_memory_grow_with_the_square_root(monkeypatch):
 def test_arguments_of_simulate_that_are_not_supported_are_named(function):
     with pytest.raises(fa.InputError) as error:
         function(
-            None, 0.1, [], torque=[], changes=[fa.Change("payload.mass", at=0.1, to=0.5)], lods=()
+            an_arm(),
+            0.1,
+            [],
+            torque=[],
+            changes=[fa.Change("payload.mass", at=0.1, to=0.5)],
+            lods=(),
         )
     changes, lods = map(str, error.value.problems)
     assert changes == f"{function.__name__}: changes is not supported with derivatives of runs."

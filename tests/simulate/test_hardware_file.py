@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.model import locate_scenario
 from flexarm.model.hardware import CHANNEL_SIGNALS, POINT_SIGNALS, Signal
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.cases.results.formats import columns
+from flexarm.cases.results import columns
 from flexarm.view.plot.histories import signals_figure
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732}

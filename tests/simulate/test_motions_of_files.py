@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.cases.scenario.motions import _over_time
+from flexarm.cases.scenario.references import _over_time
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import load_scenario, locate_scenario
 from flexarm.model.scenarios.motions import ForceTable

@@ -14,8 +14,8 @@ import pytest
 
 import flexarm as fa
 from arms import chain
-from flexarm.simulation.real_time.loops import PlantLoop
 from flexarm.simulation.real_time.partners import OwnController, SampleTimes
+from flexarm.simulation.real_time.realtime import PlantLoop
 
 H = 0.001
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.6}

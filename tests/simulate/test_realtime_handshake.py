@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.simulation.real_time import loops
+from flexarm.simulation.real_time import realtime as module
 from simulate.foreign_packets import Hostile, Sender, packed, place, send_stale, udp_socket
 from simulate.test_realtime import (
     SENT,
@@ -184,7 +184,7 @@ def test_others_do_not_extend_the_time_limits():
 
 def test_requests_that_are_remembered_are_limited(monkeypatch):
     """Requests of plants that have gone do not take the place of the newest one."""
-    monkeypatch.setattr(loops, "_REQUESTS", 4)
+    monkeypatch.setattr(module, "_REQUESTS", 4)
     at = free_address()
     other = listening(at)
     with udp_socket() as one:

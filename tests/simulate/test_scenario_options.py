@@ -215,9 +215,7 @@ class TestEquilibrium:
         def none(arm, *_, **__):
             raise fa.EquilibriumError(0.4, arm.rest([0.0, 0.0]), "the arm buckles.")
 
-        monkeypatch.setattr(
-            import_module("flexarm.cases.scenario.initial_state"), "equilibrium", none
-        )
+        monkeypatch.setattr(import_module("flexarm.cases.scenario.scenario"), "equilibrium", none)
         with pytest.raises(fa.EquilibriumError, match=r"above 0\.4 of gravity and loads"):
             prepare(load_scenario(write("initial: {equilibrium: true}\n")))
 

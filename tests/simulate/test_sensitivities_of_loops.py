@@ -12,7 +12,7 @@ from controllers import Law, Plain
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.kernels.layout import ArmConstants
 from flexarm.linear.step_derivatives.parameters import constants_at
-from flexarm.linear.step_derivatives.step_jacobian import stepper_of
+from flexarm.linear.step_derivatives.sampled_step import stepper_of
 from flexarm.model.paths import number_at, number_paths, with_number
 from random_arms import random_spec
 
@@ -56,7 +56,7 @@ def in_complex_steps(arm, controller, reference, path, duration, steps):
         padded = np.zeros(arm.assembly.bodies, dtype=complex)
         padded[arm.assembly.joint_body] = torque
         for _ in range(steps):
-            x = step.take(x, padded, constants)
+            x = step(x, padded, constants)
     return x.imag / STEP
 
 

@@ -143,7 +143,7 @@ def test_open_loop_run_that_fails_has_a_partial_result():
 
 def test_noise_as_a_function_of_time_is_rejected(monkeypatch):
     # No number of pieces follows noise; with fewer of them the error is faster.
-    history = importlib.import_module("flexarm.simulation.histories.functions")
+    history = importlib.import_module("flexarm.simulation.histories.piecewise")
     monkeypatch.setattr(history, "_MOST_PIECES", 1000)
     rng = np.random.default_rng(0)
     with pytest.raises(fa.InputError, match="give noise as samples"):

@@ -9,9 +9,12 @@ from scipy.interpolate import CubicSpline
 import flexarm as fa
 from arms import unit_link
 from constant_torques import parabolas
-from flexarm.simulation.histories.functions import function_history
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.samples import find_kinks, sampled_torque
+from flexarm.simulation.histories.piecewise import (
+    PiecewiseCubic,
+    find_kinks,
+    function_history,
+    sampled_torque,
+)
 from strategies import between
 
 

@@ -11,7 +11,7 @@ from kills import compare, write_study
 from small_study import files_of
 
 import flexarm as fa
-from flexarm.cases.studies import workers
+from flexarm.cases.studies import execution
 
 pytestmark = pytest.mark.thorough
 
@@ -27,13 +27,13 @@ def test_killed_study_leaves_the_same_store(tmp_path):
 
 def test_task_that_kills_its_workers_is_named(monkeypatch):
     """The first process dies, and that of the second attempt; Dask itself would try four times."""
-    monkeypatch.setattr(workers, "_MOST_LOSSES", 2)
+    monkeypatch.setattr(execution, "_MOST_LOSSES", 2)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        workers.cluster(None, 1) as client,
+        execution.cluster(None, 1) as client,
         pytest.raises(fa.InputError, match=r"ended the process .* that executed task \(7,\)"),
     ):
-        workers.execute(client, os._exit, [(7,)], lambda *_: None)
+        execution.execute(client, os._exit, [(7,)], lambda *_: None)
 
 
 def test_driver_that_is_killed_ends_its_workers(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from small_study import content, files_of
 
 import flexarm as fa
-from flexarm.cases.studies.stopping import quantile_interval
+from flexarm.cases.studies.store import quantile_interval
 
 STOP = {"metric": "tip_error_rms", "quantile": 0.5, "within": 0.022}
 

@@ -10,7 +10,7 @@ from small_study import CONTENT, PD, READING, content
 import flexarm as fa
 from flexarm.base import processes
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.studies.workers import cluster
+from flexarm.cases.studies.execution import cluster
 from flexarm.linear.statics.equilibrium import EquilibriumError
 from flexarm.model import StudySpec
 from flexarm.simulation.calls.compare import evaluated

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,7 @@ from flexarm.base.errors import (
     ArgumentError,
     InputError,
     Problem,
+    Rule,
     called_by_user,
     check_result,
     public_call,
@@ -102,6 +104,8 @@ class Arm(Dynamics):
 
     #: Without this attribute, ``help`` would show ``**fields``.
     __signature__ = signature_of(ArmSpec)
+    #: Rule of the arguments with this type, as that of an annotated type, for ``public_call``.
+    __metadata__: ClassVar[tuple[Rule, ...]]
 
     @public_call
     def __init__(self, spec: ArmSpec | None = None, /, **fields: Any) -> None:
@@ -299,6 +303,9 @@ class Arm(Dynamics):
         return forces
 
 
+Arm.__metadata__ = (Rule(partial(check_kind, kind=Arm)),)
+
+
 def _copy_of(spec: ArmSpec) -> Arm:
     """Return the arm of a pickled description, without the warnings of a call by the user."""
     return Arm(spec)
@@ -337,9 +344,8 @@ def varied(
     Warns:
         ImplausibleValueWarning: if a changed number looks like one of another unit.
     """
-    nominal = check_kind("arm", arm, Arm).spec
     spec = varied_spec(
-        nominal,
+        arm.spec,
         payload_factor=payload_factor,
         payload_mass=payload_mass,
         flexural_rigidity_factor=flexural_rigidity_factor,
@@ -348,7 +354,7 @@ def varied(
     )
     changed = Arm(spec)
     if called_by_user():
-        known = implausible(nominal)
+        known = implausible(arm.spec)
         warn_of([finding for finding in implausible(spec) if finding not in known])
     return changed
 
@@ -373,5 +379,4 @@ def save_arm(arm: Arm, path: str | PathLike[str]) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    spec = check_kind("arm", arm, Arm).spec
-    save_arm_spec(spec, check_path("path", path))
+    save_arm_spec(arm.spec, check_path("path", path))

@@ -284,7 +284,7 @@ def _rules(function: Callable[..., object]) -> list[tuple[str, int, Callable[[st
             word, optional, _ = annotation.partition(" | None")
             kind = plain.__globals__.get(word)
         for rule in getattr(kind, "__metadata__", ()):
-            if isinstance(rule, Rule):
+            if isinstance(rule, Rule) and name != "return":
                 index = code.co_varnames.index(name)
                 index = index if index < code.co_argcount else sys.maxsize  # by keyword only
                 rules.append((name, index, rule.or_none if optional else rule.check))

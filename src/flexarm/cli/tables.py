@@ -14,7 +14,7 @@ from rich.text import Text
 from flexarm.base.errors import printable
 
 if TYPE_CHECKING:
-    from flexarm.cases.results.formats import Savable
+    from flexarm.cases.results import Savable
 
 
 class _Screen(Console):

@@ -24,7 +24,7 @@ from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.identification import UNITS, Filter, RecordSettings
-from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.histories.piecewise import INTERPOLATIONS
 from flexarm.simulation.run.channels import CHANNELS, Channel
 
 #: Inputs of the motors, which simulated results do not contain.

@@ -32,9 +32,8 @@ from flexarm.linear import equilibrium, modes
 from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.prescribed import PrescribedAngle
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.loads import PrescribedAngle
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torque
 
 #: Phase (rad) of the slowest vibration from sample to sample above which a record misses it.
 _UNRESOLVED = np.pi

@@ -2,9 +2,18 @@
 
 from flexarm.motion.dynamics.dynamics_along import RigidTorque, rigid_torque
 from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics
-from flexarm.motion.motion import JointMotion, JointState, Motion, SampledMotion, joint_motion
+from flexarm.motion.motion import (
+    TIMING_LAWS,
+    JointMotion,
+    JointState,
+    Motion,
+    SampledMotion,
+    TimingLaw,
+    joint_motion,
+    quintic,
+    trapezoidal,
+)
 from flexarm.motion.shaping import ShapedMotion, SmoothedMotion, smoothed
-from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, trapezoidal
 from flexarm.motion.tip.tip_motion import (
     TipMotion,
     circle_motion,

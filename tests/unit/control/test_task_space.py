@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.control.design.task_space import TaskSpace
-from flexarm.motion.geometry.chain import rigid_chain, tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 ROD = {"mass_per_length": 0.5, "flexural_rigidity": 30.0}
 

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import flexarm as fa
-from flexarm.cases.results.formats import write_result
+from flexarm.cases.results import write_result
 from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Scenario, load_scenario, save_scenario

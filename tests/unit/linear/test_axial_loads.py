@@ -12,7 +12,7 @@ import pytest
 import flexarm as fa
 from flexarm.arm.actions import Environment
 from flexarm.linear.statics.axial import Acting, AxialLoads
-from flexarm.linear.statics.tangent import tangent
+from flexarm.linear.statics.equilibrium import tangent
 from random_arms import random_spec
 
 EULER, GREENHILL = np.pi**2 / 4, 7.83734743894

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.simulation.run.channels import CHANNELS
 
 LINK = fa.Link(

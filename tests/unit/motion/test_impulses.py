@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 import flexarm as fa
-from flexarm.motion.impulses import impulses, residual, specified_insensitivity
+from flexarm.motion.shaping import impulses, residual, specified_insensitivity
 
 V = 0.05
 #: Width of the range with less than 5 % residual for the order n of a Chebyshev polynomial. ZVn

@@ -7,8 +7,12 @@ from hypothesis import strategies as st
 from motion_checks import Links
 
 from flexarm.motion import inverse_kinematics as of_an_arm
-from flexarm.motion.geometry.chain import tip_jacobian, tip_position
-from flexarm.motion.geometry.inverse_kinematics import damped_least_squares, reach_limits
+from flexarm.motion.geometry.inverse_kinematics import (
+    damped_least_squares,
+    reach_limits,
+    tip_jacobian,
+    tip_position,
+)
 from strategies import between
 
 # Rounding of a tip position, of its angles and of their sum, per metre of reach.

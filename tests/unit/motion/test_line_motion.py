@@ -8,7 +8,12 @@ from motion_checks import Links
 
 from flexarm.base.errors import InputError
 from flexarm.motion import line_motion
-from flexarm.motion.geometry.chain import RigidChain, tip_jacobian, tip_jacobian_rate, tip_position
+from flexarm.motion.geometry.inverse_kinematics import (
+    RigidChain,
+    tip_jacobian,
+    tip_jacobian_rate,
+    tip_position,
+)
 from flexarm.motion.tip.tip_motion import SingularPathError, least_norm_path
 from flexarm.motion.tip.tip_paths import line_path
 

@@ -3,7 +3,7 @@
 import numpy as np
 from motion_checks import derivative
 
-from flexarm.motion.geometry.chain import tip_jacobian, tip_jacobian_rate, tip_position
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian, tip_jacobian_rate, tip_position
 
 LENGTHS = np.array([0.9, 0.4, 1.3, 0.2])
 ANGLES = np.array([0.3, -1.1, 0.7, 2.0])

@@ -17,7 +17,7 @@ from flexarm.motion import (
     trapezoidal,
     via_point_motion,
 )
-from flexarm.motion.geometry.chain import tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian, tip_jacobian_rate
 from flexarm.motion.tip.tip_paths import arc_path, polygon_path, spline_path
 
 ARMS = [Links(), Links((0.9, 0.7, 0.5, 0.6))]

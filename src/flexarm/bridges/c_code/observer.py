@@ -32,7 +32,7 @@ from flexarm.control.filters.kalman_filter import KalmanFilter
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
 from flexarm.control.filters.payload_hypotheses import split, widest_single
 from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
-from flexarm.linear.models.signals import find_outputs
+from flexarm.linear.models.state_space import find_outputs
 
 _PAYLOAD = "payload.mass"
 #: Steps of Newton's method for the sag at the start, which a fixed cost requires. Four are exact to

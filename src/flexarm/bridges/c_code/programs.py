@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.recording import SAMPLES, Recording
 from flexarm.bridges.c_code.source import Exported, array, origin
-from flexarm.simulation.real_time.packets import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
+from flexarm.simulation.real_time.partners import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
 
 _PROGRAM = """\
 #ifdef TIMES

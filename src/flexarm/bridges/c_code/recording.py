@@ -22,8 +22,7 @@ from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws.force.task_controller import TaskController
 from flexarm.control.laws.vibration.strain_damping import StrainDamping
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
-from flexarm.linear.step_derivatives.step_jacobian import step_jacobian
+from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian
 from flexarm.motion import Motion, joint_motion
 from flexarm.simulation.calls.run import simulate
 

@@ -16,7 +16,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.traced_law import TracedController
-from flexarm.linear.models.signals import state_names
+from flexarm.linear.models.state_space import state_names
 
 #: Blocks of CasADi's file that this package does not use: exported names and their prefixes,
 #: functions that describe functions.

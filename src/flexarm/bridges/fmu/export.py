@@ -33,7 +33,7 @@ from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
-from flexarm.linear.models.signals import find_inputs, find_outputs, state_names
+from flexarm.linear.models.state_space import find_inputs, find_outputs, state_names
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.new_run import initial_state
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, tip_units

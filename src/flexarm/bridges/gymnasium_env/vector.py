@@ -20,8 +20,8 @@ from flexarm.base.processes import check_workers
 from flexarm.bridges.gymnasium_env.base import ArmEnv, FloatArray, Vector, exact_instruments
 from flexarm.bridges.gymnasium_env.tasks import ReachEnv, TrackPathEnv
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
+from flexarm.simulation.batch.closed_lanes import LanePlants, Rows
 from flexarm.simulation.batch.lanes import arm_fits_lanes
-from flexarm.simulation.batch.plants import LanePlants, Places
 from flexarm.simulation.run.validity import BendingWatch
 
 BoolArray = NDArray[np.bool_]
@@ -219,7 +219,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             raise gymnasium.error.ResetNeeded(f"Episodes are over: call reset({how}).")
         return self._over.copy()
 
-    def _begin(self, places: Places, options: Mapping[str, Any]) -> None:
+    def _begin(self, places: Rows, options: Mapping[str, Any]) -> None:
         """Begin episodes in some sub-environments."""
         task, arm, angles = self._task, self._plants.arm, []
         for place in places.tolist():
@@ -331,9 +331,7 @@ def _checked_mask(given: Any, count: int) -> BoolArray:
     return mask
 
 
-def _seeds(
-    given: int | Sequence[int | None] | None, count: int, places: Places
-) -> list[int | None]:
+def _seeds(given: int | Sequence[int | None] | None, count: int, places: Rows) -> list[int | None]:
     """Return the seeds of the sub-environments ``places``."""
     if given is None:
         return [None] * len(places)

@@ -18,7 +18,7 @@ from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import check_place, write_text, write_whole
 from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
 from flexarm.linear import LinearModel, linearize
-from flexarm.linear.models.signals import state_names
+from flexarm.linear.models.state_space import state_names
 
 if TYPE_CHECKING:
     import casadi

@@ -1,35 +1,49 @@
-"""Runs of scenario files, through the same functions as the Python interface."""
+"""Runs of scenario files, and their start, through the functions of the Python interface."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import Parameter, signature
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm, described_arm
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
 from flexarm.cases.scenario.file_errors import Where, problems_at, problems_under
-from flexarm.cases.scenario.initial_state import Start, start_of, with_holding
-from flexarm.cases.scenario.motions import TaskReference, motion_of
-from flexarm.cases.scenario.references import Followed, reference_of, torque_of
+from flexarm.cases.scenario.references import (
+    Followed,
+    TaskReference,
+    motion_of,
+    reference_of,
+    torque_of,
+)
 from flexarm.control.contract.base import Controller
 from flexarm.control.filters.estimator import StateEstimator
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
 from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.control.laws import CONTROLLERS
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import equilibrium
+from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import (
+    AccelerationTable,
     Change,
     EventSpec,
+    FactorTable,
     Hardware,
+    HeldJoint,
     Load,
     Scenario,
+    TabulatedJoint,
     TorqueDrive,
     file_text,
     locate_scenario,
@@ -45,8 +59,8 @@ from flexarm.model.wording import path_of
 from flexarm.motion import Motion
 from flexarm.simulation.calls.preparation import implausible_run
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.loads import PrescribedAngle, constant, interpolated
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torque
 from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
     AnalysedLoop,
@@ -63,30 +77,124 @@ from flexarm.simulation.run.integrator_choice import check_integrator
 if TYPE_CHECKING:
     import xarray as xr
 
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Initial state of a scenario."""
+
+    q: FloatArray  # (dof,) coordinates
+    prescribed: dict[int, PrescribedAngle | Motion]  # motions of joints, by number from 1
+    holding: FloatArray | None = None  # (joints,) N m in equilibrium, to add to the drive, or None
+
+
+def start_of(
+    arm: Arm, scenario: Scenario, motion: Motion | PressedMotion | None, followed: Followed
+) -> Start:
+    """Return the start of a scenario; that of a flexible reference has bent links.
+
+    Raises:
+        EquilibriumError: if an equilibrium is requested and none is found.
+    """
+    asked = scenario.initial
+    angles = np.zeros(arm.joints)
+    if asked.joint_angle is not None:
+        angles = np.array(asked.joint_angle)
+    elif followed.initial is not None:
+        angles = arm.joint_angles(followed.initial).copy()
+    elif motion is not None:
+        angles = np.array(motion.joint_angle(0.0))
+    prescribed: dict[int, PrescribedAngle | Motion] = {}
+    numbers = arm.joint_numbers.tolist()
+    for spec in scenario.prescribed:
+        place = numbers.index(spec.joint)
+        own: PrescribedAngle | Motion
+        if isinstance(spec, TabulatedJoint):
+            own = PrescribedAngle.table(spec.times, spec.angles, spec.ends)
+            angles[place] = own.angle(0.0)
+        elif isinstance(spec, HeldJoint):
+            own = PrescribedAngle.hold(angles[place])
+        else:
+            assert isinstance(motion, Motion)  # checked when the file is read
+            own = motion
+            angles[place] = motion.joint_angle(0.0)[place]
+        prescribed[spec.joint] = own
+    if not asked.equilibrium:
+        chosen = asked.joint_angle is not None or prescribed
+        if followed.initial is not None and not chosen:
+            return Start(followed.initial, prescribed)
+        return Start(arm.rest(angles), prescribed)
+    loads = [_load_at_start(load) for load in scenario.loads]
+    base, contacts = scenario.base_acceleration, scenario.contacts
+    if isinstance(base, AccelerationTable):
+        base = interpolated(base).at(np.zeros(1))[0]
+    with one_warning():  # the run warns of its states, including this one
+        found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
+    return Start(found.q, prescribed, found.torque if asked.balance else None)
+
+
+def _load_at_start(load: Load) -> Load:
+    """Return a load with its constant value at time zero; at a jump of its factor, after it."""
+    if load.factor is None:
+        return load
+    assert isinstance(load.factor, FactorTable)  # checked when the file is read
+    factor = interpolated(load.factor).at(np.zeros(1))
+    return load.replace(factor=None).scaled(float(factor[0, 0]))
+
+
+#: Time (s) before every motion, at which torques are those of the arm at rest.
+_LONG_BEFORE = -1e9
+
+
+@dataclass(frozen=True, eq=False)
+class _Balanced:
+    """Torques along a motion, plus a constant for the equilibrium of the arm at the start.
+
+    The torques do not include the loads, and rigid torques not the sag of the links.
+    """
+
+    vectorized: ClassVar[bool] = True
+
+    torque: Any
+    more: FloatArray  # (joints,)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(getattr(self.torque, "breaks", ()))
+
+    def __call__(self, t: ArrayLike) -> FloatArray:
+        return np.asarray(self.torque(t)) + self.more
+
+
+def with_holding(torque: Callable[[Any], Any] | None, start: Start) -> Callable[[Any], Any] | None:
+    """Return a torque along a motion, corrected for the equilibrium at the start.
+
+    The correction applies if the start has a holding torque. Without a torque the result is the
+    holding torque, or None.
+    """
+    holding = start.holding
+    if torque is None:
+        return None if holding is None else partial(constant, holding)
+    if holding is None:
+        return torque
+    return _Balanced(torque, holding - np.asarray(torque(_LONG_BEFORE)))
+
+
 #: Keys of the file for arguments of the calls that create a reference.
 _TOP = {"motion": ".motion", "reference.motion": ".motion"}
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Validated scenario, converted to objects and ready to run.
-
-    Attributes:
-        arm: the arm.
-        motion: its requested motion, or None.
-        followed: the reference of the controller; the requested motion without one.
-        options: arguments of ``simulate``.
-        text: the scenario as a file, which results contain.
-        events: requested events; those in ``options`` are created for ``arm``.
-        in_volts: whether the torque in ``options`` is that of voltages of the motors of ``arm``.
-    """
+    """Validated scenario, converted to objects and ready to run."""
 
     arm: Arm
-    motion: TaskReference | None
-    followed: Followed
-    options: dict[str, Any]
-    text: str
+    motion: TaskReference | None  # its requested motion, or None
+    followed: Followed  # the reference of the controller; the requested motion without one
+    options: dict[str, Any]  # arguments of ``simulate``
+    text: str  # the scenario as a file, which results contain
+    #: requested events; those in ``options`` are created for ``arm``
     events: Sequence[EventSpec] = ()
+    #: whether the torque in ``options`` is that of voltages of the motors of ``arm``
     in_volts: bool = False
 
     def implausible(self) -> list[str]:
@@ -116,12 +224,7 @@ class Prepared:
         hardware: Hardware | None = None,
         changes: Sequence[Change] = (),
     ) -> list[LoopPole]:
-        """Return the dominant poles of the sampled loop, see `flexarm.simulation.loop.stability`.
-
-        Args:
-            plant, hardware: those to simulate; None for those of the scenario.
-            changes: those in addition to the scenario's.
-        """
+        """Return the dominant poles of the loop, of the scenario or with other arguments."""
         options = self.options
         if "controller" not in options:
             return []
@@ -278,15 +381,7 @@ def _check_touch(
 
 
 def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any]) -> None:
-    """Raise if the requirements of a drive are not met.
-
-    Args:
-        options: arguments of ``simulate``.
-
-    Raises:
-        InputError: if a measurement is missing or the controller is for another number of joints,
-            with the file location of the key to change.
-    """
+    """Raise if the requirements of a drive are not met; ``options``: arguments of ``simulate``."""
     if "controller" not in options:
         return
     found = misfits(
@@ -364,29 +459,17 @@ def _set_drive(
 
 @dataclass(frozen=True, eq=False)
 class DriveContext:
-    """Objects of the scenario that the keys of a drive refer to.
+    """Objects of the scenario that the keys of a drive refer to."""
 
-    Attributes:
-        arm: the controllers' model of the arm.
-        motion: of the rigid model, or None.
-        followed: the reference of the controller, with its torque.
-        start: of the run.
-        hardware: of the scenario, or None.
-    """
-
-    arm: Arm
-    motion: Motion | None
-    followed: Followed
-    start: Start
-    hardware: Hardware | None
+    arm: Arm  # the controllers' model of the arm
+    motion: Motion | None  # of the rigid model, or None
+    followed: Followed  # the reference of the controller, with its torque
+    start: Start  # of the run
+    hardware: Hardware | None  # of the scenario, or None
 
 
 def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
-    """Create the controller that a drive describes.
-
-    Raises:
-        InputError: if a value does not fit the arm; problems have the names of the drive's keys.
-    """
+    """Create the controller that a drive describes."""
     given: dict[str, Any] = {}
     for name in type(drive).model_fields:
         value = getattr(drive, name)

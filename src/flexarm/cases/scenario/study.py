@@ -14,12 +14,11 @@ from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.processes import in_processes
 from flexarm.cases.scenario.file_errors import Where, problems_at
-from flexarm.cases.scenario.motions import TaskReference
-from flexarm.cases.scenario.references import Followed
+from flexarm.cases.scenario.references import Followed, TaskReference
 from flexarm.cases.scenario.scenario import Prepared, check_fit, prepare
 from flexarm.control.contract.base import Reference
 from flexarm.integrate.base import FloatArray
-from flexarm.model import Hardware, Scenario, StudySpec, locate_study
+from flexarm.model import Hardware, StudySpec, locate_study
 from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.plausible import implausible, warn_of
 from flexarm.model.scenarios.study import placed, plant_spec
@@ -38,16 +37,7 @@ if TYPE_CHECKING:
 
 
 class PreparedStudy:
-    """Validated study, converted to objects and ready to run.
-
-    Args:
-        study: the study to run.
-        place: function from key path to location in its file, for messages.
-
-    Raises:
-        InputError: if a motion leaves the arm's reach, a drive does not fit, or ``settling``
-            excludes everything after a motion.
-    """
+    """Validated study, converted to objects and ready to run."""
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
         self.study = study
@@ -63,7 +53,8 @@ class PreparedStudy:
                 own = partial(_place, place, drive, motion)
                 scenario = study.scenario(drive, motion)
                 with _problems_in_study(drive, motion):
-                    kind = _reference_kind(scenario)
+                    law = scenario.drive
+                    kind = law.reference_kind if isinstance(law, ControllerDrive) else _OWN
                     prepared = prepare(
                         scenario, own, made.get(motion), followed.get((motion, kind)), self.arm
                     )
@@ -99,11 +90,7 @@ class PreparedStudy:
         }
 
     def run(self, progress: bool | None = None, workers: int = 1) -> xr.Dataset:
-        """Run the study once; return the table of ``flexarm.compare``, drives as controllers.
-
-        Args:
-            workers: number of processes for runs that take long.
-        """
+        """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
         evaluations = in_processes(self.evaluation, runs_of(self.names), workers)
         table = comparison(self.names, evaluations, progress)
         table.attrs["duration"] = self.study.run.duration
@@ -180,12 +167,6 @@ class PreparedStudy:
 _OWN = "own"
 
 
-def _reference_kind(scenario: Scenario) -> str | None:
-    """Return the kind of reference that drives share, see ``ControllerDrive.reference_kind``."""
-    drive = scenario.drive
-    return drive.reference_kind if isinstance(drive, ControllerDrive) else _OWN
-
-
 @public_call
 def run_study(
     study: StudySpec | str | PathLike[str], *, progress: bool | None = None
@@ -214,11 +195,7 @@ def run_study(
 
 @contextmanager
 def _problems_in_study(drive: str, motion: str, plant: str | None = None) -> Iterator[None]:
-    """Report problems of one scenario with their key paths in the study.
-
-    Args:
-        plant: owner of the hardware; None for that of the study.
-    """
+    """Report problems of one scenario with their key paths in the study."""
     try:
         yield
     except InputError as error:

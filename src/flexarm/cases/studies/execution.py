@@ -1,18 +1,23 @@
-"""Execution of the samples of a study: all drives on all plants along all motions for each."""
+"""Execution of the samples of a study, also by the workers of a Dask cluster, and their table."""
 
 from __future__ import annotations
 
+import logging
+import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property, lru_cache, partial
 from itertools import product
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
+from flexarm.base.arguments import library_missing
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
 from flexarm.cases.scenario.file_errors import Where
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.cases.studies.samples import Samples, in_study
@@ -26,6 +31,151 @@ from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.compare import Evaluation, evaluated
 from flexarm.simulation.calls.metrics import METRICS
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Dimensions of a run in a study.
+DIMS = ("sample", "controller", "plant", "reference")
+
+
+def table_of(
+    outcomes: Outcomes,
+    numbers: NDArray[np.int64],
+    names: Mapping[str, Sequence[str]],
+    paths: Sequence[str],
+    attributes: Mapping[str, Any],
+) -> xr.Dataset:
+    """Return the labelled dataset of outcomes."""
+    import xarray as xr
+
+    table = xr.Dataset(attrs=dict(attributes))
+    label = {"long_name": "sample, counted from 0"}
+    table = table.assign_coords({"sample": ("sample", numbers, label)})
+    table = table.assign_coords({dim: list(own) for dim, own in names.items()})
+    for j, path in enumerate(paths):
+        label = {"long_name": f"{path} of the sample"}
+        table = table.assign_coords({path: ("sample", outcomes.parameters[:, j], label)})
+    for j, metric in enumerate(RECORDED):
+        labels = {"units": metric.unit, "long_name": metric.meaning}
+        table[metric.name] = (DIMS, outcomes.metrics[..., j], labels)
+    texts = outcomes.failure.astype(str)
+    absent = np.char.startswith(texts, INFEASIBLE)
+    reasons = [text.removeprefix(INFEASIBLE) for text in np.where(absent, texts, "").flat]
+    table["failure"] = (DIMS, np.where(absent, "", texts), {"long_name": "why a run failed"})
+    label = {"long_name": "why the numbers of a run are not possible"}
+    table["infeasible"] = (DIMS, np.array(reasons, dtype=str).reshape(texts.shape), label)
+    table["warning"] = (DIMS, outcomes.warning.astype(str), {"long_name": "warnings of a run"})
+    return table
+
+
+#: Tasks that wait or run for each thread of the cluster, so that no worker idles between two.
+_AHEAD = 3
+#: How often a chunk may end with its workers, each time after three attempts of Dask.
+_MOST_LOSSES = 3
+
+
+def check_client(client: object) -> None:
+    """Raise if a value is neither a client of Dask, nor an address, nor None."""
+    if client is None:
+        return
+    rule = "be a Client of Dask or the address of a scheduler"
+    hint = "An address is text such as 'tcp://host:8786'."
+    distributed = _distributed()
+    if isinstance(client, str):
+        right = re.fullmatch(r"\w+://[^\s/]+:\d+", client) is not None
+    else:
+        right = isinstance(client, distributed.Client)
+    if not right:
+        raise InputError(Problem("client", rule, shown(client), hint))
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise library_missing("distributed", "cluster") from None
+    return distributed
+
+
+@contextmanager
+def cluster(client: object, workers: int) -> Iterator[Any]:
+    """Provide a client of Dask, or ``workers`` processes of this computer."""
+    distributed = _distributed()
+    if client is None:
+        # One thread for each process: most of a run is Python code, and threads take turns at it.
+        try:
+            local = distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                memory_limit=None,
+                silence_logs=logging.ERROR,
+                # Not the default port, which may be in use: Dask would warn.
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+            )
+        except RuntimeError:
+            hint = 'A script needs the guard `if __name__ == "__main__":`; workers=1 does not.'
+            raise InputError(Problem("workers", "could not be started", hint=hint)) from None
+        with local, distributed.Client(local) as own:
+            yield own
+    elif isinstance(client, str):
+        try:
+            connected = distributed.Client(client)
+        except OSError:
+            rule = "be the address of a scheduler that runs"
+            raise InputError(Problem("client", rule, shown(client))) from None
+        with connected:
+            yield connected
+    else:
+        yield client
+
+
+def execute(
+    client: Any,
+    task: Callable[..., Any],
+    arguments: Sequence[tuple[Any, ...]],
+    done: Callable[[int, Any], None],
+) -> None:
+    """Call ``task`` with each of ``arguments`` on a cluster; ``done`` gets place and result."""
+    from distributed import CancelledError, KilledWorker, as_completed
+
+    completed: Any = as_completed  # without annotations
+    waiting, places, losses = completed(), {}, Counter[int]()
+    left = iter(range(len(arguments)))
+
+    def submit(place: int) -> None:
+        future = client.submit(task, *arguments[place], pure=False)
+        places[future.key] = place
+        waiting.add(future)
+
+    def fill() -> None:
+        most = _AHEAD * max(1, sum(client.nthreads().values()))
+        while len(places) < most and (place := next(left, None)) is not None:
+            submit(place)
+
+    fill()
+    for future in waiting:
+        place = places.pop(future.key)
+        try:
+            result = future.result()
+        except KilledWorker:
+            losses[place] += 1
+            if losses[place] >= _MOST_LOSSES:
+                rule = f"ended the process of each worker that executed task {arguments[place]}"
+                hint = "Its memory may not suffice."
+                raise InputError(Problem("study", rule, hint=hint)) from None
+            submit(place)
+            continue
+        except CancelledError:
+            hint = "Resume the study."
+            raise InputError(Problem("client", "has lost its scheduler", hint=hint)) from None
+        finally:
+            future.release()
+        done(place, result)
+        fill()
+
+
 #: Recorded metrics. The computing time of controllers differs from run to run.
 RECORDED = tuple(metric for metric in METRICS if metric.name != "controller_time")
 #: Samples that are simulated together, in the lanes of ``simulate_batch`` where it has them.
@@ -38,20 +188,16 @@ _EXACT = {"specialized": False}
 
 
 class Outcomes(NamedTuple):
-    """Results of consecutive samples.
+    """Results of consecutive samples."""
 
-    Attributes:
-        parameters: (samples, parameters), the values of the varied numbers.
-        metrics: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run
-            that failed.
-        failure, warning: (samples, controllers, plants, references) texts, or empty; the failure
-            of an infeasible run begins with ``INFEASIBLE``.
-    """
-
-    parameters: FloatArray
+    parameters: FloatArray  # (samples, parameters), the values of the varied numbers
+    #: (samples, controllers, plants, references, metrics) of ``RECORDED``; NaN for a run that
+    #: failed
     metrics: FloatArray
+    #: (samples, controllers, plants, references) texts, or empty; the failure of an infeasible
+    #: run begins with ``INFEASIBLE``
     failure: NDArray[np.object_]
-    warning: NDArray[np.object_]
+    warning: NDArray[np.object_]  # likewise
 
     def at(self, part: slice | NDArray[np.bool_]) -> Outcomes:
         """Return a part of the samples."""
@@ -61,14 +207,7 @@ class Outcomes(NamedTuple):
 
 
 class Executor:
-    """Runs of a study.
-
-    Args:
-        place: function from key path to location in its file, for messages.
-
-    Raises:
-        InputError: if a part of the study does not fit another, or a path leads to no number.
-    """
+    """Runs of a study."""
 
     def __init__(self, prepared: PreparedStudy, place: Where = lambda _: "study") -> None:
         self._prepared = prepared
@@ -102,11 +241,6 @@ class Executor:
     ) -> FloatArray:
         """Return the largest metric of a run for each sample, divided by its limit.
 
-        Args:
-            values: (samples, parameters) of the varied numbers.
-            first: number of the first sample, for its noise.
-            chosen: drive, plant and motion.
-
         Returns:
             (samples,), infinite for a run that failed or has no value, -inf for an infeasible one.
         """
@@ -129,11 +263,7 @@ class Executor:
     def _evaluations(
         self, samples: Mapping[int, _Sample], start: int, chosen: tuple[str, str, str]
     ) -> Iterator[tuple[int, Evaluation]]:
-        """Execute one run of each sample; ``chosen``: its drive, plant and motion.
-
-        Args:
-            samples: by their numbers, counted from ``start``.
-        """
+        """Execute one run of each sample; ``chosen``: its drive, plant and motion."""
         cases = []
         for k, sample in samples.items():
             try:
@@ -161,12 +291,7 @@ class Executor:
 
 
 class _Sample:
-    """One sample of a study: its file and its simulated arms, created when they are needed.
-
-    Args:
-        study: the study without variation.
-        values: of the varied numbers, by path.
-    """
+    """One sample of a study: its file and its simulated arms, created when they are needed."""
 
     def __init__(self, study: PreparedStudy, values: Mapping[str, float]) -> None:
         self._study = study
@@ -176,11 +301,7 @@ class _Sample:
 
     @cached_property
     def study(self) -> StudySpec:
-        """The file with the numbers of the sample.
-
-        Raises:
-            InputError: if the numbers are not possible.
-        """
+        """The file with the numbers of the sample."""
         return with_numbers(self._study.study, self._own)
 
     @cached_property
@@ -194,11 +315,7 @@ class _Sample:
         return PreparedStudy(self.study) if self._own else self._study
 
     def simulated(self, plant: str) -> Arm | None:
-        """Return the simulated arm if it differs from that of the plant in the file.
-
-        Raises:
-            InputError: if the numbers are not possible.
-        """
+        """Return the simulated arm if it differs from that of the plant in the file."""
         study = self.study
         if not self._of_arm:
             return None
@@ -228,19 +345,12 @@ _CHANNELS, _MEMORY = ("tip", "joint_angle", "torque"), 2**26
 
 
 class Case(NamedTuple):
-    """One run of a study.
+    """One run of a study."""
 
-    Attributes:
-        number: of the sample.
-        prepared: study of the sample.
-        simulated: arm in place of that of the plant, or None.
-        seed: of the noise, or None for that of the hardware.
-    """
-
-    number: int
-    prepared: PreparedStudy
-    simulated: Arm | None
-    seed: int | None
+    number: int  # of the sample
+    prepared: PreparedStudy  # study of the sample
+    simulated: Arm | None  # arm in place of that of the plant, or None
+    seed: int | None  # of the noise, or None for that of the hardware
 
 
 def evaluated_together(

@@ -17,9 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.base.errors import AccuracyWarning, warn_caller
-from flexarm.cases.studies.execution import executor_of
-from flexarm.cases.studies.table import DIMS
-from flexarm.cases.studies.workers import cluster, execute
+from flexarm.cases.studies.execution import DIMS, cluster, execute, executor_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.study import RareFailures
 from flexarm.simulation.run.progress import Meter
@@ -141,17 +139,13 @@ _CORRELATION = 0.5
 
 
 class Probability(NamedTuple):
-    """Probability of a rare event.
+    """Probability of a rare event."""
 
-    Attributes:
-        value: 0 if it is below 1e-8, NaN if the performance has no values between those of ordinary
-            samples and failure, so that nothing leads to the failures.
-        variation: coefficient of variation. evaluations: number of evaluations.
-    """
-
+    #: 0 if it is below 1e-8, NaN if the performance has no values between those of ordinary
+    #: samples and failure, so that nothing leads to the failures
     value: float
-    variation: float
-    evaluations: int
+    variation: float  # coefficient of variation
+    evaluations: int  # number of evaluations
 
 
 def subset_probability(

@@ -32,16 +32,8 @@ _SOBOL_BITS = 30
 class Samples:
     """Values of the varied numbers of a study.
 
-    Args:
-        study: its description; without `vary` and `samples`, it has one sample.
-        place: function from key path to location in its file, for messages.
-
     Attributes:
         paths: of the varied numbers. count: number of samples.
-
-    Raises:
-        InputError: if a path leads to no number, or relative values to 0; all such paths are
-            listed.
     """
 
     def __init__(self, study: StudySpec, place: Where = lambda _: "study") -> None:
@@ -154,8 +146,7 @@ def _levels(item: Distribution) -> FloatArray:
     if isinstance(item, NormalDistribution):
         return np.zeros(0)
     scale = np.geomspace if isinstance(item, LogUniformDistribution) else np.linspace
-    values: FloatArray = scale(item.low, item.high, item.levels)
-    return values
+    return np.asarray(scale(item.low, item.high, item.levels))
 
 
 def _quantile(item: Distribution, fraction: FloatArray) -> FloatArray:
@@ -180,16 +171,11 @@ _NODES = 32
 
 
 class Germ(NamedTuple):
-    """A varied number as a variable near 1, and a quadrature of its distribution.
+    """A varied number as a variable near 1, and a quadrature of its distribution."""
 
-    Attributes:
-        values: (samples,) of the variable.
-        nodes, weights: of the quadrature; the weights sum to 1.
-    """
-
-    values: FloatArray
-    nodes: FloatArray
-    weights: FloatArray
+    values: FloatArray  # (samples,) of the variable
+    nodes: FloatArray  # of the quadrature; the weights sum to 1
+    weights: FloatArray  # likewise
 
 
 def germ_of(item: Distribution, values: FloatArray) -> Germ:

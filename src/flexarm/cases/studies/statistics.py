@@ -13,7 +13,7 @@ Safety 93, 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,8 +33,8 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.cases.studies.execution import DIMS
 from flexarm.cases.studies.samples import Germ, Samples, counted_germ
-from flexarm.cases.studies.table import DIMS
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
@@ -109,18 +109,16 @@ def study_statistics(
         statistics = statistics.assign(_ratios(statistics, nominal))
     rates = _rates(failed.sum(axis=0), possible.sum(axis=0), confidence)
     complete = possible & (table["failure"].transpose(*DIMS).values == "")
-    statistics["samples"] = (
-        DIMS[1:],
-        complete.sum(axis=0),
-        {"long_name": "runs that did not fail"},
-    )
-    label = {"long_name": "runs whose numbers are not possible"}
-    statistics["infeasible"] = (DIMS[1:], (~possible).sum(axis=0), label)
-    label = {"long_name": "fraction of the possible runs that failed or exceed a limit"}
-    statistics["failure_rate"] = (DIMS[1:], rates[..., 0], label)
-    for j, end in enumerate(("low", "high"), start=1):
-        label = {"long_name": f"{end} limit of the confidence interval"}
-        statistics[f"failure_rate_{end}"] = (DIMS[1:], rates[..., j], label)
+    fraction = "fraction of the possible runs that failed or exceed a limit"
+    rows = {
+        "samples": (complete.sum(axis=0), "runs that did not fail"),
+        "infeasible": ((~possible).sum(axis=0), "runs whose numbers are not possible"),
+        "failure_rate": (rates[..., 0], fraction),
+        "failure_rate_low": (rates[..., 1], "low limit of the confidence interval"),
+        "failure_rate_high": (rates[..., 2], "high limit of the confidence interval"),
+    }
+    for name, (values, meaning) in rows.items():
+        statistics[name] = (DIMS[1:], values, {"long_name": meaning})
     return statistics
 
 
@@ -177,7 +175,9 @@ def sensitivity_indices(
 
     table = _checked(table)
     check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
-    paths = [str(name) for name, item in table.coords.items() if _is_parameter(name, item)]
+    paths = [
+        str(k) for k, item in table.coords.items() if item.dims == ("sample",) and k != "sample"
+    ]
     if not paths:
         raise InputError(Problem("table", "has no varied numbers"))
     values, possible = table[metric].transpose(*DIMS).values, _possible(table)
@@ -249,10 +249,6 @@ def _ratios(found: xr.Dataset, nominal: object) -> dict[str, xr.DataArray]:
     return ratios
 
 
-def _is_parameter(name: Any, item: xr.DataArray) -> bool:
-    return item.dims == ("sample",) and name != "sample"
-
-
 def _quantiles(
     values: NDArray[np.float64], probabilities: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -306,20 +302,14 @@ _PARTS, _PATIENCE, _ENOUGH = 5, 2, 1e-5
 
 
 class Indices(NamedTuple):
-    """Indices of Sobol' of a metric.
+    """Indices of Sobol' of a metric."""
 
-    Attributes:
-        first, total: (numbers,) fractions of the variance that a number explains alone, and with
-            all others.
-        first_width, total_width: (numbers,) half the widths of their 95 % intervals.
-        unexplained: fraction of the variance that the expansion does not predict, from
-            cross-validation.
-    """
-
+    #: (numbers,) fractions of the variance that a number explains alone, and with all others
     first: FloatArray
-    total: FloatArray
-    first_width: FloatArray
-    total_width: FloatArray
+    total: FloatArray  # likewise
+    first_width: FloatArray  # (numbers,) half the widths of their 95 % intervals
+    total_width: FloatArray  # likewise
+    #: fraction of the variance that the expansion does not predict, from cross-validation
     unexplained: float
 
 
@@ -338,8 +328,7 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
     def fractions(c: FloatArray) -> FloatArray:
         squares = c**2 * terms.any(axis=1)
         whole = squares.sum(axis=-1, keepdims=True) + error
-        parts: FloatArray = np.stack([squares @ alone.T, squares @ within.T]) / whole
-        return parts
+        return np.asarray(np.stack([squares @ alone.T, squares @ within.T]) / whole)
 
     first, total = fractions(coefficients)
     factor = np.linalg.qr(basis, mode="r")
@@ -401,9 +390,6 @@ def _chosen(
     basis: FloatArray, y: FloatArray, learned: NDArray[np.bool_]
 ) -> tuple[list[int], list[float]]:
     """Return the columns of a basis in their order of importance; the first one is constant.
-
-    Args:
-        learned: (samples,) those from which columns and coefficients follow.
 
     Returns:
         The columns, and for each number of them the sum of squared errors of the other samples.

@@ -4,6 +4,10 @@ A chunk consists of one file in each of the arrays ``parameters``, ``metrics``, 
 ``warning``, each of which is replaced as a whole, and of a checksum of their contents, which is
 written last. A chunk without its checksum, or with another one, is executed again. The numbers of a
 run depend on nothing but the study, so a chunk that is written twice has the same content.
+
+A study may end before all of its samples, if a quantile of a metric is known well enough. That
+follows from the first 64, 128, 256, ... samples alone. It is therefore the same for all workers,
+chunks and interruptions, and a store needs no record of it.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from numpy.typing import NDArray
 
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import (
+    AccuracyWarning,
     FlexarmError,
     FlexarmWarning,
     InputError,
@@ -29,15 +34,109 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.cases.studies.execution import RECORDED, Executor, Outcomes
+from flexarm.cases.studies.execution import DIMS, RECORDED, Executor, Outcomes, table_of
 from flexarm.cases.studies.samples import Samples
-from flexarm.cases.studies.stopping import Ending
-from flexarm.cases.studies.table import DIMS, table_of
+from flexarm.integrate.base import FloatArray
 from flexarm.model.file_format.files import record_of_bytes
+from flexarm.model.scenarios.study import SamplePlan
 from flexarm.simulation.calls.result import package_version, software_versions
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Samples of the first decision; each other one has twice as many.
+FIRST = 64
+
+
+class Ending:
+    """The number of samples of a study, which may depend on their metrics.
+
+    Attributes:
+        decisions: numbers of samples after which the study may end; the last one is ``count``.
+    """
+
+    def __init__(self, plan: SamplePlan | None, count: int) -> None:
+        self._stop = plan.stop if plan is not None else None
+        sizes = [FIRST * 2**k for k in range(count.bit_length()) if FIRST * 2**k < count]
+        self.decisions: list[int] = [*(sizes if self._stop is not None else []), count]
+
+    def after(self, metrics: FloatArray) -> int | None:
+        """Return at how many samples the study ends by their metrics; None if it takes more."""
+        for size in self.decisions:
+            if size > len(metrics):
+                return None
+            if size == self.decisions[-1] or self._width(metrics[:size]) <= self._within:
+                return size
+        return None
+
+    def lacking(
+        self, missing: Callable[[int], list[int]], metrics: Callable[[int], FloatArray]
+    ) -> tuple[int, list[int]]:
+        """Return how many samples the study needs so far, and their missing chunks."""
+        size = 0
+        for size in self.decisions:
+            if chunks := missing(size):
+                return size, chunks
+            if self.after(metrics(size)) is not None:
+                break
+        return size, []
+
+    def warn(self, metrics: FloatArray) -> None:
+        """Warn if all samples do not suffice."""
+        if self._stop is None or len(metrics) < self.decisions[-1]:
+            return
+        if (width := self._width(metrics)) <= self._within:
+            return
+        verb = "determine" if np.isfinite(width) else "do not determine"
+        precision = f" within {100.0 * width:.2g} %" if np.isfinite(width) else ""
+        text = (
+            f"{len(metrics)} samples {verb} the {self._stop.quantile:g} quantile of "
+            f"{self._stop.metric}{precision}; {100.0 * self._within:g} % were requested. Use more."
+        )
+        warn_caller(text, AccuracyWarning)
+
+    @property
+    def _within(self) -> float:
+        return 0.0 if self._stop is None else self._stop.within
+
+    def _width(self, metrics: FloatArray) -> float:
+        """Return half the widest interval of the quantile of any drive, plant and motion.
+
+        It is divided by the quantile. Each decision has its part of the probability of an error,
+        so that the study ends rightly with the confidence. Runs without a value are left out.
+        """
+        assert self._stop is not None
+        rule, names = self._stop, [metric.name for metric in RECORDED]
+        confidence = 1.0 - (1.0 - rule.confidence) / len(self.decisions)
+        widths = [0.0]
+        values = metrics[..., names.index(rule.metric)].reshape(len(metrics), -1)
+        for column in values.T:
+            finite = column[np.isfinite(column)]
+            low, high = quantile_interval(finite, rule.quantile, confidence)
+            size = abs(np.quantile(finite, rule.quantile)) if finite.size else 0.0
+            widths.append(0.5 * (high - low) / size if high > low else 0.0)
+        return float(np.max(widths))
+
+
+def quantile_interval(
+    values: FloatArray, quantile: float, confidence: float
+) -> tuple[float, float]:
+    """Return the interval of a quantile from independent samples, for any distribution.
+
+    Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), and
+    infinite if there are too few samples.
+    """
+    from scipy.stats import binom
+
+    tail = 0.5 * (1.0 - confidence)
+    low = int(binom.ppf(tail, values.size, quantile)) if values.size else 0
+    high = int(binom.ppf(1.0 - tail, values.size, quantile)) + 1 if values.size else 1
+    ordered: NDArray[np.float64] = np.sort(values)
+    return (
+        float(ordered[low - 1]) if low >= 1 else -np.inf,
+        float(ordered[high - 1]) if high <= values.size else np.inf,
+    )
+
 
 #: Version of the layout of a store, and the suffix of folders and files that are not complete.
 _LAYOUT, _PARTIAL = 2, ".partial"
@@ -53,15 +152,9 @@ def versions() -> dict[str, str]:
 class Store:
     """A store of a study that exists.
 
-    Args:
-        path: its folder.
-
     Attributes:
         text: the study as a file. chunk: number of samples of a chunk. count: of all samples.
         versions: of the software that computes it.
-
-    Raises:
-        InputError: if the folder is not a store of a study.
     """
 
     def __init__(self, path: Path) -> None:
@@ -148,11 +241,7 @@ class Store:
         )
 
     def write(self, i: int, outcomes: Outcomes) -> None:
-        """Record chunk i, whether or not it exists.
-
-        Raises:
-            InputError: if writing fails, for example because the disk is full.
-        """
+        """Record chunk i, whether or not it exists."""
         part = self._slice(i)
         with _writing(self.path):
             for name, array in self._arrays.items():
@@ -204,16 +293,7 @@ class Store:
 def create_store(
     path: Path, text: str, executor: Executor, names: Mapping[str, Sequence[str]], chunk: int
 ) -> Store:
-    """Create the folder of a store, completely or not at all.
-
-    Args:
-        text: the study as a file.
-        names: of drives, plants and motions.
-        chunk: number of samples of a chunk.
-
-    Raises:
-        InputError: if it cannot be written.
-    """
+    """Create the folder of a store, completely or not at all."""
     zarr = _zarr()
     unfinished = path.with_name(path.name + _PARTIAL)
     samples = executor.samples
@@ -301,10 +381,6 @@ def opened(path: str, digest: str) -> Store:
 
     Args:
         digest: that of the store, because another study may be in the same folder later.
-
-    Raises:
-        InputError: if it is not the store with this digest, or this process has other versions of
-            the software.
     """
     store = Store(Path(path))
     if store.digest != digest:
@@ -314,11 +390,7 @@ def opened(path: str, digest: str) -> Store:
 
 
 def check_versions(store: Store) -> None:
-    """Raise if a store was begun with other versions of the software, which give other digits.
-
-    Raises:
-        InputError: if they differ.
-    """
+    """Raise if a store was begun with other versions of the software, which give other digits."""
     own = versions()
     problems = [
         Problem("store", f"{_OTHERS} with {own[name]}: it was begun with {begun}")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +26,19 @@ from flexarm.base.errors import (
 from flexarm.base.processes import check_workers
 from flexarm.cases.scenario.file_errors import Where, problems_at
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.cases.studies.execution import RECORDED, Executor, Outcomes, executor_of
+from flexarm.cases.studies.execution import (
+    RECORDED,
+    Executor,
+    Outcomes,
+    check_client,
+    cluster,
+    execute,
+    executor_of,
+    table_of,
+)
 from flexarm.cases.studies.rare import rare_failures
-from flexarm.cases.studies.stopping import Ending
 from flexarm.cases.studies.store import (
+    Ending,
     Store,
     check_versions,
     checksum,
@@ -35,8 +46,6 @@ from flexarm.cases.studies.store import (
     opened,
     versions,
 )
-from flexarm.cases.studies.table import table_of
-from flexarm.cases.studies.workers import check_client, cluster, execute
 from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import StudySpec, file_text, locate_study
@@ -141,7 +150,7 @@ class Study:
         study that was killed and resumed leaves the same files as one that was not. In a script,
         processes require the guard ``if __name__ == "__main__":``.
         """
-        count = check_workers("workers", workers)
+        processes = check_workers("workers", workers)
         if client is not None and workers is not None:
             raise InputError(Problem("workers", "cannot be combined with client"))
         check_client(client)
@@ -149,16 +158,16 @@ class Study:
         if place is not None and place.exists():
             kept = self._existing(place, resume)
         else:
-            size = min(self._ending.decisions[0], chunk or self._measured_chunk(count))
+            size = min(self._ending.decisions[0], chunk or self._measured_chunk(processes))
             if place is None:
-                return self._in_memory(size, client, count, progress)
+                return self._in_memory(size, client, processes, progress)
             kept = create_store(place, self._text, self._executor, self._prepared.names, size)
         path = str(kept.path.resolve())
 
         def task(i: int) -> tuple[Any, ...]:
             return record_chunk, path, kept.digest, i
 
-        self._execute(kept.lacking, task, lambda *_: None, client, count, progress)
+        self._execute(kept.lacking, task, lambda *_: None, client, processes, progress)
         kept.clean()
         self._ending.warn(kept.metrics(kept.lacking()[0]))
         return kept.table()
@@ -216,7 +225,7 @@ class Study:
         The method is subset simulation (Au and Beck, Probabilistic Engineering Mechanics 16, 2001)
         with adaptive conditional samples. Its runs follow from the seed and stay in memory.
         """
-        count = check_workers("workers", workers)
+        processes = check_workers("workers", workers)
         given = {"limits": limits, "samples": samples, "seed": seed}
         changes = {name: value for name, value in given.items() if value is not None}
         rare = checked_arguments(RareFailures, **{**dict(self.spec.rare_failures or {}), **changes})
@@ -225,7 +234,7 @@ class Study:
             check_choice("limits", name, names)
         if not self._executor.samples.paths:
             raise InputError(Problem("study", "has no varied numbers"))
-        return rare_failures(self._text, self._prepared.names, rare, count, progress)
+        return rare_failures(self._text, self._prepared.names, rare, processes, progress)
 
     @public_call
     def verify(
@@ -327,12 +336,7 @@ class Study:
         workers: int,
         progress: bool | None,
     ) -> None:
-        """Execute chunks in this process or on a cluster, until none is lacking.
-
-        Args:
-            task: function from a chunk to the function that executes it, and its arguments.
-            done: function that receives a chunk and its result.
-        """
+        """Execute chunks in this process or on a cluster, until none is lacking."""
         with ExitStack() as stack:
             connected, before = None, list[int]()
             while (chunks := lacking()[1]) and chunks != before:
@@ -342,7 +346,7 @@ class Study:
                 if not local and connected is None:
                     connected = stack.enter_context(cluster(client, min(workers, len(chunks))))
                 with Meter("simulating", progress, lines=True) as meter:
-                    report = _Report(meter, chunks, done)
+                    report = partial(_report, meter, chunks, done, count(1))
                     if local:
                         for place, (function, *arguments) in enumerate(tasks):
                             report(place, function(*arguments))
@@ -350,20 +354,16 @@ class Study:
                         execute(connected, tasks[0][0], [tuple(own[1:]) for own in tasks], report)
 
 
-class _Report:
-    """Receiver of results, which reports them to a meter.
-
-    Args:
-        chunks: that are executed. done: function that receives a chunk and its result.
-    """
-
-    def __init__(self, meter: Meter, chunks: list[int], done: Callable[[int, Any], object]) -> None:
-        self._meter, self._chunks, self._done, self._count = meter, chunks, done, 0
-
-    def __call__(self, place: int, result: Any) -> None:
-        self._count += 1
-        self._done(self._chunks[place], result)
-        self._meter.update(self._count / len(self._chunks))
+def _report(
+    meter: Meter,
+    chunks: list[int],
+    done: Callable[[int, Any], object],
+    counted: Iterator[int],
+    place: int,
+    result: Any,
+) -> None:
+    done(chunks[place], result)
+    meter.update(next(counted) / len(chunks))
 
 
 def record_chunk(path: str, digest: str, i: int) -> None:

@@ -27,7 +27,7 @@ from flexarm.cli.tables import console, numbers, print_line, save_figure
 if TYPE_CHECKING:
     from flexarm.arm.arm import Arm
     from flexarm.linear import Modes, ModeTracks
-    from flexarm.linear.vibration.held import Joints
+    from flexarm.linear.vibration.modal import Joints
 
 #: Samples along a range of postures or spins, and stride of the printed rows.
 _SAMPLES, _SHOWN_EVERY = 81, 10

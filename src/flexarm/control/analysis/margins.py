@@ -30,7 +30,7 @@ from flexarm.control.contract.base import (
     requirements_of,
 )
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.model import Contact, Hardware, Instrument
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.instruments import faulty
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.signals import OutputName
+from flexarm.linear.models.state_space import OutputName
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Sensor
 

@@ -12,7 +12,7 @@ from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirements, check_names
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.models.signals import CHANNEL_OUTPUTS
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.linear.vibration.lowest import lowest_frequency
 from flexarm.model.drives.linear import LQGParameters
 

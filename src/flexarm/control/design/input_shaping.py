@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each, check_kind, check_number
 from flexarm.base.errors import InputError, Problem, public_call, shown
-from flexarm.linear.vibration.held import Joints, joint_feedback
+from flexarm.linear.vibration.modal import Joints, joint_feedback
 from flexarm.linear.vibration.tracking import track_modes
 from flexarm.model.checks import checked_arguments
 from flexarm.model.scenarios.motions import ShapingSpec
-from flexarm.motion.impulses import Impulses, impulses, residual
 from flexarm.motion.motion import Motion, check_motion
-from flexarm.motion.shaping import Clock, ShapedMotion
+from flexarm.motion.shaping import Clock, Impulses, ShapedMotion, impulses, residual
 
 FloatArray = NDArray[np.float64]
 

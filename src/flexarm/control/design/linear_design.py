@@ -14,8 +14,7 @@ from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.signals import INPUTS
-from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.models.state_space import INPUTS, LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.wording import nearest
 

@@ -11,7 +11,7 @@ from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Reference
 from flexarm.control.contract.feedforward import SampledFeedforward
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.motion.geometry.chain import rigid_chain, tip_jacobian, tip_jacobian_rate
+from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 
 class TaskReference(NamedTuple):

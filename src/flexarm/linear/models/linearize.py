@@ -20,14 +20,14 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_channels
-from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
-from flexarm.linear.models.signals import (
+from flexarm.linear.models.state_space import (
     Input,
     InputName,
+    LinearModel,
     Output,
     OutputName,
     find_inputs,
@@ -35,11 +35,9 @@ from flexarm.linear.models.signals import (
     state_names,
     torque_places,
 )
-from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium
+from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium, tangent
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
-from flexarm.linear.statics.tangent import tangent
 from flexarm.model import Contact, Load
 
 ComplexArray = NDArray[Any]
@@ -87,7 +85,6 @@ def linearize(
         AccuracyWarning: friction has bristles, which a linear model does not contain.
         FlexarmWarning: friction holds a joint that is at rest.
     """
-    arm = check_kind("arm", arm, Arm)
     given = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(arm, *given)
     environment.placed(arm)  # errors name this function

@@ -37,6 +37,10 @@ _STRIDE = 8
 _PAGE = "see docs/how-to/large-deflection.md."
 
 
+#: Arms with the second-order theory, which have the same coordinates.
+_second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
+
+
 def geometric_stiffness(arm: Arm, q: FloatArray, environment: Environment) -> FloatArray:
     """Return the stiffness (dof, dof) by axial forces at q (dof,) that the linear theory neglects.
 
@@ -48,7 +52,9 @@ def geometric_stiffness(arm: Arm, q: FloatArray, environment: Environment) -> Fl
     ):
         return np.zeros((arm.dof, arm.dof))
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
-    second = _second_order(arm)
+    second = _second_orders.get(arm)
+    if second is None:
+        second = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
     return second.stiffness_matrix(q, loads=loads) - arm.stiffness_matrix(q, loads=loads)
 
 
@@ -62,17 +68,6 @@ def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list
         Load(link=contact.link or arm.links, force=tuple(force.tolist()), station=contact.station)
         for contact, force in zip(contacts, forces, strict=True)
     ]
-
-
-_second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
-
-
-def _second_order(arm: Arm) -> Arm:
-    """Return the arm with the second-order theory, which has the same coordinates."""
-    found = _second_orders.get(arm)
-    if found is None:
-        found = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
-    return found
 
 
 class AxialLoads:

@@ -81,10 +81,6 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
         parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": derivative by a factor on
             the whole link, at factor one; "mass" scales mass and rotary inertia, "rigidity" scales
             bending and shear rigidity. "payload.mass" by kg, "payload.inertia" by kg m^2.
-
-    Raises:
-        InputError: if the parameter is unknown, or is the length of a link with shear or rotary
-            inertia, whose mode shapes change their form with the length.
     """
     known = parameter_names(arm)
     if parameter not in known:
@@ -98,8 +94,11 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
         return by
     link, name = int(found[1]) - 1, found[2]
     for piece in arm.assembly.pieces_of(link):
-        if name == "length":
-            _check_length(arm, piece, parameter)
+        shapes = piece.shapes
+        if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
+            rule = f"{parameter} is not supported for a link with rotary inertia or shear"
+            hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
+            raise InputError(Problem("parameter", rule, hint=hint))
         _scale(arm, beams, by, piece, name)
     return by
 
@@ -114,13 +113,6 @@ def _scale(arm: Arm, beams: ArmConstants, by: ArmConstants, piece: Piece, name: 
         by.damping[i] = damping.stiffness_coefficient * by.w2[i]
     elif damping is not None:
         by.damping[i] = 0.5 * POWERS[name]["w2"] * arm.assembly.constants.damping[i]
-
-
-def _check_length(arm: Arm, piece: Piece, parameter: str) -> None:
-    if np.any(piece.shapes.rotary) or np.any(piece.shapes.shear_parameter):
-        rule = f"{parameter} is not supported for a link with rotary inertia or shear"
-        hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
-        raise InputError(Problem("parameter", rule, hint=hint))
 
 
 def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:

@@ -3,25 +3,208 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.errors import InputError, Problem, problems_of, shown
-from flexarm.integrate import INTEGRATORS
+from flexarm.base.arguments import check_list_of
+from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
+from flexarm.integrate import INTEGRATORS, REMOVED
+from flexarm.integrate.base import Drive, System
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
-from flexarm.integrate.step_sensitivity import held_torque_jacobian
+from flexarm.integrate.implicit.additive_tableau import Additive, AdditiveTableau, additive_record
+from flexarm.integrate.memory import new_memory
+from flexarm.integrate.step_sensitivity import (
+    held_torque_additive_step,
+    held_torque_jacobian,
+    held_torque_step,
+)
 from flexarm.integrate.transfers import held_torque_transfers
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
-from flexarm.linear.step_derivatives.parameters import constants_at
+from flexarm.linear.statics.gaps import warn_of_bristles
+from flexarm.linear.step_derivatives.parameters import constants_at, constants_by
 from flexarm.model.paths import number_at, with_number
+from flexarm.model.quantities import Positive
+
+
+@dataclass(frozen=True, eq=False)
+class StepJacobian:
+    """One step from x = [q, qd] to x', and its derivatives, exact to rounding.
+
+    Attributes:
+        q, qd: (dof,) after the step.
+        state: (2 dof, 2 dof) by [q, qd] before it.
+        torque: (2 dof, joints) by the constant torque during the step, N m.
+        parameters: for each requested parameter, (2 dof,) by it, at constant initial q and qd.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    state: FloatArray
+    torque: FloatArray
+    parameters: dict[str, FloatArray]
+
+    def __repr__(self) -> str:
+        by = [f"{self.state.shape[1]} states", f"{self.torque.shape[1]} torques", *self.parameters]
+        return f"<flexarm.StepJacobian: {self.state.shape[0]} states by {', '.join(by)}>"
+
+
+@public_call
+def step_jacobian(
+    arm: Arm,
+    q: ArrayLike,
+    qd: ArrayLike,
+    torque: ArrayLike,
+    step: Positive,
+    *,
+    method: str = "rk4",
+    parameters: Sequence[str] = (),
+) -> StepJacobian:
+    """Compute one step of an integrator and its exact derivatives.
+
+    Args:
+        arm: the arm.
+        q, qd: (dof,) before the step.
+        torque: (joints,) N m, constant during the step.
+        step: length of the step, s.
+        method: a one-step method of ``flexarm.integrate.INTEGRATORS``, explicit or implicit in
+            bending. A method with step control takes this step without control.
+        parameters: "link_1.length", "link_1.mass", "link_1.rigidity": by a factor on the whole
+            link, at one; "payload.mass" by kg, "payload.inertia" by kg m^2.
+
+    Raises:
+        InputError: if an argument has the wrong shape or value, the method is not a one-step
+            method, or a parameter is not supported.
+
+    Warns:
+        AccuracyWarning: friction has bristles, which a step of q and qd does not contain.
+
+    The derivatives by parameters are at constant modal coordinates, not constant nodal ones.
+    Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
+    Computed by complex perturbation of the kernels of the integrator; (D.15).
+    """
+    warn_of_bristles(arm, "the step")
+    parameters = check_list_of("parameters", parameters, str)
+    state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+    held = check_array("torque", torque, (arm.joints,))
+    step_of = stepper_of(arm, method, step)
+    x, tau = np.concatenate(state), arm.padded_torque(held)
+    exact = arm.assembly.constants
+    columns = []
+    for place in range(2 * arm.dof):
+        columns.append(step_of(x + _unit(place, x.size), tau, exact).imag / STEP)
+    inputs = []
+    for joint in range(arm.joints):
+        perturbed = arm.padded_torque(held + _unit(joint, arm.joints))
+        inputs.append(step_of(x, perturbed, exact).imag / STEP)
+    named = {}
+    for parameter in parameters:
+        by = constants_by(arm, parameter)
+        moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
+        named[parameter] = step_of(x, tau, moved).imag / STEP
+    after = step_of(x, tau, exact).real
+    return StepJacobian(
+        after[: arm.dof],
+        after[arm.dof :],
+        np.stack(columns, axis=1),
+        np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0)),
+        named,
+    )
+
+
+def _unit(place: int, size: int) -> FloatArray:
+    """Return an imaginary step in one entry of a vector."""
+    unit = np.zeros(size, dtype=complex)
+    unit[place] = 1j * STEP
+    return unit
+
+
+def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
+    """Return a step of length h (s) of a method whose step depends on the state alone.
+
+    It is a function of [q, qd] (2 dof,), the torque (n,) of each body and the constants, and
+    returns [q, qd] after the step, complex.
+    """
+    kind = INTEGRATORS.get(method) if isinstance(method, str) else None
+    kernels = KernelView(arm.assembly.constants, complex)
+    if kind is not None and issubclass(kind, ExplicitRungeKutta):
+        return _explicit_step(arm, kernels, _rows_of(kind), h)
+    if kind is not None and issubclass(kind, Additive):
+        return partial(_additive_step, arm, kernels, kind.tableau, h)
+    known = [
+        name for name, k in INTEGRATORS.items() if issubclass(k, (ExplicitRungeKutta, Additive))
+    ]
+    rule = f"be one of {', '.join(map(repr, known))}"
+    hint = ""
+    if isinstance(method, str) and method in REMOVED:
+        hint = f"It was removed; use {REMOVED[method]!r}."
+    elif kind is not None:
+        hint = "Multistep and iterative methods are not supported."
+    raise InputError(Problem("method", rule, shown(method), hint))
+
+
+def _explicit_step(
+    arm: Arm, kernels: KernelView, rows: FloatArray, h: float
+) -> Callable[..., FloatArray]:
+    """Return the step of an explicit Runge-Kutta method with complex numbers."""
+    stages, after = kernels.zeros(len(rows) - 1, 2), kernels.zeros(2)
+
+    def step(x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
+        held_torque_step(
+            kernels.sizes,
+            _complex(constants),
+            rows,
+            h,
+            arm.padded(x.reshape(2, -1)).astype(complex),
+            torque.astype(complex),
+            kernels.loads,
+            kernels.work,
+            stages,
+            after,
+        )
+        return arm.unpadded(after).ravel()
+
+    return step
+
+
+def _additive_step(
+    arm: Arm,
+    kernels: KernelView,
+    tableau: AdditiveTableau,
+    h: float,
+    x: FloatArray,
+    torque: FloatArray,
+    constants: ArmConstants,
+) -> FloatArray:
+    """Return [q, qd] after a step that is implicit in bending, with complex numbers."""
+    numbers, span, nothing = _complex(constants), np.array([0.0, 1.0]), np.zeros((1, 4, 0))
+    coefficients = np.zeros((1, 4, torque.size), dtype=complex)
+    coefficients[0, 0] = torque
+    amplitude = np.zeros((0, 3))
+    drive = Drive(span, coefficients, np.zeros(0), kernels.loads, amplitude, span, nothing)
+    state = arm.padded(x.reshape(2, -1)).astype(complex)
+    memory = new_memory(state, h)
+    record = additive_record(tableau, numbers, state)
+    held_torque_additive_step(
+        System(kernels.sizes, numbers, drive, kernels.work), record, memory, h
+    )
+    return arm.unpadded(memory.new).ravel()
+
+
+def _complex(constants: ArmConstants) -> ArmConstants:
+    """Convert all constants to complex numbers, so that the kernels compile only once."""
+    return ArmConstants(*(array.astype(complex) for array in constants))
+
 
 #: Largest product of step and fastest rate. The relative error of the frequency of the fastest
 #: mode is then 0.2^4 / 120 = 1.3e-5 with the classical Runge-Kutta method. A filter interprets a
@@ -138,11 +321,13 @@ def fastest_rate(arm: Arm) -> float:
 
 def classical() -> FloatArray:
     """Return the classical Runge-Kutta method as the rows of ``held_torque_step``."""
-    kind = INTEGRATORS["rk4"]
-    assert issubclass(kind, ExplicitRungeKutta)
+    return _rows_of(INTEGRATORS["rk4"])
+
+
+def _rows_of(kind: Any) -> FloatArray:
+    """Return an explicit method as the rows of ``held_torque_step``."""
     tableau = kind().tableau
-    s = tableau.stages
-    return np.ascontiguousarray(tableau.A[: s + 1, : s + 1])
+    return np.ascontiguousarray(tableau.A[: tableau.stages + 1, : tableau.stages + 1])
 
 
 #: Relative change of a number (absolute if it is zero) for which formula and assembly must agree.
@@ -243,8 +428,7 @@ def _same(one: ArmConstants, other: ArmConstants) -> bool:
 
 def _largest(array: FloatArray) -> FloatArray:
     """Return the largest magnitude of each column, which is one kind of number."""
-    found: FloatArray = np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0)
-    return found
+    return np.asarray(np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0))
 
 
 #: Largest product of step and fastest rate. The classical Runge-Kutta method changes the frequency

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,18 +14,102 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
-from flexarm.base.arguments import check_count, check_flag, check_kind, check_number, check_posture
-from flexarm.base.errors import InputError, Problem, check_array, check_result, few, public_call
+from flexarm.base.arguments import (
+    as_list,
+    check_count,
+    check_number,
+    check_posture,
+)
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    check_array,
+    check_result,
+    few,
+    public_call,
+    shown,
+)
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.equilibrium import Equilibrium
+from flexarm.linear.statics.equilibrium import (
+    Equilibrium,
+    Tangent,
+    steady_rates,
+    steady_shape,
+    tangent,
+)
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
-from flexarm.linear.statics.tangent import Tangent, steady_rates, steady_shape, tangent
-from flexarm.linear.vibration.held import JointFeedback, Joints, joint_feedback
 from flexarm.model import Load
+from flexarm.model.quantities import Flag, Number
+
+JOINTS = ("locked", "free")
+_RULE = "be 'locked', 'free' or [proportional, derivative] (N m/rad, N m s/rad) for each joint"
+
+
+class Gains(Protocol):
+    """Feedback gains of every joint, such as a `JointPD`: (joints,) N m/rad and N m s/rad."""
+
+    @property
+    def proportional(self) -> ArrayLike: ...
+
+    @property
+    def derivative(self) -> ArrayLike: ...
+
+
+OneJoint = str | tuple[float, float]
+Joints = str | Sequence[OneJoint] | Gains
+
+
+class JointFeedback(NamedTuple):
+    """Coordinates that can move, and stiffness and damping of the feedback, each (dof,)."""
+
+    moving: NDArray[np.intp]
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
+    """Convert the argument ``joints`` of `modes` to coordinates and gains."""
+    stiffness, damping = np.zeros(arm.dof), np.zeros(arm.dof)
+    index = arm.joint_index
+    moving = np.ones(arm.dof, dtype=bool)
+    if isinstance(joints, type):
+        raise _unknown("joints", joints)
+    if hasattr(joints, "proportional") and hasattr(joints, "derivative"):
+        count = (arm.joints,)
+        stiffness[index] = check_array("joints.proportional", joints.proportional, count)
+        damping[index] = check_array("joints.derivative", joints.derivative, count)
+        return JointFeedback(np.arange(arm.dof), stiffness, damping)
+    if isinstance(joints, str):
+        each: list[OneJoint] = [joints] * arm.joints
+        if joints not in JOINTS:  # checked for an arm without joints, too
+            raise _unknown("joints", joints)
+    else:
+        listed = as_list(joints)
+        each = listed or []
+        if listed is None or len(each) != arm.joints:
+            rule = (
+                "be 'locked', 'free', or a list with one of these, or with gains, for each of the "
+            )
+            raise InputError(Problem("joints", f"{rule}{arm.joints} joints", shown(joints)))
+    for place, item in zip(index, each, strict=True):
+        if isinstance(item, str):
+            if item not in JOINTS:
+                raise _unknown("joints", item)
+            moving[place] = item == "free"
+        else:
+            if len(as_list(item) or ()) != 2:
+                raise InputError(Problem("joints", _RULE, shown(item)))
+            stiffness[place], damping[place] = check_array("joints", item, (2,))
+    return JointFeedback(np.flatnonzero(moving), stiffness, damping)
+
+
+def _unknown(name: str, value: object) -> InputError:
+    rule = "be one of " + ", ".join(map(repr, JOINTS)) + " or gains (N m/rad, N m s/rad)"
+    return InputError(Problem(name, rule, shown(value)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +157,12 @@ class Modes:
         return np.asarray(np.abs(self.eigenvalues.imag) / (2.0 * np.pi))
 
     @public_call
-    def displacements(self, stations: int = 50, damped: bool = False) -> NDArray[Any]:
+    def displacements(self, stations: int = 50, damped: Flag = False) -> NDArray[Any]:
         """Return displacements of the axis for unit modal amplitude, (k, links, stations, 2) m.
 
         World axes. ``damped`` selects ``complex_shapes``: multiply by exp(i phase).
         """
-        shapes = self.complex_shapes if check_flag("damped", damped) else self.shapes
+        shapes = self.complex_shapes if damped else self.shapes
         count = check_count("stations", stations, 2, MOST_STATIONS)
         return _displacements(self.arm, self.q, shapes, count)
 
@@ -109,7 +193,7 @@ def modes(
     joints: Joints = "locked",
     *,
     q: ArrayLike | Equilibrium | None = None,
-    spin: float = 0.0,
+    spin: Number = 0.0,
     tip_force: ArrayLike | None = None,
     loads: Sequence[Load] = (),
 ) -> Modes:
@@ -141,22 +225,20 @@ def modes(
     The stiffness is that of small motion about the state, which is treated as an equilibrium.
     Theory page "small motion", (S.2) to (S.5).
     """
-    arm = check_kind("arm", arm, Arm)
     given = Environment.of(arm, tip_force, loads)
     given.placed(arm)  # errors name this function
     held = joint_feedback(arm, joints)
-    rate = check_number("spin", spin)
     place, environment = _place(arm, joint_angles, q, given)
-    if rate != 0.0 and (environment.loads or environment.contacts):
+    if spin != 0.0 and (environment.loads or environment.contacts):
         raise InputError(Problem("loads", "cannot be combined with spin"))
-    if rate != 0.0 and q is None:
-        place = steady_shape(arm, place, rate)
-    found = _solve(arm, place, rate, held, _small_motion(arm, place, rate, environment))
-    warn_of_theory(arm, place, environment, steady_rates(arm, rate))
+    if spin != 0.0 and q is None:
+        place = steady_shape(arm, place, spin)
+    found = _solve(arm, place, spin, held, _small_motion(arm, place, spin, environment))
+    warn_of_theory(arm, place, environment, steady_rates(arm, spin))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
     rates = np.full(arm.dof, np.inf)  # of locked joints, whose friction has no effect
-    rates[held.moving] = steady_rates(arm, rate)[held.moving]
+    rates[held.moving] = steady_rates(arm, spin)[held.moving]
     warn_of_sticking(arm, rates, "The model of the modes")
     return found
 

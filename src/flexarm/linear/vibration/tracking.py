@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,28 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning, warn_of_bending
-from flexarm.base.arguments import check_count, check_flag, check_kind
+from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.linear.vibration.held import Joints
-from flexarm.linear.vibration.modal import Modes, modes
+from flexarm.linear.vibration.modal import Joints, Modes, modes
+from flexarm.model.quantities import Count, Flag
+from flexarm.motion import Motion
 
 #: Minimum similarity of the shapes at neighbouring samples; below it the interval is halved.
 _ALIKE = 0.8
 _MOST_HALVINGS = 8
 _SAMPLES = 101
-
-
-class Motion(Protocol):
-    """Interface of motions such as those of `line_motion` and `joint_motion`."""
-
-    @property
-    def start_time(self) -> float: ...
-
-    @property
-    def end_time(self) -> float: ...
-
-    def joint_angle(self, t: Any) -> FloatArray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +65,9 @@ def track_modes(
     along: ArrayLike | Motion,
     joints: Joints = "locked",
     *,
-    count: int = 6,
+    count: Count = 6,
     samples: int = _SAMPLES,
-    sag: bool = False,
+    sag: Flag = False,
 ) -> ModeTracks:
     """Track modes of vibration along postures or a motion.
 
@@ -101,10 +90,7 @@ def track_modes(
     intermediate postures are evaluated. Two curves that approach each other and separate again
     (veering) exchange their shapes gradually, and are tracked as the curves that they are.
     """
-    arm = check_kind("arm", arm, Arm)
-    count = check_count("count", count)
     samples = check_count("samples", samples, least=2)
-    sag = check_flag("sag", sag)
     motion: Any = along
     if isinstance(along, type):
         raise InputError(Problem("along", "be a motion or joint angles", shown(along)))
@@ -132,7 +118,7 @@ def campbell(
     joint_angles: ArrayLike | None = None,
     joints: Joints = "locked",
     *,
-    count: int = 4,
+    count: Count = 4,
 ) -> ModeTracks:
     """Track modes of an arm that rotates as a whole at increasing spin (Campbell diagram).
 
@@ -146,9 +132,7 @@ def campbell(
         InputError: if the arm has gravity, its first joint is fixed, or ``count`` is less than one.
         EquilibriumError: if the arm has no steady shape at some spin.
     """
-    arm = check_kind("arm", arm, Arm)
     rates = check_array("spin", spin, (-1,))
-    count = check_count("count", count)
 
     def solve(at: float) -> Modes:
         return modes(arm, joint_angles, joints, spin=at)

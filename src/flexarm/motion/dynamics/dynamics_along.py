@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
@@ -9,20 +10,16 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.base.arguments import check_times
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
-from flexarm.motion.geometry.chain import check_arm, tip_jacobian
-from flexarm.motion.motion import check_motion
+from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
+from flexarm.motion.motion import Floats, Motion, check_motion
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from flexarm.arm.arm import Arm
-
-    Floats = NDArray[np.float64]
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm.motion.motion import Motion
+    from flexarm.arm.arm import Arm
 
 
 class DynamicsAlong(NamedTuple):
@@ -67,21 +64,12 @@ def dynamics_along(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> DynamicsAlon
     )
 
 
-@dataclass(frozen=True, eq=False)
-class RigidTorque:
-    """Torque of the rigid model along a motion; callable with the time.
-
-    Before and after the motion it is the static torque of the rigid model: zero without gravity.
-
-    Attributes:
-        twin: the rigid model of the arm.
-        motion: the motion.
-    """
+class MotionTorque(ABC):
+    """Torque along a motion; callable with the time."""
 
     #: Whether the torque accepts an array of times, for ``simulate``.
     vectorized: ClassVar[bool] = True
 
-    rigid_counterpart: Arm
     motion: Motion
 
     @property
@@ -100,10 +88,30 @@ class RigidTorque:
 
         At a break the torque has the value after the jump, as the acceleration does.
         """
-        state = self.motion.state(t)
-        flat = [part.reshape(-1, self.joints) for part in state]
-        torque: Floats = self.rigid_counterpart.inverse_dynamics_many(*flat)
-        return torque.reshape(state.angle.shape)
+        times = check_times("t", t)
+        return self._at(times.reshape(-1)).reshape(*times.shape, self.joints)
+
+    @abstractmethod
+    def _at(self, times: Floats) -> Floats:
+        """Return the torques (T, n) at times (T,), N m."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTorque(MotionTorque):
+    """Torque of the rigid model along a motion; callable with the time.
+
+    Before and after the motion it is the static torque of the rigid model: zero without gravity.
+
+    Attributes:
+        rigid_counterpart: the rigid model of the arm.
+        motion: the motion.
+    """
+
+    rigid_counterpart: Arm
+    motion: Motion
+
+    def _at(self, times: Floats) -> Floats:
+        return np.asarray(self.rigid_counterpart.inverse_dynamics_many(*self.motion.at(times)))
 
 
 @public_call

@@ -1,4 +1,18 @@
-"""Inverse kinematics of a rigid arm: relative joint angles for a position of the tip.
+"""Rigid chains of arms and their inverse kinematics.
+
+Links with fixed joints between them form one bar, from the root of the first to the next joint that
+turns or to the tip. Its length is the sum of theirs if they are in line. Otherwise it is the
+straight line between both ends, at an angle to the root tangent.
+
+The functions of the tip accept leading axes, so that one call evaluates a whole motion:
+
+| symbol | meaning | shape | unit | frame |
+| --- | --- | --- | --- | --- |
+| lengths | L_i, link lengths | (n,) | m | |
+| angles | theta_i, relative joint angles | (..., n) | rad | joint 1 from world x |
+| psi_i | theta_1 + ... + theta_i | (..., n) | rad | world |
+| tip | sum of L_i (cos psi_i, sin psi_i) | (..., 2) | m | world |
+| J | d tip / d theta | (..., 2, n) | m | world |
 
 Two links have a closed-form solution with two elbow branches. Longer arms are redundant: a posture
 is constructed link by link in closed form, or the nearest to a given posture is found. A point out
@@ -8,21 +22,98 @@ of reach raises an error with the reach and the distance.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
-from flexarm.motion.geometry.chain import RigidChain, rigid_chain, tip_jacobian, tip_position
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from flexarm.arm.arm import Arm
 
-    Floats = NDArray[np.float64]
-    from numpy.typing import NDArray
+
+@dataclass(frozen=True, eq=False)
+class RigidChain:
+    """Straight bars between the joints that turn."""
+
+    lengths: FloatArray  # lengths of the bars (n,), m
+    #: Angles between bars minus joint angles (n,), rad; zero unless a fixed joint has a rest angle
+    offset: FloatArray
+    base: FloatArray  # position of the first joint that turns (2,), world axes, m
+
+    def tip(self, joint_angles: FloatArray) -> FloatArray:
+        """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
+        return self.base + tip_position(self.lengths, joint_angles + self.offset)
+
+
+def check_arm(arm: Arm) -> Arm:
+    """Return an object that has the joints and links of an arm, or raise InputError."""
+    parts = ("joints", "links", "lengths", "spec", "assembly")
+    if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
+        given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
+        raise InputError(Problem("arm", "be an Arm", given))
+    return arm
+
+
+def rigid_chain(arm: Arm) -> RigidChain:
+    """Return the rigid chain of an arm; InputError without joints, or if two of them coincide."""
+    if check_arm(arm).joints == 0:
+        raise InputError(Problem("arm", "has no joint that is not fixed"))
+    turning = [seat.link for seat in arm.assembly.seats]
+    base, before = _walk(arm, 0, turning[0])
+    lengths, offset = [], []
+    for first, end in zip(turning, [*turning[1:], arm.links], strict=True):
+        bar, turned = _walk(arm, first, end)
+        length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
+        if length <= 1e-12 * float(np.sum(arm.lengths)):
+            rule = f"has two joints at one place: its fixed links return to joint {first + 1}"
+            raise InputError(Problem("arm", rule))
+        lengths.append(length)
+        offset.append(before + direction)
+        before = turned - direction
+    return RigidChain(np.array(lengths), np.array(offset), base)
+
+
+def _walk(arm: Arm, first: int, end: int) -> tuple[FloatArray, float]:
+    """Return position (2,) and angle from the root of a link, in its axes, to another or tip."""
+    at, angle = np.zeros(2), 0.0
+    for i in range(first, end):
+        joint = arm.spec.joints[i]
+        if joint.fixed:
+            angle += joint.rest_angle
+        at = at + arm.lengths[i] * np.array([np.cos(angle), np.sin(angle)])
+    return at, angle
+
+
+def tip_position(lengths: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return the tip (..., 2) in world axes (m)."""
+    psi = np.cumsum(angles, axis=-1)
+    return np.stack([np.cos(psi) @ lengths, np.sin(psi) @ lengths], axis=-1)
+
+
+def tip_jacobian(lengths: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return J (..., 2, n); column j is the rotation about joint j of the links outboard of it."""
+    psi = np.cumsum(angles, axis=-1)
+    links = np.stack([-lengths * np.sin(psi), lengths * np.cos(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def tip_jacobian_rate(lengths: FloatArray, angles: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return dJ/dt (..., 2, n) when the joints turn at `rates` (..., n), rad/s."""
+    psi = np.cumsum(angles, axis=-1)
+    spin = lengths * np.cumsum(rates, axis=-1)
+    links = np.stack([-spin * np.cos(psi), -spin * np.sin(psi)], axis=-2)
+    return _outboard_sum(links)
+
+
+def _outboard_sum(links: FloatArray) -> FloatArray:
+    """Return the sum over links j, j+1, ..., n in column j."""
+    return np.flip(np.cumsum(np.flip(links, axis=-1), axis=-1), axis=-1)
 
 
 REACH_TOLERANCE = 1e-9
@@ -30,7 +121,7 @@ REACH_TOLERANCE = 1e-9
 ELBOWS = ("up", "down")
 
 
-def reach_limits(lengths: Floats) -> tuple[float, float]:
+def reach_limits(lengths: FloatArray) -> tuple[float, float]:
     """Return the smallest and largest distance (m) of the tip from the base."""
     total = float(np.sum(lengths))
     return max(0.0, 2.0 * float(np.max(lengths)) - total), total
@@ -39,7 +130,7 @@ def reach_limits(lengths: Floats) -> tuple[float, float]:
 @public_call
 def inverse_kinematics(
     arm: Arm, point: ArrayLike, elbow: str = "up", posture: ArrayLike | None = None
-) -> Floats:
+) -> FloatArray:
     """Return relative joint angles (n,) (rad) that place the tip of the rigid arm at a point.
 
     Args:
@@ -66,7 +157,9 @@ def inverse_kinematics(
     return posture_at(chain, target, elbow, posture)
 
 
-def posture_at(chain: RigidChain, point: Floats, elbow: str, posture: ArrayLike | None) -> Floats:
+def posture_at(
+    chain: RigidChain, point: FloatArray, elbow: str, posture: ArrayLike | None
+) -> FloatArray:
     """Return joint angles (n,) of a rigid chain for a point (2,); see `inverse_kinematics`."""
     lengths, target = chain.lengths, point - chain.base
     if posture is None:
@@ -94,7 +187,7 @@ def check_elbow(elbow: str) -> None:
         raise InputError(Problem("elbow", "be 'up' or 'down'", shown(elbow)))
 
 
-def check_reach(name: str, chain: RigidChain, point: Floats) -> None:
+def check_reach(name: str, chain: RigidChain, point: FloatArray) -> None:
     """Raise if a point (2,) is outside the ring (for one link the circle) of reachable points."""
     inner, outer = reach_limits(chain.lengths)
     distance = float(np.hypot(*(point - chain.base)))
@@ -113,7 +206,7 @@ def check_reach(name: str, chain: RigidChain, point: Floats) -> None:
         raise InputError(Problem(name, rule, value, hint))
 
 
-def elbow_angle(lengths: Floats, distance: Floats | float, elbow: str) -> Floats:
+def elbow_angle(lengths: FloatArray, distance: FloatArray | float, elbow: str) -> FloatArray:
     """Return theta_2 of a two-link arm whose tip is `distance` (any shape, m) from the base.
 
     The half-angle form tan^2(theta_2 / 2) = (R^2 - r^2) / (r^2 - h^2), with R and h the outer and
@@ -123,18 +216,17 @@ def elbow_angle(lengths: Floats, distance: Floats | float, elbow: str) -> Floats
     inner, outer = abs(float(lengths[0] - lengths[1])), float(lengths[0] + lengths[1])
     to_outer = np.maximum((outer - distance) * (outer + distance), 0.0)
     to_inner = np.maximum((distance - inner) * (distance + inner), 0.0)
-    bend: Floats = 2.0 * np.arctan2(np.sqrt(to_outer), np.sqrt(to_inner))
+    bend: FloatArray = 2.0 * np.arctan2(np.sqrt(to_outer), np.sqrt(to_inner))
     return -bend if elbow == "up" else bend
 
 
-def shoulder_offset(lengths: Floats, bend: Floats) -> Floats:
+def shoulder_offset(lengths: FloatArray, bend: FloatArray) -> FloatArray:
     """Return the direction of the tip relative to link 1 for theta_2 = `bend`, in [-pi, pi]."""
     first, second = lengths
-    direction: Floats = np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
-    return direction
+    return np.asarray(np.arctan2(second * np.sin(bend), first + second * np.cos(bend)))
 
 
-def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
+def built_posture(lengths: FloatArray, point: FloatArray, elbow: str) -> FloatArray:
     """Return a posture (n,) for a point within reach, constructed link by link in closed form.
 
     Each link is rotated so that the remaining distance to the point is the same fraction of the
@@ -165,7 +257,7 @@ def built_posture(lengths: Floats, point: Floats, elbow: str) -> Floats:
     return np.array([absolute[0], *np.diff(absolute), bend])
 
 
-def _on_boundary(lengths: Floats, point: Floats) -> bool:
+def _on_boundary(lengths: FloatArray, point: FloatArray) -> bool:
     inner, outer = reach_limits(lengths)
     distance = float(np.hypot(*point))
     slack = REACH_TOLERANCE * outer
@@ -192,8 +284,8 @@ _MAX_STEPS = 60
 
 
 def nearest_posture(
-    lengths: Floats, point: Floats, posture: Floats, starts: Sequence[Floats]
-) -> Floats:
+    lengths: FloatArray, point: FloatArray, posture: FloatArray, starts: Sequence[FloatArray]
+) -> FloatArray:
     """Return the angles (n,), n > 2, nearest to a posture among those with the tip at a point.
 
     The nearest of the minima found by descents from the posture and from ``starts``, postures
@@ -213,7 +305,9 @@ def nearest_posture(
     return min(found, key=lambda q: float(np.sum((q - posture) ** 2)))
 
 
-def _descent(lengths: Floats, point: Floats, posture: Floats, q: Floats) -> Floats:
+def _descent(
+    lengths: FloatArray, point: FloatArray, posture: FloatArray, q: FloatArray
+) -> FloatArray:
     """Return the minimum of the distance from `posture` to which the descent from q (n,) leads."""
     scale = float(np.sum(lengths))
     for _ in range(_MAX_STEPS):
@@ -240,14 +334,16 @@ def _descent(lengths: Floats, point: Floats, posture: Floats, q: Floats) -> Floa
     return q
 
 
-def _hessian(lengths: Floats, angles: Floats, factors: Floats) -> Floats:
+def _hessian(lengths: FloatArray, angles: FloatArray, factors: FloatArray) -> FloatArray:
     """Return 1 - factors . d2tip/dq2 (n, n); d2tip / dq_i dq_j is joint max(i, j) minus the tip."""
     down, right = tip_jacobian(lengths, angles)  # of the tip seen from each joint: -y and x
     latest = np.maximum.outer(np.arange(len(angles)), np.arange(len(angles)))
     return np.asarray(np.eye(len(angles)) + (factors[0] * right - factors[1] * down)[latest])
 
 
-def damped_least_squares(lengths: Floats, point: Floats, posture: Floats) -> tuple[Floats, float]:
+def damped_least_squares(
+    lengths: FloatArray, point: FloatArray, posture: FloatArray
+) -> tuple[FloatArray, float]:
     """Move the tip of `posture` (n,) to `point` (2,); return the posture and its tip error (m).
 
     Steps J^T (J J^T + d I)^-1 e. The damping d increases after a step that does not reduce the

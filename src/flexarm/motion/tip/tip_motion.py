@@ -31,34 +31,35 @@ import numpy as np
 
 from flexarm.base.arguments import warn_of_degrees
 from flexarm.base.errors import InputError, Problem, public_call, shown
-from flexarm.motion.geometry.chain import (
-    RigidChain,
-    rigid_chain,
-    tip_jacobian,
-    tip_jacobian_rate,
-    tip_position,
-)
 from flexarm.motion.geometry.inverse_kinematics import (
+    RigidChain,
     check_elbow,
     check_reach,
     elbow_angle,
     posture_at,
     reach_limits,
+    rigid_chain,
     shoulder_offset,
+    tip_jacobian,
+    tip_jacobian_rate,
+    tip_position,
 )
-from flexarm.motion.motion import JointState, PathMotion, checked_times
-from flexarm.motion.timing import TimingLaw, timing_law
-from flexarm.motion.tip.tip_paths import arc_path, line_path, polygon_path, spline_path
+from flexarm.motion.motion import (
+    Floats,
+    JointState,
+    PathMotion,
+    TimingLaw,
+    checked_times,
+    timing_law,
+)
+from flexarm.motion.tip.tip_paths import TipPath, arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from scipy.integrate import OdeSolution
 
     from flexarm.arm.arm import Arm
-    from flexarm.motion.geometry.chain import RigidChain
-    from flexarm.motion.tip.tip_paths import TipPath
 
-    Floats = NDArray[np.float64]
     Posture = Callable[[Floats], Floats]
 
 
@@ -96,7 +97,6 @@ class TipMotion(PathMotion):
 
     @property
     def path_breaks(self) -> tuple[float, ...]:
-        """See `PathMotion.path_breaks`."""
         return self.tip_path.breaks
 
     def path(self, s: Floats) -> JointState:
@@ -355,8 +355,7 @@ def line_motion(
             of the distance to this point. Its acceleration is infinite with the quintic law, and
             its rate jumps with the trapezoidal law.
     """
-    path = line_path(start, end)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(arm, line_path(start, end), duration, profile, elbow, start_time, posture)
 
 
 @public_call
@@ -386,8 +385,9 @@ def via_point_motion(
         InputError: under the conditions of `line_motion`, if a point equals the one before it, or
             the corners do not fit on the lines.
     """
-    path = polygon_path(points, blend)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(
+        arm, polygon_path(points, blend), duration, profile, elbow, start_time, posture
+    )
 
 
 @public_call
@@ -413,8 +413,7 @@ def spline_motion(
     Raises:
         InputError: under the conditions of `line_motion`, or if a point equals the one before it.
     """
-    path = spline_path(points)
-    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
+    return tip_motion(arm, spline_path(points), duration, profile, elbow, start_time, posture)
 
 
 @public_call

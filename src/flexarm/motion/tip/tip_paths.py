@@ -21,12 +21,12 @@ import numpy as np
 
 from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.motion.motion import Floats
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from scipy.interpolate import PPoly
 
-    Floats = NDArray[np.float64]
 
 #: Corners start by default at this fraction of the shorter of their two sides; half is the most.
 CORNER = 0.25
@@ -68,42 +68,8 @@ class TipPath(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class LinePath(TipPath):
-    """A straight line: start + s way."""
-
-    title: str
-    marks: dict[str, float]
-    start: Floats
-    way: Floats
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """None."""
-        return ()
-
-    @property
-    def fastest(self) -> float:
-        """See `TipPath.fastest`."""
-        return float(np.hypot(*self.way))
-
-    def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
-        slope = np.tile(self.way, (len(s), 1))
-        return PathPoint(self.start + s[:, None] * self.way, slope, np.zeros_like(slope))
-
-    def extremes(self, center: Floats) -> Floats:
-        """See `TipPath.extremes`: the ends, and the foot of the perpendicular."""
-        length = self.fastest
-        if length == 0.0:
-            return np.array([0.0, 1.0])
-        unit = self.way / length  # the square of a length may underflow
-        foot = (center - self.start) @ unit / length
-        return np.array([0.0, 1.0, min(max(foot, 0.0), 1.0)])
-
-
-@dataclass(frozen=True, eq=False)
 class PolynomialPath(TipPath):
-    """A path of polynomials: a rounded polygon or a spline."""
+    """A path of polynomials: a line, a rounded polygon or a spline."""
 
     title: str
     marks: dict[str, float]
@@ -111,7 +77,6 @@ class PolynomialPath(TipPath):
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """See `TipPath.breaks`."""
         return tuple(self.pieces.x[1:-1].tolist())
 
     @property
@@ -127,7 +92,6 @@ class PolynomialPath(TipPath):
         return float(terms.sum(axis=0).max())
 
     def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
         return PathPoint(*(self.pieces(s, order) for order in range(3)))
 
     def extremes(self, center: Floats) -> Floats:
@@ -162,11 +126,9 @@ class ArcPath(TipPath):
 
     @property
     def fastest(self) -> float:
-        """See `TipPath.fastest`."""
         return self.radius * abs(self.angle)
 
     def at(self, s: Floats) -> PathPoint:
-        """See `TipPath.at`."""
         turned = self.first + s * self.angle
         out = self.radius * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
         along = np.stack([-out[:, 1], out[:, 0]], axis=-1)
@@ -182,10 +144,11 @@ class ArcPath(TipPath):
         return np.concatenate([[0.0, 1.0], np.clip(turned / self.angle, 0.0, 1.0)])
 
 
-def line_path(start: ArrayLike, end: ArrayLike) -> LinePath:
+def line_path(start: ArrayLike, end: ArrayLike) -> PolynomialPath:
     """Return the straight line between two world points (2,), m."""
     start, end = check_array("start", start, (2,)), check_array("end", end, (2,))
-    return LinePath("line from start to end", {"start": 0.0, "end": 1.0}, start, end - start)
+    line = _polynomials([0.0, 1.0], [[start, end - start]])
+    return PolynomialPath("line from start to end", {"start": 0.0, "end": 1.0}, line)
 
 
 def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:

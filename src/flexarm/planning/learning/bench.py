@@ -26,10 +26,10 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.small_deviations.collocation import held_step_maps
+from flexarm.linear.small_deviations.along import held_step_maps
 from flexarm.model import Hardware, Instrument
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
-from flexarm.motion.geometry.chain import rigid_chain, tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian
 from flexarm.simulation.calls.metrics import tip_reference
 from flexarm.simulation.calls.run import simulate
 

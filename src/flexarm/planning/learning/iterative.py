@@ -17,12 +17,9 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import (
     check_choice,
-    check_count,
     check_each,
     check_kind,
-    check_nonnegative,
     check_options,
-    check_positive,
 )
 from flexarm.base.errors import (
     InputError,
@@ -35,6 +32,7 @@ from flexarm.base.errors import (
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.model import Hardware
+from flexarm.model.quantities import Count, NonNegative, Positive
 from flexarm.planning.learning.bench import (
     AddedTorque,
     Bench,
@@ -65,15 +63,15 @@ def iterative_learning(
     controller: Controller,
     *,
     output: str = "tip",
-    trials: int = 10,
+    trials: Count = 10,
     duration: float | None = None,
     interval: float | None = None,
-    effort: float = 1e-6,
-    change: float = 0.0,
+    effort: NonNegative = 1e-6,
+    change: NonNegative = 0.0,
     proportional: ArrayLike | None = None,
     derivative: ArrayLike = 0.0,
-    lead: float = 0.0,
-    cutoff: float | None = None,
+    lead: NonNegative = 0.0,
+    cutoff: Positive | None = None,
     plant: Arm | None = None,
     hardware: Hardware | None = None,
     trial: Callable[[Controller], ArrayLike] | None = None,
@@ -139,11 +137,9 @@ def iterative_learning(
         S. Arimoto, S. Kawamura and F. Miyazaki, J. Robotic Systems 1 (1984) 123-140.
         S. Gunnarsson and M. Norrlof, Automatica 37 (2001) 2011-2016.
     """
-    arm = check_kind("arm", arm, Arm)
     check_reference(reference)
     check_controller("controller", controller)
     check_choice("output", output, OUTPUTS)
-    count = check_count("trials", trials)
     if trial is not None and not callable(trial):
         raise InputError(Problem("trial", "be a function of a controller", shown(trial)))
     own = {"plant": plant, "hardware": hardware, **options}
@@ -157,9 +153,7 @@ def iterative_learning(
     check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
-    choice = _check_choice_of_law(
-        arm.joints, effort, change, proportional, derivative, lead, cutoff
-    )
+    choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.joints)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     with one_warning() as bent:
         unchanged = AddedTorque(
@@ -167,7 +161,7 @@ def iterative_learning(
         )
         P = bench.model(unchanged)
         law = choice.law(P, arm, reference, window, output)
-        learned = _learn(bench, unchanged, law, P, count)
+        learned = _learn(bench, unchanged, law, P, trials)
     warn_of_first(bent)
     return learned
 
@@ -214,14 +208,29 @@ def _learn(
 
 
 class _Choice(NamedTuple):
-    """Valid parameters of a law, with the meaning that ``iterative_learning`` gives them."""
+    """Parameters of a law, with the meaning that ``iterative_learning`` gives them."""
 
     effort: float
     change: float
-    proportional: FloatArray | None
-    derivative: FloatArray
+    proportional: Any
+    derivative: Any
     lead: float
     cutoff: float | None
+
+    def checked(self, joints: int) -> _Choice:
+        """Return the validated parameters of a law: numbers of one law only, positive or zero."""
+        proportional, effort, change = self.proportional, self.effort, self.change
+        derivative = _per_joint("derivative", self.derivative, joints)
+        if proportional is not None:
+            proportional = _per_joint("proportional", proportional, joints)
+        if proportional is None and (np.any(derivative) or self.lead):
+            raise InputError(Problem("proportional", "is required with derivative or lead"))
+        if proportional is not None and change:
+            raise InputError(Problem("change", "cannot be combined with proportional"))
+        if proportional is None and effort + change == 0.0:
+            hint = "Without them, the torques would be arbitrarily large."
+            raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
+        return self._replace(proportional=proportional, derivative=derivative)
 
     def law(
         self, P: FloatArray, arm: Arm, reference: Reference, window: Window, output: str
@@ -237,33 +246,6 @@ class _Choice(NamedTuple):
         if self.cutoff is None:
             return law
         return filtered(law, arm.joints, self.cutoff, window.interval)
-
-
-def _check_choice_of_law(
-    joints: int,
-    effort: float,
-    change: float,
-    proportional: ArrayLike | None,
-    derivative: ArrayLike,
-    lead: float,
-    cutoff: float | None,
-) -> _Choice:
-    """Return the validated parameters of a law: numbers of one law only, positive or zero."""
-    weights = check_nonnegative("effort", effort), check_nonnegative("change", change)
-    given = {"derivative": derivative, "proportional": proportional}
-    gains = {
-        name: _per_joint(name, value, joints) for name, value in given.items() if value is not None
-    }
-    lead = check_nonnegative("lead", lead)
-    highest = None if cutoff is None else check_positive("cutoff", cutoff)
-    if proportional is None and (np.any(gains["derivative"]) or lead):
-        raise InputError(Problem("proportional", "is required with derivative or lead"))
-    if proportional is not None and weights[1]:
-        raise InputError(Problem("change", "cannot be combined with proportional"))
-    if proportional is None and sum(weights) == 0.0:
-        hint = "Without them, the torques would be arbitrarily large."
-        raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
-    return _Choice(*weights, gains.get("proportional"), gains["derivative"], lead, highest)
 
 
 def _per_joint(name: str, value: ArrayLike, joints: int) -> FloatArray:

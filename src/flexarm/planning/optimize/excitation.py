@@ -26,10 +26,11 @@ from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification import FreeParameter, RecordSettings
+from flexarm.model.quantities import Count
 from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.piecewise import sampled_torque
 
 #: Sharpness of the smooth largest value over time, and least relative information of a combination.
 _SHARP, _SINGULAR = 60.0, 1e-12
@@ -98,7 +99,7 @@ def optimal_excitation(
     duration: float | None = None,
     rate: float = 200.0,
     start: ArrayLike | None = None,
-    iterations: int = 30,
+    iterations: Count = 30,
 ) -> OptimalExcitation:
     """Compute a torque whose record determines parameters best: a D-optimal multisine.
 
@@ -134,7 +135,6 @@ def optimal_excitation(
     ``torque_rate`` within 0.2 % also between them, for the torque and for the cubic spline through
     its samples, which is simulated. Mehra, IEEE Transactions on Automatic Control 19 (1974) 753.
     """
-    arm = check_kind("arm", arm, Arm)
     parameters = check_free(free)
     limits = check_kind("limits", limits, MotionLimits)
     check_mapping("noise", noise, "channels and standard deviations")
@@ -150,7 +150,7 @@ def optimal_excitation(
     rate = check_positive("rate", rate, "Hz")
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
-    return _solved(experiment, check_count("iterations", iterations))
+    return _solved(experiment, iterations)
 
 
 def _chosen(full: Multisine, lines: int) -> Multisine:
@@ -275,7 +275,10 @@ def _solved(experiment: _Experiment, iterations: int) -> OptimalExcitation:
         warnings.simplefilter("ignore", FlexarmWarning)
         begin = experiment.largest(experiment.first)
         first = experiment.identifiability(experiment.run(begin))
-        _check_distinct(first)
+        values = np.linalg.eigvalsh(first.information)
+        if not values[0] > _SINGULAR * values[-1]:
+            rule = "contain a combination of parameters that the record does not determine"
+            raise InputError(Problem("free", rule, hint=" ".join(first.undetermined)))
         found = experiment.largest(_search(experiment, begin, iterations))
         best = experiment.identifiability(experiment.run(found))
         if best.log_determinant < first.log_determinant:
@@ -286,17 +289,10 @@ def _solved(experiment: _Experiment, iterations: int) -> OptimalExcitation:
     )
 
 
-def _check_distinct(first: Identifiability) -> None:
-    values = np.linalg.eigvalsh(first.information)
-    if values[0] > _SINGULAR * values[-1]:
-        return
-    rule = "contain a combination of parameters that the record does not determine"
-    raise InputError(Problem("free", rule, hint=" ".join(first.undetermined)))
-
-
 def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multisine:
     """Return a multisine with a larger determinant, nearly within the limits."""
     from scipy.optimize import minimize
+    from scipy.special import logsumexp
 
     shape = begin.coefficients.shape
     scale = float(np.abs(begin.coefficients).max())
@@ -315,7 +311,9 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
             try:
                 run = experiment.run(torque)
                 value = -experiment.identifiability(run).log_determinant
-                margin = -_smooth_largest(experiment.excess(torque, run))
+                # A smooth upper bound of the largest excess.
+                excess = logsumexp(_SHARP * experiment.excess(torque, run)) / _SHARP
+                margin = -float(excess)
             except SimulationError:
                 value, margin = _FAILED, -1.0
             known[key] = min(value, _FAILED), margin
@@ -330,10 +328,3 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
         options={"maxiter": iterations, "eps": _STEP, "ftol": 1e-3},
     )
     return torque_of(found.x)
-
-
-def _smooth_largest(values: FloatArray) -> float:
-    """Return a smooth upper bound of the largest value."""
-    from scipy.special import logsumexp
-
-    return float(logsumexp(_SHARP * values) / _SHARP)

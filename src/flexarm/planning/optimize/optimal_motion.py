@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.model.quantities import Count
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
 from flexarm.planning.optimize.solution import (
@@ -79,7 +80,7 @@ def optimal_motion(
     modes: int | None = None,
     guess: Motion | None = None,
     intervals: int | None = None,
-    iterations: int = 1000,
+    iterations: Count = 1000,
     plant: Arm | None = None,
 ) -> OptimalMotion:
     """Compute the optimal motion of a flexible arm between two postures, with its torque.
@@ -126,7 +127,6 @@ def optimal_motion(
     within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
     Contacts are not included.
     """
-    arm = check_kind("arm", arm, Arm)
     plant = arm if plant is None else check_kind("plant", plant, Arm)
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
@@ -137,7 +137,6 @@ def optimal_motion(
     if plant.joints != arm.joints:
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, str(plant.joints)))
-    most = check_count("iterations", iterations)
     count = None if modes is None else check_count("modes", modes, 1, _elastic(arm))
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
@@ -147,7 +146,7 @@ def optimal_motion(
         pieces = pieces or _default_intervals(task, straight.duration)
         first = shaped_guess(task, straight) if own is None else own
         plan = plan_of(task, first, min(pieces, _COARSE))
-        found = _within_limits(task, plan, plant, pieces, most)
+        found = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
     return found
 
@@ -300,7 +299,10 @@ class _Correction:
 
     def plan(self) -> Plan:
         """Return the corrected plan."""
-        torque = self._torque_of(self._given)
+        given = self._given.torque  # of the nodes if they are continuous, else of the intervals
+        torque = given[:, 0].copy()
+        if self._task.continuous:
+            torque = np.vstack([torque, given[-1:, 1]])
         end = self._simulated(torque)
         if np.abs(end.error).max() < _CLOSE:
             return self._given
@@ -320,11 +322,6 @@ class _Correction:
             return self._given
         q, slope, curve = states_of(end.run, 0.0, self._given.duration, self._given.intervals)
         return replace(self._given, q=q, slope=slope, curve=curve, torque=self._pieces(torque))
-
-    def _torque_of(self, plan: Plan) -> FloatArray:
-        """Return the torques of the intervals, or of the nodes if they are continuous."""
-        first = plan.torque[:, 0]
-        return np.vstack([first, plan.torque[-1:, 1]]) if self._task.continuous else first.copy()
 
     def _pieces(self, torque: FloatArray) -> FloatArray:
         pair = (torque[:-1], torque[1:]) if self._task.continuous else (torque, torque)

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_times
-from flexarm.base.errors import FlexarmError, LargeDeflectionWarning, public_call
+from flexarm.base.errors import FlexarmError, LargeDeflectionWarning
 from flexarm.linear import equilibrium, modes
-from flexarm.motion.geometry.chain import RigidChain, rigid_chain
+from flexarm.motion.dynamics.dynamics_along import MotionTorque
+from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.motion import JointState, TabulatedMotion, quintic_table
 from flexarm.planning.optimize.task import UNITS, Bound, Plan, Quantities, Task
 from flexarm.simulation.batch.reductions import Reduction, reduced
@@ -57,35 +56,15 @@ class Remaining:
 
 
 @dataclass(frozen=True, eq=False)
-class OptimalTorque:
-    """Torque of an optimal motion; callable with the time."""
-
-    #: Whether the torque accepts an array of times, for ``simulate``.
-    vectorized: ClassVar[bool] = True
+class OptimalTorque(MotionTorque):
+    """Torque of an optimal motion, callable with the time; before and after, it holds the arm."""
 
     motion: OptimalMotion  # the motion
     history: PiecewiseCubic = field(repr=False)  # the torque as piecewise cubics
 
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self.motion.joints
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Times (s) at which the torque or its slope may jump."""
-        return self.motion.breaks
-
-    @public_call
-    def __call__(self, t: ArrayLike) -> FloatArray:
-        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m.
-
-        At a break the torque has the value after the jump. Before and after the motion it holds
-        the arm.
-        """
-        times, duration = check_times("t", t), self.motion.duration
-        inside = np.clip(times.reshape(-1), -duration, 2.0 * duration)
-        return self.history.at(inside).reshape(*times.shape, self.joints)
+    def _at(self, times: FloatArray) -> FloatArray:
+        duration = self.motion.duration
+        return self.history.at(np.clip(times, -duration, 2.0 * duration))
 
 
 @dataclass(frozen=True, eq=False)

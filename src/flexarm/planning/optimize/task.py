@@ -309,16 +309,13 @@ class MotionLimits:
                     problem = Problem(f"obstacles[{i}]", "be a Wall or a RoundWall", shown(one))
                     problems.append(problem)
         problems += problems_of(check_nonnegative, "clearance", self.clearance)
-        if problems or (problems := self._no_room()):
+        for wall in () if problems else self.obstacles:
+            if isinstance(wall, RoundWall) and wall.inside and wall.radius <= self.clearance:
+                rule = f"be less than the radius of the circle around the arm, {wall.radius:.6g} m"
+                problems = [Problem("clearance", rule, shown(self.clearance))]
+                break
+        if problems:
             raise InputError(*problems)
-
-    def _no_room(self) -> list[Problem]:
-        """Return a problem if the clearance fills a circle with the arm inside."""
-        for one in self.obstacles:
-            if isinstance(one, RoundWall) and one.inside and one.radius <= self.clearance:
-                rule = f"be less than the radius of the circle around the arm, {one.radius:.6g} m"
-                return [Problem("clearance", rule, shown(self.clearance))]
-        return []
 
 
 def _angle_range(given: Any) -> tuple[FloatArray, FloatArray]:

@@ -164,7 +164,7 @@ class Transcription:
             motion = (at, rate, curve[:, j] / T**2, torque, 0, self.model.nominal)
             residual.append(self.model.residual(*motion) / scale.residual)
             limited.append(self._limited(at, rate))
-            cost += h * GAUSS.b[j] * self._cost(rate, torque, given[5])
+            cost += h * GAUSS.b[j] * self._cost(rate, torque)
         q_end = q + h * slope + h * h * (curve @ self.casadi.DM(GAUSS.bA))
         slope_end = slope + h * (curve @ self.casadi.DM(GAUSS.b))
         limited.append(self._limited(q_end, slope_end / T))
@@ -191,7 +191,7 @@ class Transcription:
             found.append(column / self.casadi.DM(bound.size))
         return self.casadi.vertcat(*found)
 
-    def _cost(self, rate: Any, torque: Any, T: Any) -> Any:
+    def _cost(self, rate: Any, torque: Any) -> Any:
         """Return the integrand of the objective over the fraction s of the duration."""
         effort = self.casadi.sumsqr(torque) / float(np.sum(self.sizes.torque**2))
         smooth = _SMOOTHING[self.task.objective] * effort
@@ -371,13 +371,15 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
     from scipy.interpolate import CubicSpline
 
     arm, begin, duration = task.arm, motion.start_time, motion.duration
+    start = task.start.q.copy()
+    start[arm.joint_index] = motion.joint_angle(0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the result matters
         run = simulate(
             arm,
             motion.end_time,
             prescribed={int(number): motion for number in arm.joint_numbers},
-            initial=_on(task, motion),
+            initial=start,
             rate=_SAMPLES * intervals / duration,
             progress=False,
         )
@@ -403,10 +405,3 @@ def states_of(
     stages = (nodes[:-1, None] + duration / intervals * GAUSS.c).ravel()
     curve = rate(stages, 1).reshape(intervals, len(GAUSS.c), -1)
     return state(nodes), duration * rate(nodes), duration**2 * curve
-
-
-def _on(task: Task, motion: Motion) -> FloatArray:
-    """Return the coordinates of the start, with the joints where the motion begins."""
-    q = task.start.q.copy()
-    q[task.arm.joint_index] = motion.joint_angle(0.0)
-    return q

@@ -1,18 +1,26 @@
-"""Candidates for a task: kinds of controllers, the settings to try, reasons, and margins."""
+"""Candidates for a task: requirements, kinds of controllers, the settings to try, and margins."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, FlexarmWarning
-from flexarm.cases.scenario.motions import TaskReference, motion_of
-from flexarm.cases.scenario.references import Followed
+from flexarm.base.arguments import (
+    as_list,
+    check_choice,
+    check_each,
+    check_number,
+    check_positive,
+)
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
+from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
 from flexarm.control.analysis.sample_time import recommended_sample_time
@@ -21,13 +29,181 @@ from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.force.hybrid_force import HybridForce
 from flexarm.control.laws.force.impedance import Impedance
 from flexarm.integrate.base import FloatArray
-from flexarm.model import Contact, Hardware, Scenario
+from flexarm.linear import modes
+from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.motion import inverse_kinematics
-from flexarm.planning.proposals.requirements import Requirements, rounded
 
 if TYPE_CHECKING:
     import xarray as xr
+
+TASKS = ("hold", "point_to_point", "track", "force")
+SENSORS = ("joints", "gauges", "tip", "force")
+COMPUTING = ("low", "medium", "high")
+#: Default tip positions relative to the length of the arm: the paper's line, and a wall.
+_LINE = {"track": ((0.83, 0.41), (0.41, 0.83)), "force": ((0.62, 0.2), (0.62, 0.33))}
+#: Default motion of each joint, and angle of each joint after the first one, rad.
+_TURN, _ELBOW = 0.5, 0.5
+#: Default duration in periods of the lowest frequency, also while a posture is held, and that of an
+#: arm without vibration, s.
+_PERIODS, _HELD_PERIODS, _RIGID_DURATION = 2.5, 5.0, 2.0
+_HIGHEST_UNCERTAINTY = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Requirements:
+    """Validated arguments of `flexarm.design`."""
+
+    arm: Arm  # the arm of the model
+    task: str  # one of ``TASKS``
+    sensors: frozenset[str]  # some of ``SENSORS``
+    computing: str  # one of ``COMPUTING``
+    payload: float  # largest relative errors of the payload and of the flexural rigidity
+    rigidity: float  # likewise
+    #: joint angles (joints,) rad, or positions of the tip (2,) m for the tasks "track" and
+    #: "force"; equal for "hold"
+    start: FloatArray
+    end: FloatArray  # likewise
+    duration: float | None  # of the motion, s; None for the default
+    torque_limit: FloatArray | None  # (joints,) N m, or None
+    force: float  # on the surface, N
+    disk_margin: float  # required on all plants
+
+    @property
+    def of_tip(self) -> bool:
+        """Whether the motion is one of the tip along a line."""
+        return self.task in _LINE
+
+    @cached_property
+    def lowest(self) -> float:
+        """Lowest frequency (rad/s) with locked joints at the start; 0 for a rigid arm."""
+        found = modes(self.arm, None if self.of_tip else self.start).frequency_hz
+        found = found[found > 0.0]
+        return float(2.0 * np.pi * found[0]) if found.size else 0.0
+
+    @property
+    def period(self) -> float:
+        """Period of that frequency, s; that of a rigid arm is set by the duration."""
+        if self.lowest:
+            return 2.0 * np.pi / self.lowest
+        return (self.duration or _RIGID_DURATION) / _PERIODS
+
+    @property
+    def motion_time(self) -> float:
+        """Duration of the motion, s."""
+        periods = _HELD_PERIODS if self.task == "hold" else _PERIODS
+        return self.duration or float(f"{periods * self.period:.2g}")
+
+
+def requirements_of(
+    arm: Arm,
+    task: object,
+    *,
+    sensors: object,
+    computing: object,
+    payload_uncertainty: object,
+    rigidity_uncertainty: object,
+    start: object,
+    end: object,
+    duration: object,
+    torque_limit: object,
+    force: object,
+    disk_margin: object,
+) -> Requirements:
+    """Validate the arguments of `flexarm.design`, and complete them with defaults."""
+    task = check_choice("task", task, TASKS)
+    computing = check_choice("computing", computing, COMPUTING)
+    if not arm.joints:
+        raise InputError(Problem("arm", "must have a joint that is not fixed"))
+    if task == "force" and arm.joints < 2:
+        rule = "force is not supported for an arm with one joint"
+        raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
+    read = _sensors(arm, task, sensors)
+    payload = check_number(
+        "payload_uncertainty", payload_uncertainty, lambda value: value >= 0.0, "be at least 0"
+    )
+    if payload and arm.spec.payload.mass == 0.0:
+        hint = "Give the arm the payload that you expect."
+        rule = "is not supported for an arm without payload"
+        raise InputError(Problem("payload_uncertainty", rule, hint=hint))
+    rule = f"be from 0 to {_HIGHEST_UNCERTAINTY:g}"
+    rigidity = check_number(
+        "rigidity_uncertainty",
+        rigidity_uncertainty,
+        lambda value: 0.0 <= value <= _HIGHEST_UNCERTAINTY,
+        rule,
+    )
+    limit = None
+    if torque_limit is not None:
+        limit = check_each("torque_limit", torque_limit, arm.joints, positive=True)
+        limit = np.broadcast_to(limit, (arm.joints,))
+    begin, goal = _places(arm, task, start, end)
+    return Requirements(
+        arm,
+        task,
+        read,
+        computing,
+        payload,
+        rigidity,
+        begin,
+        goal,
+        None if duration is None else check_positive("duration", duration, "s"),
+        limit,
+        check_positive("force", force, "N"),
+        check_number(
+            "disk_margin",
+            disk_margin,
+            lambda margin: 0.0 < margin < 2.0,
+            "be greater than 0 and less than 2",
+        ),
+    )
+
+
+def _sensors(arm: Arm, task: str, given: object) -> frozenset[str]:
+    """Return the names of the sensors; those of the joints always belong to them."""
+    if given is None:
+        found = ["gauges"] * bool(arm.gauges) + ["force"] * (task == "force")
+        return frozenset(["joints", *found])
+    listed = [given] if isinstance(given, str) else as_list(given)
+    if listed is None:
+        rule = f"be a list of names ({', '.join(SENSORS)})"
+        raise InputError(Problem("sensors", rule, shown(given)))
+    names = [check_choice("sensors", name, SENSORS) for name in listed]
+    if "gauges" in names and not arm.gauges:
+        raise InputError(Problem("sensors", "are gauges, but the arm has no gauges"))
+    if "force" in names and task != "force":
+        raise InputError(Problem("sensors", "are of a force, which requires the task 'force'"))
+    return frozenset(["joints", *names])
+
+
+def _places(arm: Arm, task: str, start: object, end: object) -> tuple[FloatArray, FloatArray]:
+    """Return the start and the end of the motion."""
+    if task == "hold" and end is not None:
+        raise InputError(Problem("end", "is not supported with the task 'hold'"))
+    if task in _LINE:
+        reach, count = float(np.sum(arm.lengths)), 2
+        first, last = (reach * np.array(point) for point in _LINE[task])
+        if arm.joints < 2:
+            rule = "track requires an arm with two joints or more"
+            hint = "The tip of an arm with one joint cannot follow a line: use point_to_point."
+            raise InputError(Problem("task", rule, hint=hint))
+    else:
+        count = arm.joints
+        first = np.array([0.0, *[_ELBOW] * (count - 1)])
+        last = first + (_TURN if task == "point_to_point" else 0.0)
+    begin = first if start is None else check_each("start", start, count=count)
+    if start is not None and end is None:
+        last = begin + (last - first)
+    goal = last if end is None else check_each("end", end, count=count)
+    begin, goal = (np.broadcast_to(place, (count,)) for place in (begin, goal))
+    if task != "hold" and np.array_equal(begin, goal):
+        raise InputError(Problem("end", "differ from start", shown(end)))
+    return begin, goal
+
+
+def rounded(values: FloatArray | Sequence[float], digits: int = 3) -> list[float]:
+    """Return numbers rounded to significant digits, for files that people read."""
+    return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float).tolist()]
 
 
 Drive = dict[str, Any]
@@ -95,7 +271,8 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
         )
         yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
     reason = "The simplest loop of the joints, along the joint angles of the bent arm."
-    yield Candidate("joint PD", reason, tuple(_pd(needs)))
+    settings = product(_BANDWIDTHS, _DAMPINGS)
+    yield Candidate("joint PD", reason, tuple(_joint_pd(needs, *pair) for pair in settings))
 
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
@@ -155,8 +332,7 @@ def _inertia(needs: Requirements) -> FloatArray:
     """Return the largest inertia (joints,) about each joint at the two postures, kg m^2."""
     rigid = RigidModel(needs.arm)
     each = np.array([np.diag(rigid.mass_matrix(at)) for at in postures_of(needs)])
-    largest: FloatArray = each.max(axis=0)
-    return largest
+    return np.asarray(each.max(axis=0))
 
 
 def _joint_pd(needs: Requirements, factor: float, damping: float) -> Drive:
@@ -167,11 +343,6 @@ def _joint_pd(needs: Requirements, factor: float, damping: float) -> Drive:
         "derivative": rounded(2.0 * damping * omega * inertia),
         "sample_time": sample_time_of(needs),
     }
-
-
-def _pd(needs: Requirements) -> Iterator[Drive]:
-    for factor, damping in product(_BANDWIDTHS, _DAMPINGS):
-        yield _joint_pd(needs, factor, damping)
 
 
 def _resonant(needs: Requirements) -> Iterator[Drive]:
@@ -288,43 +459,43 @@ class Loops:
     """
 
     def __init__(
-        self, content: Mapping[str, Any], plants: Mapping[str, Arm], postures: FloatArray
+        self,
+        content: Mapping[str, Any],
+        plants: Mapping[str, Arm],
+        postures: FloatArray,
+        drive: Drive,
     ) -> None:
         self._content, self._plants, self._postures = content, plants, postures
-        self._motion: TaskReference | None = None
-        self._arm: Arm | None = None
+        scenario = scenario_of(content, drive)  # all drives share its motion
+        self._arm = Arm(scenario.arm)
+        self._motion = motion_of(self._arm, scenario)
         self._followed: dict[str | None, Followed] = {}
         self.error = ""
 
-    def scenario(self, drive: Drive) -> Scenario:
-        """Return the scenario of a drive on the arm of the model."""
-        return scenario_of(self._content, drive)
-
-    def prepare_motion(self, drive: Drive) -> None:
-        """Create the motion, which all drives share; InputError if it leaves the reach."""
-        scenario = self.scenario(drive)
-        self._arm = Arm(scenario.arm)
-        self._motion = motion_of(self._arm, scenario)
-
     def assess(self, drive: Drive) -> Assessed:
         """Return the margins of a drive; FlexarmError if it cannot be designed for the arm."""
-        scenario = self.scenario(drive)
+        scenario = scenario_of(self._content, drive)
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
         prepared = prepare(scenario, motion=self._motion, followed=known, arm=self._arm)
         self._followed[kind] = prepared.followed
         controller = prepared.options["controller"]
-        around: dict[str, Any] = {"hardware": prepared.options.get("hardware")}
+        hardware, contacts = prepared.options.get("hardware"), scenario.contacts
+        around: dict[str, Any] = {"hardware": hardware}
         places: Any = self._postures
-        if scenario.contacts:
-            reference: Any = prepared.followed.motion
-            around |= {"contacts": scenario.contacts, "reference": reference}
+        reference: Any = prepared.followed.motion if contacts else None
+        if contacts:
+            around |= {"contacts": contacts, "reference": reference}
             places = [reference.start_time, reference.end_time]
         found = loop_margins(controller, self._plants, places, **around)
         margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
         margins["damping_ratio"] = _slowest_vibration(found)
-        nominal = next(iter(self._plants.values()))
-        return Assessed(drive, margins, _states(controller, nominal, self._postures[0], **around))
+        nominal, start = (
+            next(iter(self._plants.values())),
+            reference.start_time if contacts else 0.0,
+        )
+        at = nominal, self._postures[0], hardware, without_friction(contacts), reference, start
+        return Assessed(drive, margins, len(loop_at(controller, *at).controller.A))
 
     def best(self, candidate: Candidate, disk_margin: float) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed."""
@@ -355,18 +526,3 @@ def _slowest_vibration(found: xr.Dataset) -> float:
     decay = ratio * found["pole_frequency"].values
     vibrates = ratio < 1.0 - 1e-9
     return float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0
-
-
-def _states(
-    controller: Any,
-    plant: Arm,
-    posture: FloatArray,
-    hardware: Hardware | None,
-    contacts: Sequence[Contact] = (),
-    reference: Any = None,
-) -> int:
-    """Return the number of states of a controller."""
-    start = 0.0 if reference is None else reference.start_time
-    bare = without_friction(contacts)
-    loop = loop_at(controller, plant, posture, hardware, bare, reference, start)
-    return len(loop.controller.A)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_flag
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -28,19 +27,21 @@ from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
-from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Load, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
     Assessed,
     Candidate,
     Loops,
+    Requirements,
     candidates_of,
     postures_of,
+    requirements_of,
+    rounded,
     scenario_of,
 )
-from flexarm.planning.proposals.requirements import Requirements, requirements_of, rounded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,7 +111,7 @@ class ControllerDesign:
         return "".join(f"# {line}\n" for line in lines) + file_text(self.scenario)
 
     @public_call
-    def save(self, path: AnyPath, overwrite: bool = False) -> None:
+    def save(self, path: AnyPath, overwrite: Flag = False) -> None:
         """Write the scenario file, completely or not at all.
 
         Args:
@@ -120,7 +121,7 @@ class ControllerDesign:
         Raises:
             InputError: if the file exists, or cannot be written.
         """
-        check_new("path", path, overwrite=check_flag("overwrite", overwrite))
+        check_new("path", path, overwrite=overwrite)
         write_text(self.text, path)
 
 
@@ -220,8 +221,7 @@ def _assessed(
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
     }
-    loops = Loops(content, plants, postures_of(needs))
-    loops.prepare_motion(candidates[0].drives[0])
+    loops = Loops(content, plants, postures_of(needs), candidates[0].drives[0])
     best = {one.name: loops.best(one, needs.disk_margin) for one in candidates}
     found = {name: one for name, one in best.items() if one is not None}
     if not found:
@@ -354,7 +354,8 @@ def _disturbance(needs: Requirements) -> dict[str, Any]:
     """Return a push across the last link at the tip, for one period after the start."""
     arm, links = needs.arm, len(needs.arm.spec.links)
     still = equilibrium(arm, needs.start)
-    across = _across(needs)
+    angle = float(arm.tip(arm.rest(needs.start))[2])
+    across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
     pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
     compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
     force = rounded(across * _DISTURBED * float(np.sum(arm.lengths)) / compliance)
@@ -362,12 +363,6 @@ def _disturbance(needs: Requirements) -> dict[str, Any]:
     times = rounded([before, before, before + period, before + period])
     factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
     return {"link": links, "force": force, "factor": factor}
-
-
-def _across(needs: Requirements) -> FloatArray:
-    """Return the unit vector (2,) across the last link."""
-    angle = float(needs.arm.tip(needs.arm.rest(needs.start))[2])
-    return np.array([-np.sin(angle), np.cos(angle)])
 
 
 def _instruments(needs: Requirements) -> list[dict[str, Any]]:

@@ -1,8 +1,9 @@
-"""Runs with controllers in packs of eight, which lanes advance from one sample time to the next."""
+"""Runs with controllers, and plants, in packs of eight that lanes advance by sample times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from threading import Lock
 from typing import Any, NamedTuple
@@ -10,20 +11,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.arm.actions import EMPTY
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.arm.observe import channels_of
-from flexarm.base.errors import FlexarmError, InputError, check_array
+from flexarm.base.errors import FlexarmError, InputError, SimulationError, check_array
 from flexarm.control.contract.base import Controller, Reference, declares, report_of
-from flexarm.control.hardware.instruments import NoiseOfRuns, Readings, stride_and_delay
+from flexarm.control.hardware.instruments import NoiseOfRuns, Readings
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
-from flexarm.integrate.memory import REJECTED, STEPS
+from flexarm.integrate.lanes.data import LaneRuns
+from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
+from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, REJECTED, STEP, STEPS, TIME
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware, Sensor
-from flexarm.simulation.batch.execution import ClosedLoop
-from flexarm.simulation.batch.lanes import Advance, Lanes, Ready, factors_of, fits_lanes
-from flexarm.simulation.batch.variations import Variations
+from flexarm.simulation.batch.execution import ClosedLoop, Variations
+from flexarm.simulation.batch.lanes import (
+    Advance,
+    Lanes,
+    Ready,
+    arms_of_runs,
+    fits_lanes,
+    held_drive,
+)
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
     instrument_numbers,
@@ -32,16 +42,158 @@ from flexarm.simulation.calls.limits import (
     motor_warning,
 )
 from flexarm.simulation.calls.preparation import Situation, start_of
-from flexarm.simulation.histories.loads import LoadHistory
-from flexarm.simulation.loop.actuators import Acting
+from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
-from flexarm.simulation.loop.sensors import Sensing, measured_names
+from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
-from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
+from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
+from flexarm.simulation.run.new_run import UNBOUNDED
+from flexarm.simulation.run.stepping import failure_of
+from flexarm.simulation.run.tolerance import (
+    RTOL,
+    absolute_tolerance,
+    fastest_frequencies,
+    tip_units,
+)
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 
-#: Attempted steps of a run between two sample times. Longer runs are executed one at a time.
+#: Plants that a thread advances in one call: enough to hide the cost of the call, and few enough
+#: that a thread which has finished early takes another block.
+_BLOCK = 256
+
+
+class _Block(NamedTuple):
+    """Plants that a thread advances in one call."""
+
+    method: LaneIntegrator
+    rows: Rows  # in the arguments of ``step``
+    places: Rows  # of the plants
+
+
+class LanePlants:
+    """Plants of one arm, with its exact state and with motors that apply the torque exactly.
+
+    Each plant has the numbers of a ``flexarm.Plant`` with the same arguments, to the last bit, for
+    any number of plants and threads.
+
+    Attributes:
+        state: (count, 2, n, 1 + m) of the plants at their current times.
+        tick: (count,) number of completed steps of each since its start.
+    """
+
+    def __init__(self, arm: Arm, count: int, sample_time: float, threads: int) -> None:
+        self.arm, self._sample_time = arm, sample_time
+        n, m = arm.assembly.bodies, arm.assembly.modes
+        self.state = np.zeros((count, 2, n, 1 + m))
+        self.tick = np.zeros(count, dtype=np.int64)
+        self._clock = np.zeros((count, CLOCK_PLACES))
+        self._fastest = np.ones(count)
+        self._methods: list[LaneIntegrator] = []
+        self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
+        self._horizon = UNBOUNDED * sample_time
+        absolute, scale = absolute_tolerance(arm, None, RTOL)
+        unit = tip_units(arm, scale, self._horizon)
+        self._tolerance = Tolerance(absolute, RTOL, unit, 1.0 / self._horizon, scale)
+        self._loads = load_history(arm, EMPTY, sample_time, RTOL)
+        placed = self._loads.placed
+        self._stepper = LaneStepper(arm.assembly.constants, placed, self._tolerance, several=False)
+        self._constants = arms_of_runs([arm], [placed], None, self._horizon)
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads, "flexarm") if threads > 1 else None
+
+    @property
+    def time(self) -> FloatArray:
+        """Time (count,) of each plant since its start, s."""
+        return self._clock[:, TIME]
+
+    def start(self, places: Rows, q: FloatArray) -> None:
+        """Begin anew at rest at the coordinates q (k, dof) of the plants ``places`` (k,)."""
+        states = self.arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
+        fastest = fastest_frequencies(self.arm, states, 1.0 / self._horizon)
+        self.state[places], self._fastest[places] = states, fastest
+        self._clock[places] = 0.0
+        self.tick[places] = 0
+        for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
+            tolerance = self._tolerance._replace(fastest=frequency)
+            choice = choose_integrator("auto", None, self.arm, tolerance)
+            choice = choose_by_samples(choice, self.arm, self._sample_time)
+            method = lane_method(choice.integrator)
+            assert method is not None  # "auto" has step control
+            if method not in self._methods:
+                self._methods.append(method)
+            self._method[place] = self._methods.index(method)
+            self._clock[place, STEP] = method.first_step(frequency)
+
+    def step(self, places: Rows, torque: FloatArray) -> dict[int, SimulationError]:
+        """Apply torques (k, joints), N m, to the plants ``places`` (k,) for one sample time.
+
+        Returns:
+            The failures by the number of the plant. The plant keeps its last valid state and its
+            time, and its ``tick`` does not change; start it before the next step.
+        """
+        padded = self.arm.padded_torque(torque)
+        blocks = [
+            block
+            for k, method in enumerate(self._methods)
+            for block in self._blocks(method, np.flatnonzero(self._method[places] == k), places)
+        ]
+        if self._pool is None or len(blocks) == 1:
+            done = [self._advance(block, padded) for block in blocks]
+        else:
+            done = list(self._pool.map(self._advance, blocks, [padded] * len(blocks)))
+        failed = {}
+        for block, status in zip(blocks, done, strict=True):
+            self.tick[block.places] += status == Status.DONE
+            for row in np.flatnonzero(status != Status.DONE):
+                place = int(block.places[row])
+                failed[place] = self._failure(place, Status(status[row]))
+        return failed
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _blocks(self, method: LaneIntegrator, rows: Rows, places: Rows) -> list[_Block]:
+        """Divide plants of one method into blocks of whole packs, at least one for each thread."""
+        share = -(-len(rows) // self._threads)
+        size = min(_BLOCK, -(-share // LANES) * LANES)
+        parts = [rows[k : k + size] for k in range(0, len(rows), max(size, 1))]
+        return [_Block(method, part, places[part]) for part in parts]
+
+    def _advance(self, block: _Block, torque: FloatArray) -> NDArray[np.int64]:
+        """Advance the plants of a block by one sample time; return their statuses."""
+        places, count = block.places, len(block.places)
+        now = self.tick[places]
+        runs = LaneRuns(
+            *self._constants,
+            state=self.state[places],
+            fastest=self._fastest[places],
+            clock=self._clock[places],
+            counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
+            status=np.full(count, Status.PAUSED.value),
+            sample_times=np.zeros(0),
+            samples=np.zeros((count, 0, *self.state.shape[1:])),
+            until=(now + 1) * self._sample_time,
+        )
+        runs.clock[:, TIME] = now * self._sample_time
+        drive = held_drive(count, 1, torque.shape[1], self._loads)
+        drive.coefficients[:, 0] = torque[block.rows]
+        self._stepper.advance(block.method, drive, runs, _MOST_STEPS)
+        self.state[places], self._clock[places] = runs.state, runs.clock
+        return runs.status
+
+    def _failure(self, place: int, status: Status) -> SimulationError:
+        state = self.arm.unpadded(self.state[place])
+        reason = ""
+        if status == Status.PAUSED:
+            reason = f"a sample time takes more than {_MOST_STEPS} steps: the motion is unstable."
+        return failure_of(status, float(self.time[place]), (state[0], state[1]), reason)
+
+
+#: Attempted steps of a run between two sample times: longer runs are executed one at a time, and a
+#: plant fails.
 _MOST_STEPS = 200_000
 #: Signals of instruments that are not functions of the state alone.
 _BY_TORQUE = ("torque", "contact_force", "contact_gap")
@@ -52,27 +204,13 @@ _Reader = Callable[[FloatArray], FloatArray]
 
 
 class LoopOfRun(NamedTuple):
-    """Controller of a run, before its start.
+    """Controller of a run, before its start."""
 
-    Attributes:
-        controller, reference: as given by the user.
-        sampled: the reference, tabulated at the sample times if possible.
-        hardware: with the seed of the run.
-        unstable: warning of an unstable loop, or empty.
-    """
-
-    controller: Controller
-    reference: Reference | None
-    sampled: Reference | None
-    hardware: Hardware | None
-    unstable: str
-
-
-def can_read(hardware: Hardware | None) -> bool:
-    """Return whether the signals of all instruments are functions of the state alone."""
-    instruments = (hardware.instruments if hardware is not None else None) or ()
-    signals = [item.output for item in instruments]
-    return not any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
+    controller: Controller  # as given by the user
+    reference: Reference | None  # likewise
+    sampled: Reference | None  # the reference, tabulated at the sample times if possible
+    hardware: Hardware | None  # with the seed of the run
+    unstable: str  # warning of an unstable loop, or empty
 
 
 class _Team(NamedTuple):
@@ -90,24 +228,26 @@ class _Team(NamedTuple):
             Exception: any, from the controller; InputError if the shape is wrong, or the torque
                 of a single run is not finite.
         """
-        if not self.together:
-            row = int(self.rows[0])
-            own = Measurement(**{name: value[row] for name, value in values.items()})
-            given = self.controller.update(t, own, self.reference)
-            return check_array("torque", given, (joints,))
         everybody = self.rows.size == len(next(iter(values.values())))
-        rows = slice(None) if everybody else self.rows
-        own = Measurement(**{name: value[rows] for name, value in values.items()})
-        given = np.asarray(self.controller.update(t, own, self.reference))
-        if given.dtype != np.float64 or given.shape != (self.rows.size, joints):
-            return check_array("torque", given, (self.rows.size, joints))
-        return given
+        rows: Any = slice(None) if everybody else self.rows
+        rows = rows if self.together else int(self.rows[0])
+        readings = Measurement(**{name: value[rows] for name, value in values.items()})
+        torque: Any = self.controller.update(t, readings, self.reference)
+        if not self.together:
+            return check_array("torque", torque, (joints,))
+        torque = np.asarray(torque)
+        shape = self.rows.size, joints
+        right = torque.dtype == np.float64 and torque.shape == shape
+        return torque if right else check_array("torque", torque, shape)
 
 
 def fits_closed_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
     """Return whether lanes support runs with controllers, as far as known before their start."""
-    fits = fits_lanes(variations, shared, channels) and not shared.environment.contacts
-    return fits and can_read(variations.hardware)
+    if shared.environment.contacts or not fits_lanes(variations, shared, channels):
+        return False
+    instruments = (variations.hardware and variations.hardware.instruments) or ()
+    signals = [item.output for item in instruments]  # which have to follow from the state alone
+    return not any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
 
 
 class ClosedLanes(Lanes):
@@ -130,11 +270,7 @@ class ClosedLanes(Lanes):
         self._poles: dict[tuple[Any, ...], Poles] = {}
 
     def prepare(self) -> None:
-        """Validate the first run.
-
-        Raises:
-            InputError: if ``simulate`` would raise it.
-        """
+        """Validate the first run."""
         arm = self._variations.arm(0)
         try:
             self._run(0, arm, None)
@@ -144,8 +280,8 @@ class ClosedLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         """Return run k before its start."""
         own, duration = self._variations, self._shared.duration
-        controller, reference, hardware = own.controller(k), own.reference(k), own.hardware_of(k)
-        assert controller is not None
+        controller, reference = own.item("controllers", k), own.item("references", k)
+        hardware = own.hardware_of(k)
         sample_time, loads = controller.sample_time, self._loads_on(arm)
         with self._alone.users:
             if state is None:
@@ -153,8 +289,6 @@ class ClosedLanes(Lanes):
             if problems := misfits(controller, arm, reference, hardware, 0):
                 raise InputError(*problems)
             Acting(hardware, arm)
-            for instrument in (hardware.instruments if hardware is not None else None) or ():
-                stride_and_delay(instrument, sample_time)
             key = id(reference), sample_time
             if key not in self._references:
                 self._references[key] = sampled_reference(reference, sample_time, duration)
@@ -171,8 +305,7 @@ class ClosedLanes(Lanes):
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
         own = self._variations
-        controller, reference = own.controller(k), own.reference(k)
-        assert controller is not None
+        controller, reference = own.item("controllers", k), own.item("references", k)
         # Arms with changed parameters are not kept, so that another one may have the same id.
         simulated = arm.spec if own.parameters else id(arm)
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
@@ -241,13 +374,6 @@ class LaneLoop(ControlLoop):
     Runs that fail are marked in ``alive``; the caller executes them again, one at a time, for the
     reason.
 
-    Args:
-        advance: function that advances ``runs`` under a drive to their ``until``, in at most a
-            number of steps.
-        arms: of the runs. loops: their controllers.
-        users: lock of functions of users, and of objects that runs share.
-        loads: of all runs.
-
     Attributes:
         alive: (runs,) whether a run has not failed.
         controllers: that of each run, if it is one of its own.
@@ -272,32 +398,24 @@ class LaneLoop(ControlLoop):
         acting = Acting(hardware, arms[0], runs=self._count)
         super().__init__(acting, loops[0].controller.sample_time)
         self._bodies = as_slice(arms[0].assembly.joint_body)
-        self._drive = self._new_drive(arms[0].assembly.bodies, loads)
+        bodies = arms[0].assembly.bodies
+        self._drive = held_drive(self._count, acting.pieces, bodies, loads)
         self._sensing = self._sensors()
-        self._watches = _by_object(arms, RunawayWatch)
+        watches = {arm: RunawayWatch(arm) for arm in dict.fromkeys(arms)}
+        self._watches = [watches[arm] for arm in arms]
         self._small = np.array([watch.surely_small for watch in self._watches])
         self.alive = np.ones(self._count, dtype=bool)
         self.controllers: dict[int, Controller] = {}
         with users:
             self._teams = self._new_teams()
 
-    def _new_drive(self, bodies: int, loads: LoadHistory) -> LaneDrive:
-        pieces, count = self.acting.pieces, self._count
-        first = pieces * np.arange(count)
-        places = np.zeros((count, 6), dtype=np.int64)
-        places[:, 1] = pieces + 1
-        places[:, 2], places[:, 3] = first, first + pieces
-        coefficients, stops = np.zeros((count * pieces, 4, bodies)), loads.factors.stops
-        places[:, 5] = stops.size
-        breaks = np.arange(pieces + 1.0)
-        return LaneDrive(breaks, coefficients, stops, places, **factors_of(loads))
-
     def _new_teams(self) -> list[_Team]:
         """Return the controllers, each with as many runs as it accepts."""
         groups: dict[tuple[int, int], list[int]] = {}
         teams = []
         for row, loop in enumerate(self._loops):
-            if _vectorized(loop.controller):
+            vectorized = getattr(loop.controller, "vectorized", False)
+            if vectorized and declares(loop.controller, "vectorized"):
                 key = id(loop.controller), id(loop.reference)
                 groups.setdefault(key, []).append(row)
             else:
@@ -402,8 +520,7 @@ class LaneLoop(ControlLoop):
         return [team]
 
     def _rates(self) -> FloatArray:
-        rates: FloatArray = self._runs.state[:, 1, self._bodies, 0]
-        return rates
+        return np.asarray(self._runs.state[:, 1, self._bodies, 0])
 
     def _advance(self, now: float, until: float) -> None:
         acting, drive, runs = self.acting, self._drive, self._runs
@@ -440,17 +557,6 @@ class LaneLoop(ControlLoop):
         return numbers
 
 
-def _vectorized(controller: Controller) -> bool:
-    given = bool(getattr(controller, "vectorized", False))
-    return given and declares(controller, "vectorized")
-
-
 def _channel(arm: Arm, states: FloatArray, name: str) -> FloatArray:
     """Return a channel at states (k, 2, n, 1 + m)."""
     return arm.strains(states) if name == "strain" else channels_of(arm, states, [name])[name]
-
-
-def _by_object(items: Sequence[Any], create: Callable[[Any], Any]) -> list[Any]:
-    """Return one created object for each item; equal items share it."""
-    known = {id(item): create(item) for item in {id(item): item for item in items}.values()}
-    return [known[id(item)] for item in items]

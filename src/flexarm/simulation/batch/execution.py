@@ -1,4 +1,4 @@
-"""Execution of the runs of a batch, one at a time, by the engine of ``simulate``."""
+"""Runs of a batch: their arguments, and execution one at a time by the engine of ``simulate``."""
 
 from __future__ import annotations
 
@@ -6,22 +6,32 @@ import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
-from flexarm.control.contract.base import Controller
+from flexarm.base.arguments import check_kind, check_list_of, check_mapping, check_positive
+from flexarm.base.errors import (
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    check_array,
+    shown,
+)
+from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
+from flexarm.model import ArmSpec, Hardware
+from flexarm.model.paths import number_at, with_numbers
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
-from flexarm.simulation.batch.variations import Variations
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
-from flexarm.simulation.calls.preparation import Situation, start_of, torque_history
+from flexarm.simulation.calls.preparation import Situation, Torque, start_of, torque_history
 from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
@@ -36,6 +46,266 @@ from flexarm.simulation.run.stepping import Run
 if TYPE_CHECKING:
     import xarray as xr
 
+T = TypeVar("T")
+#: Arms with changed parameters that are kept, because runs often repeat the same parameters.
+_KEPT_ARMS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Variations:
+    """Arguments of each run."""
+
+    count: int  # number of runs
+    arms: Sequence[Arm]  # one arm for all runs, or one for each
+    each_arm: bool  # whether they were given as a list
+    initial: FloatArray | None  # (dof,), (runs, dof), or None for the default
+    initial_rate: FloatArray | None  # likewise
+    torques: Sequence[Torque | None]  # one item for all runs, or one for each
+    controllers: Sequence[Controller | None]  # likewise
+    references: Sequence[Reference | None]  # likewise
+    parameters: Mapping[str, FloatArray]  # values (runs,) by the path of a number of the arm
+    hardware: Hardware | None  # of all runs
+    seeds: NDArray[np.int64] | None  # (runs,) of its noise, or None for the seed of the hardware
+    _specs: Sequence[ArmSpec] = field(default=(), repr=False)
+
+    @property
+    def same_arm(self) -> bool:
+        """Whether all runs simulate the same arm."""
+        return not self.each_arm and not self.parameters
+
+    def arm(self, k: int) -> Arm:
+        """Return the simulated arm of run k."""
+        arm = _of(self.arms, k)
+        if not self.parameters:
+            return arm
+        varied = _assembled(self._specs[k])
+        _check_structure("parameters", varied, arm)
+        return varied
+
+    def check_events(self, events: Any) -> None:
+        """Raise if an event was created for one arm, but the runs simulate several."""
+        several = self.each_arm and any(arm.spec != self.arms[0].spec for arm in self.arms)
+        if not _is_list(events) or not (several or self.parameters):
+            return
+        rule = f"cannot be combined with {'parameters' if self.parameters else 'several arms'}"
+        hint = "It was created for one arm. Use Event with a function of t, q and qd."
+        problems = [
+            Problem(f"events[{k}]", rule, hint=hint)
+            for k, event in enumerate(events)
+            if hasattr(getattr(event, "function", None), "arm")
+        ]
+        if problems:
+            raise InputError(*problems)
+
+    def state_of(self, k: int) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return coordinates and rates (dof,) at the start of run k; None for the default."""
+        return _row(self.initial, k), _row(self.initial_rate, k)
+
+    def hardware_of(self, k: int) -> Hardware | None:
+        """Return the hardware of run k with its seed."""
+        if self.hardware is None or self.seeds is None:
+            return self.hardware
+        return self.hardware.replace(seed=int(self.seeds[k]))
+
+    def item(self, name: str, k: int) -> Any:
+        """Return the item of run k of ``torques``, ``controllers`` or ``references``."""
+        return _of(getattr(self, name), k)
+
+
+def variations_of(
+    arm: object,
+    name: str,
+    *,
+    torque: Any,
+    controller: Any,
+    reference: Any,
+    hardware: Hardware | None,
+    initial: ArrayLike | None,
+    initial_rate: ArrayLike | None,
+    parameters: Mapping[str, ArrayLike] | None,
+    seeds: ArrayLike | None,
+) -> Variations:
+    """Validate the arguments of ``simulate_batch`` that may differ from run to run."""
+    arms = _arms(name, arm)
+    first = arms[0]
+    states = {
+        name: None if value is None else _states(name, value, first.dof)
+        for name, value in (("initial", initial), ("initial_rate", initial_rate))
+    }
+    torques, each_torque = _torques(torque, first.joints)
+    controllers: list[Any] = list(controller) if _is_list(controller) else [controller]
+    references: list[Any] = list(reference) if _is_list(reference) else [reference]
+    _check_loop(torque, controllers, references, hardware, seeds)
+    values = _parameters(first, parameters)
+    noise = None if seeds is None else _seeds(seeds)
+    lengths = {
+        name: len(arms) if _is_list(arm) else None,
+        **{name: None if a is None or a.ndim == 1 else len(a) for name, a in states.items()},
+        "torque": len(torques) if each_torque else None,
+        "controller": len(controllers) if _is_list(controller) else None,
+        "reference": len(references) if _is_list(reference) else None,
+        **{f"parameters[{path!r}]": len(row) for path, row in values.items()},
+        "seeds": None if noise is None else len(noise),
+    }
+    count = _common(lengths)
+    specs = _specs(arms, values, count)
+    return Variations(
+        count, arms, _is_list(arm), states["initial"], states["initial_rate"], torques,
+        controllers, references, values, hardware, noise, specs,
+    )  # fmt: skip
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _of(items: Sequence[T], k: int) -> T:
+    return items[0] if len(items) == 1 else items[k]
+
+
+def _row(values: FloatArray | None, k: int) -> FloatArray | None:
+    return values if values is None or values.ndim == 1 else values[k]
+
+
+def _arms(name: str, arm: object) -> list[Arm]:
+    if not _is_list(arm):
+        return [check_kind(name, arm, Arm, "an Arm or a list of them")]
+    arms = check_list_of(name, arm, Arm)
+    if not arms:
+        raise InputError(Problem(name, "must not be an empty list"))
+    for k, other in enumerate(arms):
+        _check_structure(f"{name}[{k}]", other, arms[0])
+    return arms
+
+
+def _check_structure(name: str, arm: Arm, first: Arm) -> None:
+    """Raise if an arm has other coordinates, links or gauges than the first one."""
+    own, known = ((one.dof, one.links, one.joints, len(one.gauges)) for one in (arm, first))
+    if own != known:
+        parts = "coordinates, links, joints and gauges"
+        rule = f"have the {known} {parts} of the first arm"
+        raise InputError(Problem(name, rule, str(own)))
+
+
+@lru_cache(maxsize=_KEPT_ARMS)
+def _assembled(spec: ArmSpec) -> Arm:
+    return Arm(spec)
+
+
+def _states(name: str, value: ArrayLike, dof: int) -> FloatArray:
+    """Return coordinates or rates as (dof,) for all runs, or (runs, dof)."""
+    return check_array(name, value, (-1, dof) if _axes(value) > 1 else (dof,))
+
+
+def _axes(value: Any) -> int:
+    """Return the number of axes of an array, or of nested lists by their first items."""
+    axes = getattr(value, "ndim", None)
+    if isinstance(axes, int):
+        return axes
+    return 1 + _axes(value[0]) if _is_list(value) and value else 0
+
+
+def _torques(torque: Any, joints: int) -> tuple[list[Torque | None], bool]:
+    """Return the torque of all runs as the only item, or one for each; and whether it is each."""
+    if torque is None or _is_history(torque):
+        return [torque], False
+    if _is_list(torque) and torque and all(map(_is_history, torque)):
+        return list(torque), True
+    if _axes(torque) > 2:
+        return list(check_array("torque", torque, (-1, -1, joints))), True
+    return [check_array("torque", torque, (-1, joints))], False
+
+
+def _is_history(value: object) -> bool:
+    return isinstance(value, PiecewiseCubic) or callable(value)
+
+
+def _check_loop(
+    torque: object,
+    controllers: Sequence[Any],
+    references: Sequence[Any],
+    hardware: object,
+    seeds: object,
+) -> None:
+    """Raise if controllers, references, hardware and seeds do not fit each other."""
+    named = {"controller": controllers, "reference": references}
+    problems = [Problem(name, "must not be empty") for name, items in named.items() if not items]
+    closed = bool(controllers) and controllers[0] is not None
+    if closed and torque is not None:
+        problems.append(Problem("torque", "cannot be combined with a controller"))
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+        if not closed:
+            problems.append(Problem("hardware", "requires a controller"))
+    if seeds is not None and hardware is None:
+        problems.append(Problem("seeds", "requires hardware, whose noise they determine"))
+    if problems:
+        raise InputError(*problems)
+    for controller in controllers if closed else ():
+        check_controller("controller", controller)
+        sample_time = getattr(controller, "sample_time", None)
+        check_positive("controller.sample_time", sample_time)
+    for reference in references:
+        if reference is not None:
+            check_reference(reference)
+
+
+def _parameters(arm: Arm, given: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
+    if given is None:
+        return {}
+    check_mapping("parameters", given, "paths and values")
+    values = {}
+    for path, row in given.items():
+        number_at("parameters", arm.spec, path)
+        values[path] = check_array(f"parameters[{path!r}]", row, (-1,))
+    return values
+
+
+def _seeds(given: ArrayLike) -> NDArray[np.int64]:
+    rule = "be whole numbers from 0 to 2**63 - 1, one for each run"
+    try:
+        seeds = np.asarray(given)
+        whole = seeds.dtype.kind in "iu" and seeds.ndim == 1 and bool(np.all(seeds >= 0))
+    except Exception:  # rows of different lengths, or objects whose conversion fails
+        whole = False
+    if not whole or bool(np.any(seeds > 2**63 - 1)):
+        raise InputError(Problem("seeds", rule, shown(given)))
+    return seeds.astype(np.int64)
+
+
+def _common(lengths: Mapping[str, int | None]) -> int:
+    """Return the number of runs."""
+    counts = {name: length for name, length in lengths.items() if length is not None}
+    count = max(counts.values(), default=1)
+    longest = next((name for name, length in counts.items() if length == count), "")
+    problems = [
+        Problem(name, f"have one item for each of the {count} runs of {longest}", shown(n))
+        for name, n in counts.items()
+        if n != count
+    ]
+    if count == 0:
+        problems = [Problem(longest, "must not be empty")]
+    if problems:
+        raise InputError(*problems)
+    return count
+
+
+def _specs(arms: Sequence[Arm], values: Mapping[str, FloatArray], count: int) -> list[ArmSpec]:
+    """Return the description of the arm of each run; empty without parameters."""
+    if not values:
+        return []
+    specs, problems = [], []
+    for k in range(count):
+        spec: ArmSpec = _of(arms, k).spec
+        try:
+            spec = with_numbers(spec, {path: float(row[k]) for path, row in values.items()})
+        except InputError as error:
+            problems += [replace(p, where=f"simulate_batch: run {k}") for p in error.problems]
+        specs.append(spec)
+    if problems:
+        raise InputError(*problems)
+    return specs
+
 
 #: Arguments of ``simulate`` that act on the arm, besides its torques.
 ACTING = (
@@ -45,29 +315,19 @@ ACTING = (
 
 
 class Outcome(NamedTuple):
-    """Results of one run, or of several that ended in the same way.
+    """Results of one run, or of several that ended in the same way."""
 
-    Attributes:
-        runs: their numbers.
-        times: (samples,) s, of the samples computed.
-        channels: the required channels (runs, samples, ...) by name.
-        end_time: s, reached by the runs.
-        ended_by, failure, integrator: as the attributes of a result of ``simulate``.
-        warnings, steps, evaluations: likewise, of each run.
-        limits: numbers of ``LIMITS`` (runs, ...) by name.
-    """
-
-    runs: Sequence[int]
-    times: FloatArray
-    channels: Mapping[str, FloatArray]
-    end_time: float
-    ended_by: str = FAILURE
-    failure: str = ""
-    integrator: str = ""
-    warnings: Sequence[str] = ("",)
-    steps: Sequence[int] = (0,)
-    evaluations: Sequence[int] = (0,)
-    limits: Mapping[str, FloatArray] = {}
+    runs: Sequence[int]  # numbers of the runs
+    times: FloatArray  # (samples,) s, of the samples computed
+    channels: Mapping[str, FloatArray]  # the required channels (runs, samples, ...) by name
+    end_time: float  # s, reached by the runs
+    ended_by: str = FAILURE  # as the attributes of a result of ``simulate``
+    failure: str = ""  # likewise
+    integrator: str = ""  # likewise
+    warnings: Sequence[str] = ("",)  # likewise, of each run
+    steps: Sequence[int] = (0,)  # likewise
+    evaluations: Sequence[int] = (0,)  # likewise
+    limits: Mapping[str, FloatArray] = {}  # numbers of ``LIMITS`` (runs, ...) by name
 
 
 def failed(k: int, error: SimulationError | InputError) -> Outcome:
@@ -84,16 +344,7 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
 
 
 class OpenLoop:
-    """Runs under given torques; several threads may execute them at the same time.
-
-    Args:
-        variations: arguments of the runs.
-        shared: what all runs have in common, with the arm of the first one.
-        channels: names of the required channels.
-
-    Attributes:
-        users: lock of functions of users.
-    """
+    """Runs under given torques; several threads may execute them at the same time."""
 
     def __init__(
         self, variations: Variations, shared: Situation, channels: Collection[str]
@@ -105,21 +356,13 @@ class OpenLoop:
         self.users = Lock()
 
     def prepare(self) -> None:
-        """Validate what the first run shares with the others.
-
-        Raises:
-            InputError: if an argument does not fit the arm.
-        """
+        """Validate what the first run shares with the others."""
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
             self.history(0, run.arm, state, relative_of_functions(self._shared.settings, run.arm))
 
     def __call__(self, k: int) -> Outcome:
-        """Execute run k.
-
-        Raises:
-            InputError: if an argument does not fit the arm of the run.
-        """
+        """Execute run k."""
         try:
             run, state = self._new_run(k)
         except SimulationError as error:  # a factor or another function of time failed
@@ -168,7 +411,7 @@ class OpenLoop:
             run = replace(
                 shared,
                 arm=arm,
-                torque=own.torque(k),
+                torque=own.item("torques", k),
                 initial=initial,
                 initial_rate=initial_rate,
             ).new_run(self._meter)
@@ -185,13 +428,10 @@ class OpenLoop:
             return history
 
     def start(self, k: int, arm: Arm) -> FloatArray:
-        """Return the initial state (2, n, 1 + m) of run k.
-
-        Raises:
-            InputError: if it does not fit the arm.
-        """
+        """Return the initial state (2, n, 1 + m) of run k."""
         with self.users:  # the motion of a torque may be a function of the user
-            return start_of(arm, *self._variations.state_of(k), None, self._variations.torque(k))
+            own = self._variations
+            return start_of(arm, *own.state_of(k), None, own.item("torques", k))
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
         """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.
@@ -200,8 +440,8 @@ class OpenLoop:
             InputError: if the torque does not fit the arm.
             FunctionError: if a function of time raises an exception.
         """
-        torque = self._variations.torque(k)
-        shared = self._variations.same_torque and not self._shared.prescribed
+        torque = self._variations.item("torques", k)
+        shared = len(self._variations.torques) == 1 and not self._shared.prescribed
         with self.users:
             if shared and relative in self._histories:
                 return self._histories[relative]
@@ -211,27 +451,8 @@ class OpenLoop:
             return found
 
 
-def _copied(controller: Controller | None) -> Controller | None:
-    """Return a copy, so that a batch leaves the objects of its caller as they are.
-
-    An object that cannot be copied, such as one with an open connection, is returned itself.
-    """
-    try:
-        return deepcopy(controller)
-    except Exception:
-        return controller
-
-
 class ClosedLoop:
-    """Runs with controllers, which are Python objects: one thread at a time executes them.
-
-    Args:
-        arm: the controllers' model of the arm if parameters vary, otherwise None.
-        shared, channels: as for `OpenLoop`.
-
-    Attributes:
-        model: ``arm`` as given. users: lock of functions and objects of users.
-    """
+    """Runs with controllers, which are Python objects: one thread at a time executes them."""
 
     def __init__(
         self, variations: Variations, arm: Arm | None, shared: Situation, channels: Collection[str]
@@ -241,14 +462,13 @@ class ClosedLoop:
         self.users = Lock()
 
     def __call__(self, k: int) -> Outcome:
-        """Execute run k.
-
-        Raises:
-            InputError: if an argument does not fit the arm or the controller of the run.
-        """
+        """Execute run k."""
         own = self._variations
         simulated, duration = own.arm(k), self._shared.duration
         initial, initial_rate = own.state_of(k)
+        controller = own.item("controllers", k)
+        with suppress(Exception):  # an object with an open connection is used itself
+            controller = deepcopy(controller)  # the objects of the caller stay as they are
         try:
             with self.users, warnings.catch_warnings():  # kept in the outcome
                 warnings.simplefilter("ignore", FlexarmWarning)
@@ -256,8 +476,8 @@ class ClosedLoop:
                     self.model or simulated,
                     duration,
                     plant=None if self.model is None else simulated,
-                    controller=_copied(own.controller(k)),
-                    reference=own.reference(k),
+                    controller=controller,
+                    reference=own.item("references", k),
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,

@@ -38,8 +38,7 @@ from flexarm.integrate.memory import (
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import ArmConstants, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.scenario import DURATION
-from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, attempt
-from flexarm.simulation.batch.variations import Variations
+from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, Variations, attempt
 from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
@@ -301,7 +300,9 @@ class Lanes(ABC):
         if not _TORQUES.isdisjoint(self._channels):
             channels |= self._torques(times, ready, places, carried)
         if not BY_CONTACTS.isdisjoint(self._channels):
-            channels |= self._touched(own, samples)
+            pairs = zip(own, samples, strict=True)
+            rows = [contact_channels(r.arm, r.loads.placed.contacts, row) for r, row in pairs]
+            channels |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
         limits, texts = self._limits(times, own, samples, places, carried)
@@ -327,12 +328,6 @@ class Lanes(ABC):
             runs.counts[places, EVALUATIONS].tolist(),
             limits,
         )
-
-    def _touched(self, own: Sequence[Ready], samples: FloatArray) -> dict[str, FloatArray]:
-        """Return the channels of contacts of runs (k,) at samples (k, T, 2, n, 1 + m)."""
-        pairs = zip(own, samples, strict=True)
-        found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
-        return {name: np.array([one[name] for one in found]) for name in found[0]}
 
     def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
         """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
@@ -442,11 +437,7 @@ def _stacked(records: Sequence[Any], names: Sequence[str]) -> Any:
 
 
 def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHistory) -> LaneDrive:
-    """Join the torques of the runs; equal objects are stored once.
-
-    Args:
-        loads: of all runs.
-    """
+    """Join the torques of the runs; equal objects are stored once."""
     different = list({id(history): history for history in histories}.values())
     places, starts = {}, np.zeros(3, dtype=np.int64)
     stops = [loads.stops_with(history) for history in different]
@@ -462,11 +453,21 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
         ),
         stops=np.concatenate(stops),
         places=np.array([places[id(history)] for history in histories]),
-        **factors_of(loads),
+        **_factors_of(loads),
     )
 
 
-def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+def held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:
+    """Return a drive of runs with torques of their own, zero here, in a number of pieces."""
+    first, stops = pieces * np.arange(count), loads.factors.stops
+    places = np.zeros((count, 6), dtype=np.int64)
+    places[:, 1], places[:, 2], places[:, 3] = pieces + 1, first, first + pieces
+    places[:, 5] = stops.size
+    coefficients = np.zeros((count * pieces, 4, bodies))
+    return LaneDrive(np.arange(pieces + 1.0), coefficients, stops, places, **_factors_of(loads))
+
+
+def _factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
     """Return the fields of ``LaneDrive`` for loads."""
     return {
         "amplitude": loads.placed.value,

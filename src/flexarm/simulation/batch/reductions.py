@@ -18,35 +18,13 @@ Channels = Mapping[str, FloatArray]
 
 
 class _Kind(NamedTuple):
-    """A built-in reduction.
+    """A built-in reduction."""
 
-    Attributes:
-        reduce: function of times (samples,), values (samples, ...) and the band.
-        about: value to subtract first: "mean", "last" or None.
-        length: whether vectors along ``axis`` count by their length.
-        meaning: for the label of the variable.
-    """
-
+    #: function of times (samples,), values (samples, ...) and the band
     reduce: Callable[[FloatArray, FloatArray, float], Any]
-    about: str | None
-    length: bool
-    meaning: str
-
-
-def _peak(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return np.abs(values).max(axis=0)
-
-
-def _rms(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return np.sqrt(np.mean(values**2, axis=0))
-
-
-def _mean(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return values.mean(axis=0)
-
-
-def _final(times: FloatArray, values: FloatArray, band: float) -> Any:
-    return values[-1]
+    about: str | None  # value to subtract first: "mean", "last" or None
+    length: bool  # whether vectors along ``axis`` count by their length
+    meaning: str  # for the label of the variable
 
 
 def _settling(times: FloatArray, values: FloatArray, band: float) -> Any:
@@ -59,11 +37,15 @@ def _settling(times: FloatArray, values: FloatArray, band: float) -> Any:
 
 #: Built-in reductions by name.
 KINDS: dict[str, _Kind] = {
-    "peak": _Kind(_peak, None, True, "largest magnitude of"),
-    "rms": _Kind(_rms, None, True, "root mean square of"),
-    "mean": _Kind(_mean, None, False, "mean of"),
-    "final": _Kind(_final, None, False, "last value of"),
-    "residual": _Kind(_peak, "mean", True, "largest distance from the mean of"),
+    "peak": _Kind(lambda t, x, band: np.abs(x).max(axis=0), None, True, "largest magnitude of"),
+    "rms": _Kind(
+        lambda t, x, band: np.sqrt(np.mean(x**2, axis=0)), None, True, "root mean square of"
+    ),
+    "mean": _Kind(lambda t, x, band: x.mean(axis=0), None, False, "mean of"),
+    "final": _Kind(lambda t, x, band: x[-1], None, False, "last value of"),
+    "residual": _Kind(
+        lambda t, x, band: np.abs(x).max(axis=0), "mean", True, "largest distance from the mean of"
+    ),
     "settling": _Kind(_settling, "last", True, "settling time of"),
 }
 
@@ -140,11 +122,7 @@ class Reduction:
 
 
 def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArray:
-    """Return the value of a reduction for a run with samples at ``times`` (samples,), s.
-
-    Raises:
-        InputError: if a function does not return a finite number.
-    """
+    """Return the value of a reduction for a run with samples at ``times`` (samples,), s."""
     first = int(np.searchsorted(times, item.after))
     values = [channels[name][first:] for name in item.channels]
     times = times[first:]
@@ -164,11 +142,7 @@ def reduced(item: Reduction, times: FloatArray, channels: Channels) -> FloatArra
 
 
 def check_channel(name: str, channel: object) -> str:
-    """Return the name of a channel of results.
-
-    Raises:
-        InputError: if no channel has that name.
-    """
+    """Return the name of a channel of results."""
     if isinstance(channel, str) and channel in CHANNELS:
         return channel
     rule = "be the name of a channel of results"
@@ -176,14 +150,7 @@ def check_channel(name: str, channel: object) -> str:
 
 
 def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction]:
-    """Return reductions by the names of their variables.
-
-    Args:
-        taken: names of other variables of the dataset.
-
-    Raises:
-        InputError: if the value is not a mapping of names to reductions, or a name is taken.
-    """
+    """Return reductions by the names of their variables; ``taken``: names of other variables."""
     if given is None:
         return {}
     found = dict(check_mapping("reductions", given, "names and Reduction objects"))
@@ -202,11 +169,7 @@ def check_reductions(given: object, taken: Sequence[str]) -> dict[str, Reduction
 
 
 def check_samples(reductions: Mapping[str, Reduction], end: float) -> None:
-    """Raise if a reduction would have no samples; ``end``: time of the last sample, s.
-
-    Raises:
-        InputError: if one begins after it.
-    """
+    """Raise if a reduction would have no samples; ``end``: time of the last sample, s."""
     problems = [
         Problem(f"reductions[{name!r}].after", f"be at most {end:g} s, the end", shown(item.after))
         for name, item in reductions.items()

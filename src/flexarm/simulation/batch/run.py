@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_count, check_kind, check_options
+from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -29,9 +29,18 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
+from flexarm.model.quantities import Count
 from flexarm.model.scenarios.scenario import FAILURE
 from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
-from flexarm.simulation.batch.execution import ACTING, ClosedLoop, OpenLoop, Outcome, attempt
+from flexarm.simulation.batch.execution import (
+    ACTING,
+    ClosedLoop,
+    OpenLoop,
+    Outcome,
+    Variations,
+    attempt,
+    variations_of,
+)
 from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes
 from flexarm.simulation.batch.reductions import (
     Reduction,
@@ -40,7 +49,6 @@ from flexarm.simulation.batch.reductions import (
     check_samples,
     reduced,
 )
-from flexarm.simulation.batch.variations import Variations, variations_of
 from flexarm.simulation.calls.limits import limit_variables
 from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
 from flexarm.simulation.calls.result import (
@@ -104,18 +112,8 @@ _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
 class Recorder:
     """Arrays of a batch. Threads may record different runs at the same time.
 
-    Args:
-        arm: the first arm, for the sizes of the channels.
-        times: (samples,) s, sample times of a run that is complete.
-        channels: names of the stored channels.
-        reductions: by the names of their variables.
-        stride: stride of the stored samples.
-        counts: numbers of contacts, and of stations on each link.
-        absent: channels that the runs do not have beyond those of an empty dimension, by name,
-            with what is missing.
-
-    Raises:
-        InputError: if the runs do not have one of the channels.
+    ``times`` (samples,) s are those of a complete run, ``counts`` the numbers of contacts and of
+    stations on each link, and ``absent`` names channels without an object, with what is missing.
     """
 
     def __init__(
@@ -277,7 +275,7 @@ def simulate_batch(
     channels: Sequence[str] = ("joint_angle", "tip"),
     reductions: Mapping[str, Reduction] | None = None,
     rate: float = 1000.0,
-    stride: int = 1,
+    stride: Count = 1,
     threads: int | None = None,
     progress: bool | None = None,
     settings: RunSettings | None = None,
@@ -345,7 +343,6 @@ def simulate_batch(
     # Code that is compiled in the middle of a run may differ in the last digits.
     checked = replaced(checked, specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
-    stride = check_count("stride", stride)
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
     model = None if plant is None else check_kind("arm", arm, Arm)
@@ -379,7 +376,8 @@ def simulate_batch(
     recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
     size = shared.times.size * 16 * first.assembly.coordinates.size
-    lane_blocks = _blocks(0, own.count, _lane_block(size, own.count, threads))
+    most = min(_LANE_BLOCK, _MEMORY // size, -(-own.count // threads) + LANES - 1)
+    lane_blocks = _blocks(0, own.count, LANES * max(1, most // LANES))
     if closed:
         model = model or (first if own.parameters else None)
         loop = ClosedLoop(own, model, shared, needed)
@@ -436,12 +434,6 @@ def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: i
 
 def _blocks(first: int, count: int, size: int) -> list[range]:
     return [range(k, min(k + size, count)) for k in range(first, count, size)]
-
-
-def _lane_block(size: int, count: int, threads: int) -> int:
-    """Return the number of runs of a block; ``size``: bytes of the states of one run."""
-    most = min(_LANE_BLOCK, _MEMORY // size, -(-count // threads) + LANES - 1)
-    return LANES * max(1, most // LANES)
 
 
 def _execute(

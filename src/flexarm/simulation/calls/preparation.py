@@ -27,11 +27,8 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import Number, Range, judge, weights
 from flexarm.model.scenarios.scenario import sample_fault
-from flexarm.simulation.histories.functions import function_history
-from flexarm.simulation.histories.loads import LoadHistory, load_history
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.prescribed import Prescribed, prescribe
-from flexarm.simulation.histories.samples import sampled_torque
+from flexarm.simulation.histories.loads import LoadHistory, Prescribed, load_history, prescribe
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history, sampled_torque
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import Event, event_log

@@ -25,10 +25,12 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.along import Separation, SmoothMatrices, linearize_along
-from flexarm.linear.small_deviations.collocation import (
+from flexarm.linear.small_deviations.along import (
     DeviationPath,
+    Separation,
+    SmoothMatrices,
     break_times,
+    linearize_along,
     solve_deviations,
     stage_times,
     step_edges,
@@ -38,8 +40,7 @@ from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.result import make_result
-from flexarm.simulation.histories.functions import function_history
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history
 from flexarm.simulation.run.tolerance import RTOL as CLOSE
 
 if TYPE_CHECKING:

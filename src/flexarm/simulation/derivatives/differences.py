@@ -44,9 +44,6 @@ def differences(
         name, path: of the parameter, for messages.
         scale: change of the parameter over which the function is smooth.
         at: function that returns arrays, whose last axis has one unit in each column.
-
-    Raises:
-        InputError: if the function is not smooth, or returns arrays of another shape.
     """
     step = _SHIFT * scale
     found: list[Array] = [np.zeros(1)]
@@ -126,20 +123,14 @@ def _has_jumps(
     place: int,
     ends: tuple[float, float],
 ) -> bool:
-    """Return whether a value that is constant near a point jumps on both sides of it.
-
-    Args:
-        number, place: of the changed number, and of the value.
-        ends: change of the number with the same value, and one with another.
-    """
+    """Return whether a value that is constant near a point jumps on both sides of it."""
     near, far = (np.array([1.0, -1.0]) * end for end in ends)
     here = function(point[None])[0, place]
 
     def values(changes: Array) -> Array:
         points = np.tile(point, (2, 1))
         points[:, number] += changes
-        found: Array = function(points)[:, place]
-        return found
+        return np.asarray(function(points)[:, place])
 
     last = np.abs(values(far) - here)
     for _ in range(_HALVINGS):
@@ -151,5 +142,4 @@ def _has_jumps(
 
 def _largest(array: Array) -> Array:
     """Return the largest absolute value of each column, the last axis."""
-    largest: Array = np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0)
-    return largest
+    return np.asarray(np.abs(array).max(axis=tuple(range(array.ndim - 1)), initial=0.0))

@@ -68,11 +68,7 @@ class Inputs(NamedTuple):
 
 
 def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
-    """Return the numbers of an arm with loads and contacts.
-
-    Raises:
-        InputError: if a load or a contact is not on the arm.
-    """
+    """Return the numbers of an arm with loads and contacts."""
     placed = Environment(environment.loads, None, environment.contacts).placed(arm)
     contacts = placed.contacts
     return ArmInputs(
@@ -126,10 +122,6 @@ class DualStepper:
     """Repetition of a run that has been simulated, with derivatives in up to eight directions.
 
     The steps are chosen by the values alone, so that they are those of the run.
-
-    Args:
-        inputs: numbers of the run.
-        by: derivatives of ``inputs`` in each direction.
     """
 
     def __init__(self, run: Run, inputs: Inputs, by: Sequence[Inputs]) -> None:
@@ -140,7 +132,8 @@ class DualStepper:
         step = run.progress.step if run.default_step is not None else 0.0
         self.progress = self._progress(0.0, numbers.state, step)
         self._samples: DualArray = Duals.zeros(len(run.sample_times), *numbers.state.shape)
-        self._waiting = event_times(run).tolist()
+        events = run.watch.log.found if run.watch is not None else []
+        self._waiting = [event.time for event in events]
         self._events: list[DualArray] = []
 
     def _progress(self, time: float, state: DualArray, step: float) -> Progress:
@@ -148,11 +141,7 @@ class DualStepper:
         return Progress(time, state, step, entry=entry)
 
     def advance(self, until: float) -> None:
-        """Advance to a time (s), and compute the states at the events up to it.
-
-        Raises:
-            SimulationError: if the run fails.
-        """
+        """Advance to a time (s), and compute the states at the events up to it."""
         seen = bool(self._waiting) and self._waiting[0] <= until
         start = (self.progress.time, self.progress.state.copy()) if seen else None
         self._carry(self.progress, until, self._run.sample_times, self._samples)
@@ -199,20 +188,10 @@ class DualStepper:
 
 
 def run_in_duals(run: Run, inputs: Inputs, by: Sequence[Inputs]) -> DualRun:
-    """Repeat a run without a controller; see `DualStepper`.
-
-    Raises:
-        SimulationError: if the run fails.
-    """
+    """Repeat a run without a controller; see `DualStepper`."""
     stepper = DualStepper(run, inputs, by)
     stepper.advance(run.duration)
     return stepper.result()
-
-
-def event_times(run: Run) -> FloatArray:
-    """Return the times (events,) of the events of a run, s."""
-    found = run.watch.log.found if run.watch is not None else []
-    return np.array([one.time for one in found])
 
 
 def dual_inputs(inputs: Inputs, by: Sequence[Inputs]) -> Inputs:
@@ -281,20 +260,20 @@ def channel_derivatives(
 def _in_direction(
     arm: Arm, quantities: Sequence[DualArray | None], place: int, names: Collection[str]
 ) -> dict[str, FloatArray]:
-    """Return the derivatives of channels in one direction.
+    """Return the derivatives of channels in one direction."""
 
-    Args:
-        quantities: states, and the fields of ``Observed`` that follow from them.
-    """
-
-    def channels(form: Callable[[Duals, int], FloatArray], own: set[str]) -> dict[str, FloatArray]:
-        if not own:
+    def channels(form: Callable[[Duals, Any], Any], chosen: set[str]) -> dict[str, FloatArray]:
+        if not chosen:
             return {}
-        found: list[Any] = [None if part is None else form(part, place) for part in quantities]
-        return named_channels(arm, found[0], Observed(*found[1:]), own)
+        parts: list[Any] = [
+            None if part is None else form(part, part.array[..., 1 + place]) for part in quantities
+        ]
+        return named_channels(arm, parts[0], Observed(*parts[1:]), chosen)
 
-    linear = channels(_slopes, set(names) - _NONLINEAR)
-    other = channels(_complex, _NONLINEAR.intersection(names))
+    linear = channels(lambda duals, slopes: slopes, set(names) - _NONLINEAR)
+    other = channels(
+        lambda duals, slopes: duals.value + 1j * STEP * slopes, _NONLINEAR.intersection(names)
+    )
     return linear | {name: array.imag / STEP for name, array in other.items()}
 
 
@@ -319,15 +298,3 @@ def _observed(
         bodies = place_gauges(arm, arm.gauges)[1]
         gauge_strains(sizes, states, bodies, run.gauges, strains)
     return poses, tips, energy, strains
-
-
-def _slopes(duals: Duals, place: int) -> FloatArray:
-    """Return the derivatives in one direction."""
-    slopes: FloatArray = duals.array[..., 1 + place]
-    return slopes
-
-
-def _complex(duals: Duals, place: int) -> FloatArray:
-    """Return values that are perturbed in one direction by an imaginary step."""
-    perturbed: FloatArray = duals.value + 1j * STEP * duals.array[..., 1 + place]
-    return perturbed

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import check_flag, check_kind, check_mapping
+from flexarm.base.arguments import check_mapping
 from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
@@ -41,6 +41,7 @@ from flexarm.integrate.transfers import additive_transfers, explicit_transfers
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray, Duals
 from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import GoalArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.calls.second_run import relative_error, second_run
@@ -53,11 +54,11 @@ from flexarm.simulation.derivatives.dual_run import (
 )
 from flexarm.simulation.derivatives.parameters import (
     Parameters,
-    Samples,
     check_channels,
     refuse_unsupported,
     simulated,
 )
+from flexarm.simulation.histories.piecewise import Samples
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
@@ -140,13 +141,7 @@ def parts_of(known: Parameters, ends: FloatArray, pieces: Sequence[int]) -> list
 
 
 class Repetition:
-    """Repetition of parts of a run in dual numbers, with arrays that all parts share.
-
-    Args:
-        known: the run.
-        parts: all parts that will be repeated.
-        blocks: directions of the derivatives.
-    """
+    """Repetition of parts of a run in dual numbers, with arrays that all parts share."""
 
     def __init__(self, known: Parameters, parts: Sequence[Part], blocks: Sequence[Block]) -> None:
         run = known.run
@@ -168,11 +163,7 @@ class Repetition:
         self._entry = Entry(additive_transfers if additive else explicit_transfers, often=1)
 
     def transfers(self, part: Part) -> FloatArray:
-        """Return the derivatives (intervals, 2 dof, directions) of the states at the ends.
-
-        Raises:
-            SimulationError: if the run fails.
-        """
+        """Return the derivatives (intervals, 2 dof, directions) of the states at the ends."""
         run, memory, count = self._run, self._memory, len(part.breaks)
         breaks, assembly = self.system.drive.breaks, run.arm.assembly
         breaks[:count], breaks[count:] = part.breaks, np.inf
@@ -191,8 +182,7 @@ class Repetition:
         whole = self._ends.reshape(*self._ends.shape[:3], -1, 1 + DIRECTIONS)
         slopes = whole[:, : len(part.ends), :, assembly.coordinates, 1:]
         columns = len(self._blocks) * DIRECTIONS
-        found: FloatArray = np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns)
-        return found
+        return np.asarray(np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns))
 
 
 class Gradient(NamedTuple):
@@ -322,7 +312,7 @@ def goal_gradient(
     weights: Mapping[str, ArrayLike],
     *,
     torque: ArrayLike,
-    error_estimate: bool = True,
+    error_estimate: Flag = True,
     settings: RunSettings | None = None,
     **arguments: Unpack[GoalArguments],
 ) -> xr.Dataset:
@@ -360,7 +350,6 @@ def goal_gradient(
     Theory page "separation", (D.17).
     """
     refuse_unsupported(goal_gradient, arguments)
-    check_kind("arm", arm, Arm)
     driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
     situation = situation_of(goal_gradient, arm, duration, settings, driven)
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
@@ -368,7 +357,6 @@ def goal_gradient(
     names = check_channels(arm, "weights", list(weights))
     if not names:
         raise InputError(Problem("weights", "must not be empty"))
-    check_flag("error_estimate", error_estimate)
     with Meter("differentiating", situation.settings.progress) as meter:
 
         def differentiated(settings: RunSettings, once: bool = False) -> tuple[Run, Gradient]:

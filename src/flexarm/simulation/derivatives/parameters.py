@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -34,8 +34,10 @@ from flexarm.simulation.derivatives.dual_run import (
     no_change,
 )
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
-from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.samples import added_coefficients, collected_samples
+from flexarm.simulation.histories.piecewise import (
+    PiecewiseCubic,
+    Samples,
+)
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
@@ -70,14 +72,7 @@ _OF_STATES = (
 
 
 def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> ArmInputs:
-    """Return the derivatives of ``arm_inputs`` by the number at a path.
-
-    Args:
-        name: name of the argument, for messages.
-
-    Raises:
-        InputError: if the path is not that of a number, or the numbers are not differentiable.
-    """
+    """Return the derivatives of ``arm_inputs`` by the number at a path."""
     value = number_at(name, arm.spec, path)
     if not _has_formula(arm, environment, path, value):
         if value == 0.0:
@@ -228,52 +223,21 @@ def is_of_arm(path: str) -> bool:
     return not any(kind.fullmatch(path) for kind in (_STATE, _SAMPLE, _TIP, _RECORD))
 
 
-class Samples(NamedTuple):
-    """Torque samples of a run."""
-
-    history: PiecewiseCubic  # with stops at its kinks alone
-    shape: tuple[int, int]  # (samples, joints)
-    rate: float  # Hz
-    interpolation: str
-
-    def added(self, units: Array) -> Array:
-        """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
-        return added_coefficients(self.history, units, self.rate, self.interpolation)
-
-    def collected(self, pieces: Array) -> Array:
-        """Return the gradient (samples, joints) from that by coefficients (pieces, k, joints)."""
-        return collected_samples(self.history, pieces, self.rate, self.interpolation, self.shape[0])
-
-
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """Parameters of a run that has been simulated.
-
-    Attributes:
-        run: the run.
-        environment: loads and contacts of the run.
-        inputs: its numbers.
-        samples: the torque samples; None if the torque does not consist of samples.
-        tip_forces: number of loads at the beginning that are the force on the tip.
-        loop: the closed loop; None without a controller.
-        checkpoints: from which parts of the run can be repeated; None if not requested.
-    """
+    """Parameters of a run that has been simulated."""
 
     run: Run
-    environment: Environment
+    environment: Environment  # loads and contacts of the run
     inputs: Inputs
-    samples: Samples | None
-    tip_forces: int
-    loop: RecordedLoop | None = None
+    samples: Samples | None  # the torque samples; None if the torque does not consist of samples
+    tip_forces: int  # number of loads at the beginning that are the force on the tip
+    loop: RecordedLoop | None = None  # the closed loop; None without a controller
+    #: from which parts of the run can be repeated; None if not requested
     checkpoints: Checkpoints | None = None
 
     def derivatives(self, paths: Sequence[str]) -> list[Inputs]:
-        """Return the derivatives of the numbers of the run by each parameter.
-
-        Raises:
-            InputError: if a path is not that of a number, is repeated, or the numbers are not
-                differentiable with respect to it; all problems are listed.
-        """
+        """Return the derivatives of the numbers of the run by each parameter."""
         found: list[Inputs] = []
         problems: list[Problem] = []
         for k, path in enumerate(paths):
@@ -416,11 +380,7 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
 
 
 def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
-    """Raise if there are arguments that derivatives do not support, or unknown ones.
-
-    Raises:
-        InputError: if there is any; all are listed.
-    """
+    """Raise if there are arguments that derivatives do not support, or unknown ones."""
     known = signature(simulate).parameters
     problems = [
         Problem(name, "is not supported with derivatives of runs")
@@ -439,11 +399,7 @@ def channels_of_states(arm: Arm) -> list[str]:
 
 
 def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list[str]:
-    """Return the names of channels; None: of all that are possible.
-
-    Raises:
-        InputError: if a channel does not exist or does not follow from q and qd.
-    """
+    """Return the names of channels; None: of all that are possible."""
     possible = channels_of_states(arm)
     if given is None:
         return possible

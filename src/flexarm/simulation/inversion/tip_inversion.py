@@ -33,23 +33,25 @@ from flexarm.base.errors import (
     shown,
 )
 from flexarm.linear import modes
-from flexarm.linear.small_deviations.collocation import stage_times, torque_response
+from flexarm.linear.small_deviations.along import stage_times, torque_response
+from flexarm.model.quantities import Positive
 from flexarm.motion import JointState, Motion, rigid_torque
 from flexarm.motion.dynamics.dynamics_along import TipConstraint, dynamics_along
-from flexarm.motion.geometry.chain import RigidChain
+from flexarm.motion.geometry.inverse_kinematics import RigidChain
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.inversion.torques import (
     DEGREE,
     CorrectedTorque,
     JointSupport,
+    RestEnd,
     SupportedTorque,
     free_coefficients,
     joint_support,
+    rest_end,
     spline_knots,
     spline_values,
 )
-from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
 from flexarm.simulation.run.settings import DEFAULTS, RunSettings, relative_of_functions, replaced
 
 if TYPE_CHECKING:
@@ -115,7 +117,6 @@ class InversionReference(Motion):
         return self.motion.tip(t)
 
     def at(self, times: FloatArray) -> JointState:
-        """See `Motion.at`."""
         return JointState(*(part[:, self._joints] for part in self.coordinates(times)))
 
     def coordinates(self, times: FloatArray) -> list[FloatArray]:
@@ -134,13 +135,7 @@ def inversion_reference(
     final: FloatArray,
     supported: SupportedTorque | None = None,
 ) -> InversionReference:
-    """Simulate an arm under the torques of an inversion and return its joint angles.
-
-    Args:
-        ends: start and end of the torque's change, s.
-        initial, final: (dof,) coordinates at rest before and after.
-        supported: the torque of a supported arm, to use instead of ``torque``.
-    """
+    """Simulate an arm under the torques of an inversion and return its joint angles."""
     from scipy.interpolate import make_interp_spline
 
     start, end = ends
@@ -269,7 +264,7 @@ def tip_inversion(
     *,
     pre_actuation: float | None = None,
     post_actuation: float | None = None,
-    reduction: float = 2e-3,
+    reduction: Positive = 2e-3,
     settings: RunSettings | None = None,
 ) -> TipInversion:
     """Compute the torques that make the tip of a flexible arm follow the tip of the rigid model.
@@ -296,9 +291,7 @@ def tip_inversion(
     the runs have feedback of the joints, which the returned torque includes. Arms with elastic
     joints have no such feedback, so the inversion fails if they fall.
     """
-    arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
-    goal = check_positive("reduction", reduction)
     settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
@@ -314,8 +307,8 @@ def tip_inversion(
     start, end = motion.start_time - before, motion.end_time + after
     support = joint_support(arm, motion, (first, last), start, end)
     search = _Search(constraint, first, last, start, end, support, settings)
-    found, rigid = search.run(goal)
-    if found.tip > max(goal, 1e-2) * search.yardstick(rigid.tip):
+    found, rigid = search.run(reduction)
+    if found.tip > max(reduction, 1e-2) * search.yardstick(rigid.tip):
         raise InversionError(found.tip, f"under rigid torques it is within {rigid.tip:.3g} m.")
     warn_of_bending(arm, found.q)
     ends, errors = (first.q, last.q), (found.tip, rigid.tip)

@@ -24,16 +24,20 @@ from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
 from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.loop.actuators import Acting
-from flexarm.simulation.loop.sensors import Sensing, measured_names, sensing_of_run
+from flexarm.simulation.loop.devices import Acting, Sensing, measured_names, sensing_of_run
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 
 _LONGEST = 1e8  # limit on the sample times of a run, given by the memory
-#: Methods of a reference that are tabulated, in addition to the motion of the joints.
+#: Methods of a reference that are tabulated: the motion of the joints, and others.
+_OF_JOINTS = ("joint_angle", "joint_rate", "joint_acceleration")
 _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+
+
+def _looked_up(name: str) -> Callable[[Any, ArrayLike], FloatArray]:
+    return lambda self, t: self._look_up(name, t)
 
 
 class SampledReference:
@@ -45,6 +49,7 @@ class SampledReference:
     """
 
     vectorized = True
+    joint_angle, joint_rate, joint_acceleration = map(_looked_up, _OF_JOINTS)
 
     def __init__(self, reference: Any, sample_time: float, duration: float) -> None:
         self._reference = reference
@@ -55,9 +60,7 @@ class SampledReference:
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):
-            angle, rate, acceleration = reference.state(self._schedule)
-            self._tables |= {"joint_angle": angle, "joint_rate": rate}
-            self._tables["joint_acceleration"] = acceleration
+            self._tables = dict(zip(_OF_JOINTS, reference.state(self._schedule), strict=True))
 
     def _look_up(self, name: str, t: ArrayLike) -> Any:
         # Only times that equal a sample time exactly have the tabulated value.
@@ -76,21 +79,6 @@ class SampledReference:
             if np.all(inside & (samples * self._sample_time == times)):
                 return self._tables[name][samples.astype(np.intp)]
         return getattr(self._reference, name)(t)
-
-    def joint_angle(self, t: ArrayLike) -> FloatArray:
-        """Joint angles (joints,) or (T, joints) at t, rad."""
-        found: FloatArray = self._look_up("joint_angle", t)
-        return found
-
-    def joint_rate(self, t: ArrayLike) -> FloatArray:
-        """Joint rates (joints,) or (T, joints) at t, rad/s."""
-        found: FloatArray = self._look_up("joint_rate", t)
-        return found
-
-    def joint_acceleration(self, t: ArrayLike) -> FloatArray:
-        """Joint accelerations (joints,) or (T, joints) at t, rad/s^2."""
-        found: FloatArray = self._look_up("joint_acceleration", t)
-        return found
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):  # copies and pickles look these up before `_reference` is set
@@ -121,11 +109,6 @@ def misfits(
 
     Faults of instruments at channels that the arm does not have, and sample times of instruments
     that do not fit the controller, are among them.
-
-    Args:
-        arm: the simulated arm.
-        contacts: number of contacts.
-        called: user's name of the controller; empty for the name of its class.
     """
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
@@ -142,15 +125,9 @@ def misfits(
         if name not in there and not (name == "strain" and problems):
             problems.append(_missing(called, name, arm, hardware, there, contacts))
     problems += [one.problem() for one in channel_faults(arm.spec, hardware, contacts)]
-    return [*problems, *_unfitting_frames(hardware, controller.sample_time)]
-
-
-def _unfitting_frames(hardware: Hardware | None, sample_time: float) -> list[Problem]:
-    """Return the problems of instruments that do not sample at the controller's sample times."""
-    problems: list[Problem] = []
     for k, item in enumerate((hardware and hardware.instruments) or ()):
         try:
-            stride_and_delay(item, sample_time)
+            stride_and_delay(item, controller.sample_time)
         except InputError as error:
             name = f"hardware.instruments[{k}].sample_time"
             problems += [replace(problem, name=name) for problem in error.problems]
@@ -240,11 +217,7 @@ class ControlLoop(ABC):
             self._look()
 
     def hold(self, torque: Any) -> None:
-        """Command torques and advance to the next sample time, or to the end.
-
-        Raises:
-            SimulationError: if the integrator fails.
-        """
+        """Command torques and advance to the next sample time, or to the end."""
         acting = self.acting
         acting.command(self.time, torque)
         self.tick += 1
@@ -259,20 +232,11 @@ class ControlLoop(ABC):
     def command_at(self, times: FloatArray) -> FloatArray:
         """Return the last commands (T, ..., joints) at times (T,)."""
         index = np.searchsorted(np.asarray(self.times), times * (1.0 + 1e-12), side="right") - 1
-        commands: FloatArray = np.asarray(self.commands)[np.clip(index, 0, None)]
-        return commands
+        return np.asarray(np.asarray(self.commands)[np.clip(index, 0, None)])
 
 
 class RunLoop(ControlLoop):
-    """Loop of one run, with the hardware between arm and controller.
-
-    Args:
-        sample_time: s.
-        keep: whether the applied torques are stored for ``acting.at``.
-
-    Raises:
-        InputError: if the hardware does not fit the arm or the sample time, or the run is hopeless.
-    """
+    """Loop of one run with its hardware; ``keep``: store the applied torques for ``acting.at``."""
 
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
@@ -335,8 +299,7 @@ class RunLoop(ControlLoop):
         raise NotImplementedError  # the commands come from outside
 
     def _rates(self) -> FloatArray:
-        rates: FloatArray = self.run.progress.state[1, self._bodies, 0]
-        return rates
+        return np.asarray(self.run.progress.state[1, self._bodies, 0])
 
     def _advance(self, now: float, until: float) -> None:
         drive = self._system.drive
@@ -349,11 +312,7 @@ class RunLoop(ControlLoop):
 
 
 class ClosedLoop(RunLoop):
-    """Loop of one run with a controller.
-
-    Raises:
-        InputError: if controller, hardware and arm do not fit each other.
-    """
+    """Loop of one run with a controller."""
 
     def __init__(
         self,
@@ -374,7 +333,6 @@ class ClosedLoop(RunLoop):
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        """See `ControlLoop.execute`."""
         self.controller.reset()
         super().execute()
 

@@ -47,41 +47,27 @@ Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
 
 
 class LoopPole(NamedTuple):
-    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture.
+    """The fastest growing, or slowest decaying, pole of a sampled loop at one posture."""
 
-    Attributes:
-        when: the time of the posture, in words.
-        growth: 1/s; negative for a decay.
-        frequency: Hz.
-        magnitude: of the pole of the sampled loop.
-        begin, end: s, of the part of the run in which the arm is simulated.
-    """
-
-    when: str
-    growth: float
-    frequency: float
-    magnitude: float
-    begin: float
-    end: float
+    when: str  # the time of the posture, in words
+    growth: float  # 1/s; negative for a decay
+    frequency: float  # Hz
+    magnitude: float  # of the pole of the sampled loop
+    begin: float  # s, of the part of the run in which the arm is simulated
+    end: float  # likewise
 
 
 class AnalysedLoop(NamedTuple):
-    """Sampled loop of a run.
+    """Sampled loop of a run."""
 
-    Attributes:
-        arm: the controller's model of the plant.
-        initial: q (dof,) of the plant at the start.
-        duration: of the run, s.
-    """
-
-    arm: Arm
+    arm: Arm  # the controller's model of the plant
     plant: Arm
     controller: Controller
     reference: Reference | None
     hardware: Hardware | None
     contacts: Sequence[Contact]
-    initial: FloatArray
-    duration: float
+    initial: FloatArray  # q (dof,) of the plant at the start
+    duration: float  # of the run, s
 
 
 def loop_poles(
@@ -215,9 +201,6 @@ def describe_slow_instability(
     """Describe the first pole that grows less than tenfold in a run; empty if none does.
 
     A run shows little of it, but a machine that works all day does.
-
-    Args:
-        sample_time, duration: of the controller and of the run, s.
     """
     for pole in poles:
         growth = pole.growth
@@ -233,11 +216,7 @@ def describe_slow_instability(
 
 
 def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
-    """Return the times (s) of the postures to analyse an arm at, with their description.
-
-    Args:
-        end: s, of the motion; 0 without one.
-    """
+    """Return times (s) and descriptions of the postures of an arm, in a motion up to ``end``."""
     times = [(part.begin, part.cause or "at the start")]
     if part.begin < end <= part.end:
         cause = f", {part.cause}" if part.cause else ""

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import copy
 import gc
+import math
+import warnings
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import (
     check_count,
-    check_flag,
     check_kind,
     check_mapping,
     check_positive,
 )
 from flexarm.base.errors import (
+    FlexarmError,
     FlexarmWarning,
     InputError,
     Problem,
+    SimulationError,
     check_array,
     public_call,
     shown,
@@ -34,21 +40,324 @@ from flexarm.control.contract.base import (
     check_reference,
     requirements_of,
 )
+from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import Link
+from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.plant import Plant
+from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.loop.control_loop import sampled_reference
-from flexarm.simulation.real_time.loops import ControllerLoop, PlantLoop
-from flexarm.simulation.real_time.packets import (
+from flexarm.simulation.real_time.partners import (
+    END,
+    OTHER_TIME,
     REFERENCE,
+    START,
+    Address,
+    Clock,
+    Datagrams,
+    Head,
     Layout,
+    OwnController,
+    Packet,
+    Partner,
+    PartnerError,
+    SampleTimes,
     SentReference,
+    UdpController,
+    WrongPacketError,
+    add_samples,
     check_address,
+    head_of,
+    new_token,
+    packed_head,
     reference_values,
+    torque_layout,
+    updated,
 )
-from flexarm.simulation.real_time.partners import Clock, OwnController, Partner, UdpController
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Recorded channels. They depend on the coordinates only, so changes of the arm do not matter.
+_CHANNELS = (
+    *("joint_angle", "joint_rate", "link_tip_deflection", "tip", "tip_velocity"),
+    *("q", "qd"),
+)
+#: Largest number of requests for a run that are remembered.
+_REQUESTS = 64
+
+
+class PlantLoop:
+    """A plant with its controller.
+
+    Args:
+        plant: at time zero.
+        reference: whose values are sent with the readings; None to send none.
+        paced: whether samples wait for the clock; else the plant waits for its controller.
+        within: time (s) for an answer, after which the last torque is held. timeout: time (s)
+            without an answer after which the run fails.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        partner: Partner,
+        reference: Reference | None,
+        clock: Clock,
+        paced: bool,
+        within: float,
+        timeout: float,
+    ) -> None:
+        self._plant, self._partner, self._reference = plant, partner, reference
+        self._clock, self._paced, self._within, self._timeout = clock, paced, within, timeout
+        self._states = [(plant.q, plant.qd)]
+        self._readings: list[Measurement] = []
+        self._torques: list[FloatArray] = []
+        self._times, self._held = SampleTimes(), 0
+        self._torque = np.zeros(plant.arm.joints)
+        self._begin = self._heard = 0.0
+
+    def run(self, samples: int) -> xr.Dataset:
+        """Run for a number of samples.
+
+        Raises:
+            SimulationError: if the plant or the controller fails, or the controller is silent;
+                its ``result`` is the result so far.
+        """
+        if self._paced:  # the first step of a process loads compiled functions
+            with warnings.catch_warnings(), suppress(FlexarmError):  # the plant repeats them
+                warnings.simplefilter("ignore")
+                copy.deepcopy(self._plant).step(np.zeros(self._plant.arm.joints))
+        self._begin = self._heard = self._clock.now()
+        try:
+            for k in range(samples):
+                self._sample(k)
+        except PartnerError as error:
+            state = self._plant.q, self._plant.qd
+            failure = SimulationError(self._plant.time, error.reason, error.hint, state)
+            failure.result = self._result(str(failure))
+            raise failure from error.__cause__
+        except SimulationError as error:
+            error.result = self._result(str(error))
+            raise
+        finally:
+            self._partner.close(self._plant.time)
+        return self._result("")
+
+    def _sample(self, k: int) -> None:
+        """Run sample k: send the readings, wait for the torque, step."""
+        plant, clock, times = self._plant, self._clock, self._times
+        h = plant.sample_time
+        if self._paced:
+            clock.wait_until(self._begin + k * h)
+        started, measurement = clock.now(), plant.measurement
+        torque = self._answer(k, measurement)
+        answered = clock.now()
+        if self._paced and k == 0:  # the clock starts with the first answer, which has no delay
+            self._begin, started, answered = answered, answered, math.nan
+        self._readings.append(measurement)
+        self._torques.append(torque)
+        plant.step(torque)
+        self._states.append((plant.q, plant.qd))
+        times.add(started, answered, clock.now(), k * h if self._paced else None)
+
+    def _answer(self, k: int, measurement: Measurement) -> FloatArray:
+        """Return the torque of sample k; the last one if the answer is late."""
+        t = self._plant.time
+        packet = Packet(k, t, {**measurement, **reference_values(self._reference, t)})
+        patient = not self._paced or k == 0
+        seconds = self._timeout if patient else self._within
+        torque = self._partner.answer(packet, seconds, repeat=patient)
+        now = self._clock.now()
+        if torque is not None:
+            self._torque, self._heard = torque, now
+            return torque
+        if now - self._heard >= self._timeout:
+            reason = f"no answer from {self._partner.name} for {self._timeout:g} s."
+            raise PartnerError(reason, "Start the controller, or increase timeout.")
+        self._held += 1
+        return self._torque
+
+    def _result(self, failure: str) -> xr.Dataset:
+        """Return what was computed."""
+        plant, arm, times = self._plant, self._plant.arm, self._times
+        steps = len(self._states) - 1
+        at = np.arange(steps + 1, dtype=np.float64) * plant.sample_time
+        states = arm.padded(np.array(self._states))
+        channels = channels_of(arm, states, _CHANNELS)
+        applied = np.array([*self._torques[:steps], self._torque]).reshape(steps + 1, arm.joints)
+        attributes: dict[str, Any] = {
+            "controller": self._partner.name,
+            "sample_time": plant.sample_time,
+            "paced": int(self._paced),
+            "missed_deadlines": times.missed(plant.sample_time),
+            "torques_held": self._held,
+            **self._partner.counts,
+            "timing": times.table(),
+            "failure": failure,
+            "warning": plant.warning,
+        }
+        run = make_result(
+            arm,
+            at,
+            {name: channels[name] for name in _CHANNELS if name in channels} | {"torque": applied},
+            attributes,
+        )
+        return add_samples(run, at[:-1], self._readings[:steps], times)
+
+
+class ControllerLoop:
+    """A controller that listens at an address.
+
+    A packet of the past cannot contain a token that was drawn now. The run therefore begins with
+    the first packet that has a token with which a request was answered, and its sender is the
+    plant.
+
+    Args:
+        received: layout of the packets of the plant.
+        reference: of the controller; a `SentReference` receives the values of each packet.
+        timeout: time (s) without a packet after which the run fails.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        address: Address,
+        received: Layout,
+        reference: Reference | None,
+        clock: Clock,
+        timeout: float,
+    ) -> None:
+        self._controller, self._address, self._received = controller, address, received
+        self._reference = reference
+        self._clock, self._timeout = clock, timeout
+        self._datagrams = Datagrams(address, listen=True)
+        self._readings: list[Measurement] = []
+        self._torques: list[FloatArray] = []
+        self._samples: list[float] = []
+        self._times = SampleTimes()
+        self._last, self._answer = -1, b""
+        self._tokens: dict[float, float] = {}  # those drawn here, by those of requests
+        self._token: float | None = None  # of the run
+        self._until = 0.0  # at which the run fails without a packet
+        names = ("lost", "repeated", "discarded", "foreign")
+        self._counts = {f"packets_{name}": 0 for name in names}
+
+    def run(self) -> xr.Dataset:
+        """Answer packets until the plant ends the run.
+
+        Raises:
+            SimulationError: if the controller fails, a packet is wrong, or the plant is silent;
+                its ``result`` is the result so far.
+        """
+        self._controller.reset()
+        self._until = self._clock.now() + self._timeout
+        try:
+            while self._next():
+                pass
+        except PartnerError as error:
+            failure = SimulationError(self._time, error.reason, error.hint)
+            failure.result = self._result(str(failure))
+            raise failure from error.__cause__
+        finally:
+            if self._token is not None:
+                self._datagrams.send(packed_head(self._token, END, self._time))
+            self._datagrams.close()
+        return self._result("")
+
+    def _next(self) -> bool:
+        """Answer the next packet; return whether the run continues."""
+        data = self._datagrams.receive(self._until - self._clock.now())
+        started = self._clock.now()
+        head = None if data is None else head_of(data)
+        if data is not None and head is not None and self._is_of_the_run(head):
+            if head.number == END:
+                return False
+            self._answer_packet(data, started)
+            self._until = self._clock.now() + self._timeout
+        elif started >= self._until:
+            hint, foreign = "Start the plant, or increase timeout.", self._counts["packets_foreign"]
+            if foreign:
+                hint += f" {foreign} packets of other programs or earlier runs were ignored."
+            raise PartnerError(f"no packet at {self._address} for {self._timeout:g} s.", hint)
+        return True
+
+    def _is_of_the_run(self, head: Head) -> bool:
+        """Return whether a packet is of the run, which it may begin; grant a requested run."""
+        if self._token is None and head.token in self._tokens.values():
+            self._token = head.token
+            self._datagrams.hold()
+        if head.token == self._token:
+            return True
+        if self._token is None and head.number == START:
+            if head.token not in self._tokens and len(self._tokens) == _REQUESTS:
+                del self._tokens[next(iter(self._tokens))]
+            token = self._tokens.setdefault(head.token, new_token())
+            self._datagrams.send(packed_head(head.token, START, token))
+        elif head.token not in self._tokens:  # else a repeated request
+            self._counts["packets_foreign"] += 1
+        return False
+
+    def _answer_packet(self, data: bytes, started: float) -> None:
+        """Answer a packet of the run, unless it is older than another one."""
+        try:
+            packet = self._received.unpacked(data)
+        except WrongPacketError as error:
+            raise PartnerError(f"a packet at {self._address} {error}") from None
+        if packet.number == self._last:  # the answer was lost, or is on its way
+            self._datagrams.send(self._answer)
+            self._counts["packets_repeated"] += 1
+        elif packet.number < self._last:
+            self._counts["packets_discarded"] += 1
+        else:
+            self._update(packet, started)
+
+    def _update(self, packet: Packet, started: float) -> None:
+        """Compute and send the torque for a new packet."""
+        h, k = self._controller.sample_time, packet.number
+        if abs(packet.time - k * h) > OTHER_TIME * h:
+            reason = (
+                f"packet {k} has the time {packet.time:.6g} s, but the controller with its sample "
+                f"time of {h:g} s expects {k * h:.6g} s"
+            )
+            raise PartnerError(reason)
+        readings = {n: v for n, v in packet.values.items() if n not in REFERENCE}
+        measurement = Measurement(**readings)
+        if isinstance(self._reference, SentReference):
+            self._reference.values = packet.values
+        joints = self._torques[0].size if self._torques else -1
+        torque = updated(self._controller, packet.time, measurement, self._reference, joints)
+        layout = torque_layout(torque.size)
+        assert self._token is not None
+        self._answer = layout.packed(Packet(k, packet.time, {"torque": torque}), self._token)
+        self._datagrams.send(self._answer)
+        self._counts["packets_lost"] += k - self._last - 1
+        self._last = k
+        self._samples.append(packet.time)
+        self._readings.append(measurement)
+        self._torques.append(torque)
+        ended = self._clock.now()
+        self._times.add(started, ended, ended, k * h)
+
+    @property
+    def _time(self) -> float:
+        return self._samples[-1] if self._samples else 0.0
+
+    def _result(self, failure: str) -> xr.Dataset:
+        """Return readings, torques and times of the samples."""
+        import xarray as xr
+
+        torque = np.array(self._torques).reshape(len(self._torques), -1 if self._torques else 0)
+        labels = {"units": "N m", "long_name": "torque requested by the controller"}
+        run = xr.Dataset({"torque_command": (("tick", "joint"), torque, labels)})
+        run.attrs = {
+            "controller": type(self._controller).__name__,
+            "sample_time": float(self._controller.sample_time),
+            **self._counts,
+            "timing": self._times.table(),
+            "failure": failure,
+        }
+        return add_samples(run, np.array(self._samples), self._readings, self._times)
+
 
 #: Difference of two times, relative to them, that is rounding.
 _ROUNDING = 1e-9
@@ -66,7 +375,7 @@ def realtime(
     reference: Reference | None = None,
     *,
     readings: Mapping[str, int] | None = None,
-    clock: bool = True,
+    clock: Flag = True,
     answer_within: float | None = None,
     timeout: float = 5.0,
 ) -> xr.Dataset:
@@ -120,12 +429,11 @@ def realtime(
     same token and number, and in place of the time with the token of the run, also random.
     """
     timeout = check_positive("timeout", timeout, "s")
-    paced = check_flag("clock", clock)
     if reference is not None:
         check_reference(reference)
     if isinstance(plant, str):
         loop = _controller_loop(plant, controller, duration, reference, readings, timeout)
-        with _without_collection(paced):
+        with _without_collection(clock):
             return loop.run()
     check_kind("plant", plant, Plant, "a Plant or an address such as '127.0.0.1:5005'")
     if readings is not None:
@@ -139,7 +447,7 @@ def realtime(
     if within > h:
         rule = f"be at most the sample time ({h:g} s)"
         raise InputError(Problem("answer_within", rule, shown(answer_within)))
-    if answer_within is not None and not paced:
+    if answer_within is not None and not clock:
         raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
     motion = sampled_reference(reference, h, samples * h)
@@ -147,8 +455,8 @@ def realtime(
         _warn_of_another_start(plant, motion)
     partner = _partner(plant, controller, motion, now)
     sent = motion if isinstance(controller, str) else None
-    with _without_collection(paced):
-        return PlantLoop(plant, partner, sent, now, paced, within, timeout).run(samples)
+    with _without_collection(clock):
+        return PlantLoop(plant, partner, sent, now, clock, within, timeout).run(samples)
 
 
 def _warn_of_another_start(plant: Plant, reference: Reference) -> None:
@@ -246,7 +554,11 @@ def _controller_loop(
     sent = [name for name in REFERENCE if name in sizes]
     if reference is None and len(sent) == len(REFERENCE):
         reference = SentReference(*sizes[sent[0]])
-    needed = requirements_of(controller, _arm_of(controller, sizes), reference)
+    arm = getattr(controller, "arm", None)
+    if not isinstance(arm, Arm):  # only the other process has the arm of the plant
+        link = Link(length=1.0, flexible=False, mass_per_length=1.0)
+        arm = Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
+    needed = requirements_of(controller, arm, reference)
     problems = _missing("readings", "contain", controller, needed, sizes)
     if 0 < len(sent) < len(REFERENCE):
         rule = f"contain all of {', '.join(REFERENCE)}, or none"
@@ -254,18 +566,6 @@ def _controller_loop(
     if problems:
         raise InputError(*problems)
     return ControllerLoop(controller, address, Layout(sizes), reference, Clock(), timeout)
-
-
-def _arm_of(controller: Controller, sizes: Mapping[str, tuple[int]]) -> Arm:
-    """Return the arm of a controller, or one of rigid links if it has none.
-
-    Requirements are stated for an arm, and only the other process has that of the plant.
-    """
-    arm = getattr(controller, "arm", None)
-    if isinstance(arm, Arm):
-        return arm
-    link = Link(length=1.0, flexible=False, mass_per_length=1.0)
-    return Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
 
 
 @contextmanager

@@ -15,9 +15,9 @@ from flexarm.integrate.nearness import turning_time
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, MOBILITY, STIFFNESS
 from flexarm.kernels.layout import Contacts
-from flexarm.linear.reference_motions.pressed import PressedMotion
+from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import Contact
-from flexarm.motion.geometry.chain import tip_jacobian
+from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 
 #: Depth relative to the reach at which the first step evaluates contacts whose stiffness depends on
 #: the depth or the speed.

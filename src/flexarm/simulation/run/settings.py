@@ -29,7 +29,7 @@ from flexarm.base.errors import (
     unknown_arguments,
 )
 from flexarm.integrate import INTEGRATORS, Integrator
-from flexarm.simulation.histories.samples import INTERPOLATIONS
+from flexarm.simulation.histories.piecewise import INTERPOLATIONS
 from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.integrator_choice import check_integrator
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of

@@ -26,9 +26,8 @@ from flexarm.integrate.base import (
 )
 from flexarm.integrate.reactions import reactions_many, section_forces_many
 from flexarm.kernels.layout import Stations, compile_time_sizes
-from flexarm.simulation.histories.loads import LoadHistory
+from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.histories.prescribed import constants_with
 from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run

@@ -11,7 +11,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.fastest_vibration import fastest_vibrations
-from flexarm.simulation.histories.prescribed import constants_with
+from flexarm.simulation.histories.loads import constants_with
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1

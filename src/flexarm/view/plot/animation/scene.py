@@ -17,7 +17,7 @@ from flexarm.arm.actions import arc_of, pieces_of
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
-from flexarm.cases.scenario.motions import motion_of
+from flexarm.cases.scenario.references import motion_of
 from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import tip_reference

@@ -14,7 +14,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmError
-from flexarm.cases.scenario.motions import motion_of
+from flexarm.cases.scenario.references import motion_of
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
 from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping

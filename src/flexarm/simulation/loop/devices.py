@@ -1,17 +1,21 @@
-"""Sensors of the sampled loop: exact values of the state, and the readings of instruments."""
+"""Devices of the sampled loop: exact sensors, instruments, and the motors that apply commands."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem
+from flexarm.control.contract.gains import joint_problems
 from flexarm.control.hardware.instruments import Readings
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
@@ -19,10 +23,145 @@ from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
-from flexarm.model import Hardware, Instrument, Sensor
+from flexarm.model import Hardware, Instrument, Motors, Sensor
+from flexarm.model.hardware import LIMITS
 
 if TYPE_CHECKING:
     from flexarm.simulation.run.stepping import Run
+
+#: A first-order lag is approximated by cubics over this fraction of its time constant, up to this
+#: many time constants, within 1e-5 and 5e-5 of the change of torque.
+_PIECE, _SETTLED = 0.25, 10.0
+
+
+class Acting:
+    """Motors between the sample times of a controller.
+
+    From each time in ``since`` on, the applied torque changes from ``initial`` to ``target`` with
+    the factor ``1 - exp(-(t - since) / time_constant)``. Without ``keep`` only the last change is
+    stored. The motors of several runs with the same sample times have torques (runs, joints)
+    instead of (joints,).
+    """
+
+    def __init__(
+        self, hardware: Hardware | None, arm: Arm, keep: bool = True, runs: int | None = None
+    ) -> None:
+        joints = arm.joints
+        given = hardware.motors if hardware is not None else None
+        self.plain = given is None  # the commanded torque acts immediately
+        self._motors = given or Motors()
+        limits = {f"hardware.motors.{name}": getattr(self._motors, name) for name in LIMITS}
+        problems = joint_problems(joints, limits)
+        if self._motors.back_voltage and any(joint.winding for joint in arm.spec.joints):
+            rule = "is not supported for joints with a winding"
+            hint = "Their torque is that at standstill: give its limit as torque_limit."
+            problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
+        if problems:
+            raise InputError(*problems)
+        self._lag = self._motors.time_constant
+        self._waiting: deque[tuple[float, FloatArray]] = deque()
+        self._since: list[float] = []
+        self._initial: list[FloatArray] = []
+        self._target: list[FloatArray] = []
+        self._requested: list[FloatArray] = []
+        self._nothing = np.zeros(joints if runs is None else (runs, joints))
+        self._keep = keep
+
+    @property
+    def limited(self) -> bool:
+        """Whether the torque of any motor has a limit."""
+        motors = self._motors
+        limits = motors.torque_limit, motors.current_limit, motors.voltage_limit
+        return any(np.isfinite(limit).any() for limit in limits)
+
+    @property
+    def pieces(self) -> int:
+        """Number of cubics for the torque over one hold interval."""
+        return 1 if self._lag == 0.0 else round(_SETTLED / _PIECE) + 1
+
+    @property
+    def target(self) -> FloatArray:
+        """Torque (joints,) that the motors currently approach."""
+        return self._target[-1]
+
+    def command(self, t: float, torque: FloatArray) -> None:
+        """Command a torque (joints,) at time t."""
+        self._waiting.append((t + self._motors.delay, torque))
+
+    def next_change(self, t: float, until: float) -> float:
+        """Return the time at which the commanded torque changes next, at most ``until``."""
+        return min([until, *(due for due, _ in self._waiting if due > t)])
+
+    def hold(self, t: float, rate: FloatArray | None) -> None:
+        """Apply the due command; rates (joints,) rad/s matter unless motors are ``plain``."""
+        due = None
+        # A command that is due later by rounding alone is due now.
+        while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):
+            due = self._waiting.popleft()[1]
+        if due is None and self._since:
+            return
+        now = self._now(t) if self._since and self._lag > 0.0 else self._nothing
+        target = self._nothing if due is None else due
+        if rate is not None:
+            target = self._motors.allowed(target, rate)
+        if not self._keep:
+            for past in (self._since, self._initial, self._target, self._requested):
+                past.clear()
+        self._since.append(t)
+        self._requested.append(self._nothing if due is None else due)
+        self._initial.append(now if self._lag > 0.0 else target)
+        self._target.append(target)
+
+    def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
+        """Return the torque from t to ``until``: breaks (pieces + 1,) and coefficients.
+
+        The coefficients have shape (pieces, 4, joints).
+        """
+        start, target = self._now(t), self._target[-1]
+        count, lag = self.pieces, self._lag
+        numbers = np.result_type(start, target)  # complex in derivatives of runs
+        coefficients = np.zeros((count, 4, *target.shape), dtype=numbers)
+        coefficients[:, 0] = target
+        if lag == 0.0:
+            return np.array([t, until]), coefficients
+        followed = min(until - t, _SETTLED * lag)
+        breaks = np.append(t + followed / (count - 1) * np.arange(count), max(until, t + followed))
+        # Torque that remains at each break.
+        left = np.multiply.outer(np.exp(-(breaks - t) / lag), target - start)
+        h = followed / (count - 1)
+        rise, slope, slope_after = left[:-1] - left[1:], left[:-1] / lag, left[1:] / lag
+        coefficients[:-1, 0] -= left[:-2]
+        coefficients[:-1, 1] = slope[:-1]
+        coefficients[:-1, 2] = (3.0 * rise / h - 2.0 * slope - slope_after)[:-1] / h
+        coefficients[:-1, 3] = (slope + slope_after - 2.0 * rise / h)[:-1] / h**2
+        coefficients[-1, 0] -= left[-2]
+        if breaks[-1] == breaks[-2]:  # breaks must increase, even if the last piece is empty
+            breaks[-1] += lag
+        return breaks, coefficients
+
+    def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return the times (k,) s of all changes, and which motors (k, joints) are at a limit."""
+        requested, target = np.asarray(self._requested), np.asarray(self._target)
+        return np.asarray(self._since), requested != target
+
+    def _now(self, t: float) -> FloatArray:
+        """Return the torque (joints,) at a time t since the last change."""
+        if self._lag == 0.0:
+            return self._target[-1]
+        left = math.exp(-(t - self._since[-1]) / self._lag)
+        return self._target[-1] + (self._initial[-1] - self._target[-1]) * left
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return the applied torque (T, joints) at times (T,)."""
+        since = np.asarray(self._since)
+        index = np.clip(np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1, 0, None)
+        target = np.asarray(self._target)[index]
+        if self._lag == 0.0:
+            return target
+        left = np.exp(-np.maximum(times - since[index], 0.0) / self._lag)
+        left = left.reshape(-1, *(1,) * self._nothing.ndim)
+        return np.asarray(target + (np.asarray(self._initial)[index] - target) * left)
+
 
 #: Function of the state (2, n, 1 + m), the system and the time that returns a signal's value.
 Reader = Callable[[FloatArray, System, float], FloatArray]
@@ -103,16 +242,11 @@ def measured_names(arm: Arm, hardware: Hardware | None, contacts: int) -> tuple[
 
 
 def sensing_of_run(run: Run, hardware: Hardware | None, tick: float) -> Sensing:
-    """Create the sensors of a run whose controller has the sample time ``tick`` (s).
-
-    Raises:
-        InputError: if an instrument does not fit the arm or the contacts, or its sample
-            time is not a multiple of ``tick``.
-    """
+    """Create the sensors of a run whose controller has the sample time ``tick`` (s)."""
     if hardware is None or hardware.instruments is None:
         names = measured_names(run.arm, None, run.loads.placed.contacts.body.size)
         readers = [
-            _contact_force(run) if name == "contact_force" else _channel(run.arm, name)
+            _contact(run, name) if name == "contact_force" else _channel(run.arm, name)
             for name in names
         ]
         none = {} if run.arm.gauges else {"strain": np.zeros(0)}
@@ -130,7 +264,7 @@ def _reader(run: Run, instrument: Instrument) -> Reader:
         if not run.loads.placed.contacts.body.size:
             rule = f"measure {signal}, but there are no contacts"
             raise InputError(Problem("hardware.instruments", rule))
-        return _contact_force(run) if signal == "contact_force" else _contact_gap(run)
+        return _contact(run, signal)
     if signal == "strain" and not run.arm.gauges:
         rule = "measure strain, but the arm has no gauges"
         raise InputError(Problem("hardware.instruments", rule))
@@ -152,17 +286,12 @@ def _channel(arm: Arm, name: str) -> Reader:
     return lambda state, system, t: np.ravel(channels_of(arm, state[None])[name][0])
 
 
-def _contact_force(run: Run) -> Reader:
-    """Return the reader of the contact forces (contacts, 2) on the arm, N, world axes."""
+def _contact(run: Run, signal: str) -> Reader:
+    """Return the reader of contact forces (contacts, 2) N, world axes, or gaps (contacts,) m."""
     arm, placed = run.arm, run.loads.placed.contacts
     kernels = KernelView(arm.assembly.constants)
-    return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
-
-
-def _contact_gap(run: Run) -> Reader:
-    """Return the reader of the contact gaps (contacts,), m; negative in contact."""
-    arm, placed = run.arm, run.loads.placed.contacts
-    kernels = KernelView(arm.assembly.constants)
+    if signal == "contact_force":
+        return lambda state, system, t: contact_forces(arm, placed, state[None], kernels)[0]
     return lambda state, system, t: contact_values(arm, placed, state[None], kernels)[0, :, GAP]
 
 

@@ -1,1 +1,0 @@
-"""References of the bent arm: quasi-static, and pressing on a surface."""
