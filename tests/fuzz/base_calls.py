@@ -196,7 +196,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "load_arm": {"path": lambda: folder() / "arm.yaml"},
     "load_scenario": {"path": lambda: folder() / "scenario.yaml"},
     "modes": {"arm": arm},
-    "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 10},
+    "optimal_motion": {"arm": arm, "start": start, "end": end, "limits": limits, "intervals": 12},
     "pressed_motion": {**_MOVE, "force": 0.1, "normal": [1.0, 0.3], "interval": 0.5},
     "quasi_static_reference": _MOVE,
     **IDENTIFICATION,

@@ -291,7 +291,15 @@ StrainGain = Annotated[
     ),
 ]
 Washout = Annotated[
-    Positive, Field(description="Cutoff of the high-pass filter of the curvature (Hz).")
+    Any,
+    Typed(Positive | None),
+    Field(
+        description=(
+            "Cutoff of the high-pass filter of the curvature (Hz); by default half of the lowest "
+            "frequency of the straight arm with locked joints, but at most 0.005 of the sampling "
+            "frequency."
+        )
+    ),
 ]
 
 
