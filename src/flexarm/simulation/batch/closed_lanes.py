@@ -162,10 +162,11 @@ class ClosedLanes(Lanes):
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 
-    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        choice = super()._choice(run, tolerance)
+    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
+        choice = super()._choice(run, tolerance, duration)
         longest = float(run.drive.controller.sample_time)
-        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration)
+        by_accuracy = self._by_accuracy(run.arm)
+        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration, by_accuracy)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:

@@ -45,8 +45,16 @@ from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.histories.prescribed import constants_with
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
-from flexarm.simulation.run.impacts import returns_to_surface
+from flexarm.simulation.run.impacts import (
+    LOOSER,
+    coordinates_apart,
+    doubt_of_turns,
+    returns_to_surface,
+    scaled,
+    turns_far,
+)
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.settings import relative_of_functions, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
@@ -146,9 +154,8 @@ class Lanes(ABC):
                 key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1], method, ready[places[0]])
             group = [ready[place] for place in places]
-            for outcome in self._advance(method, stepper, group, fastest[places]):
+            for outcome in self._advance(method, key[1], group, fastest[places]):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:
@@ -205,21 +212,37 @@ class Lanes(ABC):
             return None
         return None if choice.doubt else lane_method(choice.integrator)
 
-    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        """Return the integrator of a run."""
+    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
+        """Return the integrator of a run; ``duration`` as in `choose_integrator`."""
         requested = self._settings.integrator, self._settings.step
-        by_accuracy = request_of(self._settings, run.arm) is not None
-        duration = self._shared.duration if by_accuracy else None
         return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
+
+    def _by_accuracy(self, arm: Arm) -> bool:
+        """Return whether an accuracy determines the tolerances of runs of an arm."""
+        return request_of(self._settings, arm) is not None
 
     def _advance(
         self,
         method: LaneIntegrator,
-        stepper: LaneStepper,
+        key: tuple[float, ...],
         ready: Sequence[Ready],
         fastest: FloatArray,
     ) -> Iterator[Outcome]:
-        """Yield the outcomes of the runs that reach their end."""
+        """Yield the outcomes of the runs that reach their end; ``key`` as in `_stepper`."""
+        runs = self._begin(method, ready, fastest)
+        stepper = self._stepper(key, method, ready[0])
+        carried = self._carry(partial(stepper.advance, method), ready, runs)
+        done = np.flatnonzero(runs.status == Status.DONE)
+        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
+        carried = self._verified(method, key, ready, runs, done, carried)
+        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
+        for first in range(0, len(done), together):
+            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _begin(
+        self, method: LaneIntegrator, ready: Sequence[Ready], fastest: FloatArray
+    ) -> LaneRuns:
+        """Return runs of one group at their start."""
         states, count = np.array([run.state for run in ready]), len(ready)
         fastest = np.maximum(fastest, [run.touch for run in ready])
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
@@ -236,12 +259,19 @@ class Lanes(ABC):
             until=np.full(count, self._shared.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero(runs.status == Status.DONE)
-        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
-        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
-        for first in range(0, len(done), together):
-            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+        return runs
+
+    def _verified(
+        self,
+        method: LaneIntegrator,
+        key: tuple[float, ...],
+        ready: Sequence[Ready],
+        runs: LaneRuns,
+        done: NDArray[np.intp],
+        carried: Any,
+    ) -> Any:
+        """Return ``carried`` with what a comparison of the runs ``done`` with others adds."""
+        return carried
 
     def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
         """Return whether a completed run is the result, and not to be repeated by ``alone``.
@@ -334,11 +364,18 @@ class Lanes(ABC):
         found = [contact_channels(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
         return {name: np.array([one[name] for one in found]) for name in found[0]}
 
-    def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
-        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
+    def _stepper(
+        self, key: tuple[float, ...], method: LaneIntegrator, run: Ready, looser: float = 1.0
+    ) -> LaneStepper:
+        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes.
+
+        Args:
+            looser: factor of the tolerances.
+        """
+        key = (*key, looser)
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance_of(run.arm, method)
+            tolerance = scaled(self._tolerance_of(run.arm, method), looser)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -379,8 +416,9 @@ class OpenLanes(Lanes):
         placed = loads.placed._replace(contacts=contacts)
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
-    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        choice = super()._choice(run, tolerance)
+    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
+        duration = self._shared.duration if self._by_accuracy(run.arm) else duration
+        choice = super()._choice(run, tolerance, duration)
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
@@ -393,12 +431,53 @@ class OpenLanes(Lanes):
         )
         return choose_by_work(choice, start)
 
-    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> dict[int, str]:
         histories = [run.drive for run in ready]
         advance(drive_of_runs(ready[0].arm, histories, ready[0].loads), runs, MOST_STEPS)
+        return {}
+
+    def _verified(
+        self,
+        method: LaneIntegrator,
+        key: tuple[float, ...],
+        ready: Sequence[Ready],
+        runs: LaneRuns,
+        done: NDArray[np.intp],
+        carried: dict[int, str],
+    ) -> dict[int, str]:
+        """Return warnings by place in ``ready``; see `impacts.doubt_of_turns`."""
+        far = [int(k) for k in done if self._turns_far(ready[k].arm, runs, int(k))]
+        if not far:
+            return carried
+        compared = [ready[k] for k in far]
+        others = self._begin(method, compared, runs.fastest[far])
+        stepper = self._stepper(key, method, compared[0], LOOSER)
+        self._carry(partial(stepper.advance, method), compared, others)
+        for row, place in enumerate(far):
+            if others.status[row] != Status.DONE:
+                continue
+            runs.counts[place, EVALUATIONS] += others.counts[row, EVALUATIONS]
+            count = min(runs.counts[place, SAMPLES], others.counts[row, SAMPLES])
+            pair = runs.samples[place, :count, 0], others.samples[row, :count, 0]
+            unit, arm = runs.unit[min(place, len(runs.unit) - 1), 0], ready[place].arm
+            request = request_of(self._settings, arm)
+            assert request is not None
+            apart = coordinates_apart(*pair, unit)
+            carried[place] = doubt_of_turns(arm, self._times, apart, request)
+        return carried
+
+    def _turns_far(self, arm: Arm, runs: LaneRuns, place: int) -> bool:
+        """Return whether a run at the default accuracy is compared with another one."""
+        if self._settings.accuracy is not None or not self._by_accuracy(arm):
+            return False
+        free = constants_with(arm, ()).free > 0.0
+        return turns_far(runs.samples[place, : runs.counts[place, SAMPLES]], free)
+
+    def _warnings(self, notices: str, run: Ready, place: int, carried: dict[int, str]) -> list[str]:
+        return [notices, carried.get(place, "")]
 
     def _torques(
-        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: None
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
     ) -> dict[str, FloatArray]:
         return {"torque": np.array([ready[k].drive.at(times) for k in places])}
 

@@ -45,6 +45,7 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Notices, Run
+from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -312,7 +313,9 @@ def _result(
     ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
+    request = run.request
     attributes: dict[str, Any] = {
+        **({} if request is None else {"accuracy": request * reach_of(run.first_arm)}),
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,

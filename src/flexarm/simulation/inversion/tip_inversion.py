@@ -50,7 +50,7 @@ from flexarm.simulation.inversion.torques import (
     spline_values,
 )
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings, relative_of_functions, replaced
+from flexarm.simulation.run.settings import RunSettings, close, relative_of_functions, replaced
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -299,7 +299,7 @@ def tip_inversion(
     arm = check_kind("arm", arm, Arm)
     motion = check_motion(motion, arm)
     goal = check_positive("reduction", reduction)
-    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
+    settings = close(settings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)

@@ -49,12 +49,14 @@ def new_run(
     log: EventLog | None = None,
     changes: Sequence[Change] = (),
     prescribed: tuple[int, ...] = (),
+    sampled: bool = False,
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
     The arguments are those of ``simulate``. They are validated by the caller, except for the
     environment. ``spacing`` is the interval (s) between the instants at which functions of time are
-    compared with their cubic approximations.
+    compared with their cubic approximations. ``sampled`` states whether a controller holds the
+    torque between its samples, so that its sample time limits the steps.
 
     Raises:
         InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
@@ -67,7 +69,7 @@ def new_run(
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
     choice = choose_integrator(
         *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
-        duration=None if request is None else horizon,
+        duration=None if request is None or sampled else horizon,
     )
     if request is not None:
         tolerance = with_relative(tolerance, relative_tolerance(choice.integrator, arm, request))
@@ -95,6 +97,7 @@ def new_run(
         specialized=settings.specialized,
         default_atol=settings.atol is None,
         request=request,
+        promised=settings.accuracy is not None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),

@@ -209,6 +209,7 @@ class Run:
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     default_atol: bool = False  # whether the absolute tolerance is the default one
     request: float | None = None  # error over the reach; None if tolerances are given
+    promised: bool = False  # whether the request is the user's, which other runs verify
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
