@@ -14,7 +14,7 @@ import numba
 import pytest
 from hypothesis import settings
 
-import flexarm.simulation.run.settings as run_settings
+import flexarm.simulation.run.accuracy as run_accuracy
 from slowest import SLOWEST
 
 # The first example of a test may compile a kernel for seconds, so there is no deadline. Examples
@@ -41,7 +41,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[bool]:
     in a hook, so that it holds for fixtures of modules, too."""
     with pytest.MonkeyPatch.context() as patch:
         if item.get_closest_marker("close_runs"):
-            patch.setattr(run_settings, "DEFAULT", None)
+            patch.setattr(run_accuracy, "DEFAULT", None)
         return (yield)
 
 

@@ -16,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
-from flexarm.integrate.base import FloatArray, Integrator, Status, Tolerance
+from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import (
     CONTACT_PLACES,
@@ -46,17 +46,19 @@ from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import constants_with
+from flexarm.simulation.run.accuracy import bent
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
     LOOSER,
-    coordinates_apart,
-    doubt_of_turns,
+    doubt_of_growth,
+    growth_error,
+    may_grow,
+    repeats_growth,
     returns_to_surface,
     scaled,
-    turns_far,
 )
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
-from flexarm.simulation.run.settings import relative_of_functions, request_of, tolerances_of
+from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
 from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
@@ -129,13 +131,10 @@ class Lanes(ABC):
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
 
-    def _tolerance_of(self, arm: Arm, method: Integrator | None = None) -> Tolerance:
-        """Return the tolerance of runs of an arm, without their highest frequencies.
-
-        Without a method, the relative tolerance is the requested error, if that is given.
-        """
+    def _tolerance_of(self, arm: Arm) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies."""
         horizon = self._shared.duration
-        relative, absolute, scale = tolerances_of(self._settings, arm, method)
+        relative, absolute, scale = tolerances_of(self._settings, arm)
         return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
@@ -150,7 +149,7 @@ class Lanes(ABC):
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                relative = tolerances_of(self._settings, run.arm, method)[0]
+                relative = relative_tolerance(self._settings, run.arm)
                 key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
@@ -234,7 +233,7 @@ class Lanes(ABC):
         carried = self._carry(partial(stepper.advance, method), ready, runs)
         done = np.flatnonzero(runs.status == Status.DONE)
         done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
-        carried = self._verified(method, key, ready, runs, done, carried)
+        done, carried = self._verified(method, key, ready, runs, done, carried)
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
             yield self._outcome(method, ready, runs, done[first : first + together], carried)
@@ -269,9 +268,9 @@ class Lanes(ABC):
         runs: LaneRuns,
         done: NDArray[np.intp],
         carried: Any,
-    ) -> Any:
-        """Return ``carried`` with what a comparison of the runs ``done`` with others adds."""
-        return carried
+    ) -> tuple[NDArray[np.intp], Any]:
+        """Return the runs ``done`` that remain, and ``carried``, after a comparison with others."""
+        return done, carried
 
     def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
         """Return whether a completed run is the result, and not to be repeated by ``alone``.
@@ -375,7 +374,7 @@ class Lanes(ABC):
         key = (*key, looser)
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = scaled(self._tolerance_of(run.arm, method), looser)
+            tolerance = scaled(self._tolerance_of(run.arm), looser)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -388,7 +387,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, relative_of_functions(self._settings, arm))
+        history = self._alone.history(k, arm, state, relative_tolerance(self._settings, arm))
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
@@ -397,9 +396,7 @@ class OpenLanes(Lanes):
             return False
         if not method.adaptive:
             return True
-        tolerance = self._tolerance_of(run.arm, method)._replace(
-            unit=runs.unit[min(place, len(runs.unit) - 1)]
-        )
+        tolerance = self._tolerance_of(run.arm)._replace(unit=self._unit_of(runs, place))
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
         default = self._settings.atol is None
         steps = int(runs.counts[place, STEPS])
@@ -417,7 +414,8 @@ class OpenLanes(Lanes):
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
     def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
-        duration = self._shared.duration if self._by_accuracy(run.arm) else duration
+        if self._by_accuracy(run.arm) and not bent(run.state):
+            duration = self._shared.duration
         choice = super()._choice(run, tolerance, duration)
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
@@ -425,7 +423,7 @@ class OpenLanes(Lanes):
         start = Start(
             run.arm,
             run.state,
-            self._tolerance_of(run.arm, choice.integrator)._replace(fastest=touch),
+            self._tolerance_of(run.arm)._replace(fastest=touch),
             self._shared.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )
@@ -444,34 +442,45 @@ class OpenLanes(Lanes):
         runs: LaneRuns,
         done: NDArray[np.intp],
         carried: dict[int, str],
-    ) -> dict[int, str]:
-        """Return warnings by place in ``ready``; see `impacts.doubt_of_turns`."""
-        far = [int(k) for k in done if self._turns_far(ready[k].arm, runs, int(k))]
+    ) -> tuple[NDArray[np.intp], dict[int, str]]:
+        """Return the runs that ``alone`` does not repeat, and warnings by place in ``ready``.
+
+        The comparison is that of ``simulate``, see `impacts.may_grow`.
+        """
+        far = [int(k) for k in done if self._is_compared(method, ready[k].arm, runs, int(k))]
         if not far:
-            return carried
+            return done, carried
         compared = [ready[k] for k in far]
         others = self._begin(method, compared, runs.fastest[far])
         stepper = self._stepper(key, method, compared[0], LOOSER)
         self._carry(partial(stepper.advance, method), compared, others)
+        repeated = []
         for row, place in enumerate(far):
             if others.status[row] != Status.DONE:
                 continue
             runs.counts[place, EVALUATIONS] += others.counts[row, EVALUATIONS]
-            count = min(runs.counts[place, SAMPLES], others.counts[row, SAMPLES])
-            pair = runs.samples[place, :count, 0], others.samples[row, :count, 0]
-            unit, arm = runs.unit[min(place, len(runs.unit) - 1), 0], ready[place].arm
-            request = request_of(self._settings, arm)
+            arm, request = ready[place].arm, request_of(self._settings, ready[place].arm)
             assert request is not None
-            apart = coordinates_apart(*pair, unit)
-            carried[place] = doubt_of_turns(arm, self._times, apart, request)
-        return carried
+            own = runs.samples[place, : runs.counts[place, SAMPLES]]
+            error = growth_error(arm, own, others.samples[row, : others.counts[row, SAMPLES]])
+            if repeats_growth(error, request):
+                repeated.append(place)
+            carried[place] = doubt_of_growth(arm, self._times, error, request)
+        return np.setdiff1d(done, repeated), carried
 
-    def _turns_far(self, arm: Arm, runs: LaneRuns, place: int) -> bool:
+    def _is_compared(self, method: LaneIntegrator, arm: Arm, runs: LaneRuns, place: int) -> bool:
         """Return whether a run at the default accuracy is compared with another one."""
         if self._settings.accuracy is not None or not self._by_accuracy(arm):
             return False
-        free = constants_with(arm, ()).free > 0.0
-        return turns_far(runs.samples[place, : runs.counts[place, SAMPLES]], free)
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        return may_grow(
+            method.name, samples, constants_with(arm, ()), self._unit_of(runs, place), self._times
+        )
+
+    @staticmethod
+    def _unit_of(runs: LaneRuns, place: int) -> FloatArray:
+        unit: FloatArray = runs.unit[min(place, len(runs.unit) - 1)]
+        return unit
 
     def _warnings(self, notices: str, run: Ready, place: int, carried: dict[int, str]) -> list[str]:
         return [notices, carried.get(place, "")]

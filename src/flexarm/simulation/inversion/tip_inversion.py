@@ -50,7 +50,7 @@ from flexarm.simulation.inversion.torques import (
     spline_values,
 )
 from flexarm.simulation.inversion.zero_dynamics import RestEnd, rest_end
-from flexarm.simulation.run.settings import RunSettings, close, relative_of_functions, replaced
+from flexarm.simulation.run.settings import RunSettings, close, relative_tolerance, replaced
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -426,7 +426,7 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        rtol = min(_CLOSE, relative_of_functions(self.settings, self.arm))
+        rtol = min(_CLOSE, relative_tolerance(self.settings, self.arm))
         run = self._simulated(self.plant, supported, rate, rtol)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
@@ -458,7 +458,7 @@ class _Search:
         rate: float,
         rtol: float | None = None,
     ) -> Any:
-        rtol = relative_of_functions(self.settings, self.arm) if rtol is None else rtol
+        rtol = relative_tolerance(self.settings, self.arm) if rtol is None else rtol
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)

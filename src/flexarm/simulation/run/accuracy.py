@@ -6,31 +6,46 @@ TODO
 from __future__ import annotations
 
 from flexarm.arm.arm import Arm
-from flexarm.integrate import DormandPrince8, Integrator
+from flexarm.integrate.base import FloatArray
 
 #: Error of the tip over the reach that a run may have without settings: a hundredth of a line in a
 #: plot. None leaves runs to the default tolerances.
 DEFAULT: float | None = 1e-5
-#: Relative tolerance of functions of time over the request.
-FUNCTIONS = 0.1
-#: Request below which order 8 is cheaper than order 5 at equal error.
-FINEST_OF_ORDER_5 = 1e-7
+#: Least smoothing rate of friction, relative to that of the Stribeck effect, over the relative
+#: tolerance: below, it is less than the rate errors of implicit steps.
+SMOOTH = 1e3
+#: Relative tolerance of steps and of functions of time over the request.
+_SHARE = 0.1
+#: Relative tolerance below which order 8 is cheaper than order 5 at equal error.
+FINEST_OF_ORDER_5 = 1e-8
 #: Least relative tolerance that rounding errors allow, and the largest at which estimated errors of
 #: steps mean anything.
 _LEAST, _LARGEST = 1e-13, 3e-2
 
 
-def relative_tolerance(method: Integrator, arm: Arm, request: float) -> float:
-    """Return the relative tolerance at which nine of ten errors of a method are below a request.
+def default_request(arm: Arm) -> float | None:
+    """Return the error over the reach that a run without settings may have.
 
-    A rigid arm has no fast vibrations that limit the steps of order 8, so its factor is smaller.
+    It is smaller for a joint whose friction is smoothed over low rates, so that errors of rates do
+    not let it slide where it should stick. None if the default tolerances decide: for an arm
+    without free joints, whose vibration is the whole motion, and adds the errors of all steps.
+    """
+    if DEFAULT is None or not arm.joints:
+        return None
+    rubs = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
+    smooth = [one.smoothing_rate / one.stribeck_rate for one in rubs if one.smoothing_rate]
+    return min([DEFAULT, *(ratio / (SMOOTH * _SHARE) for ratio in smooth)])
+
+
+def bent(state: FloatArray) -> bool:
+    """Return whether links are bent or vibrate in a state (2, n, 1 + m)."""
+    return bool(state[:, :, 1:].any())
+
+
+def tolerance_of_request(request: float) -> float:
+    """Return the relative tolerance at which nine of ten errors are below a request.
 
     Args:
         request: accepted error of the tip over the reach.
     """
-    c, factor = arm.assembly.constants, 1.0
-    if isinstance(method, DormandPrince8):
-        factor = 10.0 if c.w2.any() else 0.1
-    if c.w2.any() and c.friction[:, :2].any():
-        factor *= 0.3  # steps restart where a joint sticks or slips
-    return min(max(factor * request, _LEAST), _LARGEST)
+    return min(max(_SHARE * request, _LEAST), _LARGEST)

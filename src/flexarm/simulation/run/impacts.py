@@ -5,8 +5,8 @@ of the reach at the first impact is 1e-4 at the sixth, even if the impacts are l
 a run under a given torque is repeated with tighter tolerances until two runs agree to what the
 requested ones promise, or it gets a warning with the estimated error.
 
-Joints that turn far may whirl, which amplifies errors, too: without a requested accuracy or given
-tolerances, such a run is compared with a cheaper one.
+Joints that turn far may whirl, which amplifies errors, too, and long vibrations add those of all
+steps: at the default accuracy, such a run is compared with a cheaper one.
 
 Contacts press and slide more often than they bounce, and amplify less. A run whose points return
 to surfaces is therefore compared with a cheaper one of looser tolerances first.
@@ -28,14 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.observe import contact_values
+from flexarm.arm.observe import contact_values, tips_of
 from flexarm.base.errors import SimulationError
 from flexarm.integrate import DormandPrince8, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Tolerance
 from flexarm.integrate.reactions import reactions_many
 from flexarm.kernels.columns import BRISTLE_ROOT, BRISTLED, COULOMB, COULOMB_EXCESS
 from flexarm.kernels.forces.contact import GAP
-from flexarm.kernels.layout import Contacts
+from flexarm.kernels.layout import ArmConstants, Contacts
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.histories.prescribed import constants_with
 from flexarm.simulation.run.default_step import default_step
@@ -68,11 +68,12 @@ _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
 #: which it gets a warning.
 _WRONG = 1e-3
-#: Turn (rad) of a free joint, back and forth, above which a run at the default accuracy is compared
-#: with one whose tolerances are larger by a ratio; share of their difference that is the error of
-#: the finer one in nine of ten; and error over the accuracy above which it gets a warning. On 138
-#: random arms, errors of runs whose joints turn less are at most 3 times the accuracy.
-_FAR, LOOSER, _DIFFERENT, _MISSED = 2.0 * np.pi, 10.0, 0.3, 3.0
+#: Turn (rad) of a free joint, back and forth, and path of a mode as a displacement of the tip, over
+#: the reach, above which a run at the default accuracy is compared with one whose tolerances are
+#: larger by a ratio; share of their difference that is the error of the finer one in nine of ten;
+#: and errors over the accuracy above which it is repeated with smaller tolerances, and above which
+#: that cannot help.
+_FAR, _LASTING, LOOSER, _DIFFERENT, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 0.3, 3.0, 60.0
 #: Gap between two contacts, as a part of the reach, below which a point only presses: with force
 #: control it rebounds by up to 6e-4 and errors are below 2e-7 of the reach.
 _LIFTED = 1e-3
@@ -110,12 +111,7 @@ def run_through_impacts(
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning, history_of, checkpoints)
     elif not impacts and run.request is not None and not run.promised:
-        free = constants_with(run.arm, run.prescribed).free > 0.0
-        if turns_far(run.samples[: run.progress.sample], free):
-            apart = _verify(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
-            run.doubt = joined(
-                run.doubt, doubt_of_turns(run.arm, run.sample_times, apart, run.request)
-            )
+        _compare_growth(run, beginning, history_of, checkpoints, run.request)
     return beginning
 
 
@@ -129,13 +125,13 @@ def run_to_slips(
     Returns the beginning of the run, and the function of the histories in use. The arguments and
     the exceptions are those of ``run_through_impacts``.
     """
-    history = history_of(run.relative_of_functions)  # also sets the start of prescribed joints
+    history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
     beginning = Beginning.of(run)
     run_open_loop(run, history, checkpoints)
     if misses_slip(run):
         history_of = partial(stopping_at_breaks, history_of)
         beginning.repeat(run, 1.0)
-        run_open_loop(run, history_of(run.relative_of_functions), checkpoints)
+        run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
         if misses_slip(run):
             text = (
                 "a joint sticks at a sample although friction cannot hold it: the slip is shorter "
@@ -286,22 +282,81 @@ def returns_to_surface(
     return bool(np.any(before & after & (gap > _LIFTED * arm.lengths.sum())))
 
 
-def turns_far(samples: FloatArray, free: NDArray[np.bool_]) -> bool:
-    """Return whether a free joint turns far, back and forth, in samples (k, 2, n, 1 + m)."""
-    angles = samples[:, 0, free, 0]
-    return bool(np.any(np.abs(np.diff(angles, axis=0)).sum(axis=0) > _FAR))
-
-
-def doubt_of_turns(arm: Arm, times: FloatArray, apart: FloatArray, request: float) -> str:
-    """Return the warning of a run whose joints turn far; empty if its error is small enough.
+def may_grow(
+    method: str, samples: FloatArray, constants: ArmConstants, unit: FloatArray, times: FloatArray
+) -> bool:
+    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
 
     Args:
-        apart: difference (k,) from a run with tolerances larger by `LOOSER`, over the reach.
+        method: name of the integrator; vibrations count in one that damps them.
+        unit: `Tolerance.unit` of the run.
+        times: of the samples, s.
+    """
+    if len(samples) < 2:
+        return False
+    turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
+    if np.any(turns[constants.free > 0.0] > _FAR):
+        return True
+    if method != KennedyCarpenter5.name:
+        return False
+    bending = times[len(samples) - 1] * np.abs(samples[:, 1, :, 1:]).mean(axis=0)
+    path = bending / unit[0, :, 1:] * unit[0, :, 0].min()
+    return bool(path.max(initial=0.0) > _LASTING)
+
+
+def _compare_growth(
+    run: Run,
+    beginning: Beginning,
+    history_of: Callable[[float], PiecewiseCubic],
+    checkpoints: Checkpoints | None,
+    request: float,
+) -> None:
+    """Compare a run whose errors may grow with a looser one, and repeat it or warn.
+
+    Args:
         request: accepted error over the reach.
     """
-    remedy = ": state the accuracy that you need"
-    cause = "errors grow in this motion of joints that turn far"
-    return _text(arm, times, _DIFFERENT * apart, _MISSED * request, cause, remedy)
+    constants, count = constants_with(run.arm, run.prescribed), run.progress.sample
+    unit, times = run.tolerance.unit, run.sample_times
+    if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
+        return
+    other = _second(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
+    if other is None:
+        return
+    error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
+    if repeats_growth(error, request):
+        before, completed = run.samples[:count], _completed(run, checkpoints)
+        beginning.repeat(run, 1.0 / LOOSER)
+        try:
+            run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
+            error = growth_error(run.arm, run.samples[: run.progress.sample], before)
+        except SimulationError:
+            for owner, values in completed:
+                vars(owner).update(values)
+    run.doubt = joined(run.doubt, doubt_of_growth(run.arm, times, error, request))
+
+
+def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
+    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach.
+
+    Args:
+        others: samples of a run with tolerances larger by `LOOSER`.
+    """
+    count = min(len(samples), len(others))
+    tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
+    error: FloatArray = _DIFFERENT / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
+    return error
+
+
+def repeats_growth(error: FloatArray, request: float) -> bool:
+    """Return whether a run misses the accepted error so little that a repetition reaches it."""
+    return bool(_MISSED * request < error.max(initial=0.0) < _HOPELESS * request)
+
+
+def doubt_of_growth(arm: Arm, times: FloatArray, error: FloatArray, request: float) -> str:
+    """Return the warning of a run whose errors may grow; empty if its error is small enough."""
+    cause, remedy = "errors grow in this motion", ": state the accuracy that you need"
+    return _text(arm, times, error, _MISSED * request, cause, remedy)
 
 
 def allowed_error(relative: float, request: float | None) -> float:
@@ -392,20 +447,10 @@ def difference(run: Run, before: FloatArray, before_times: FloatArray, count: in
     """
     count = min(count, run.progress.sample)
     same = before_times[:count] == run.sample_times[:count]
-    pair = before[:count, 0], run.samples[:count, 0]
-    largest: FloatArray = coordinates_apart(*pair, run.tolerance.unit[0]) * same
+    unit = run.tolerance.unit[0]
+    apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / unit
+    largest: FloatArray = apart.max(axis=(1, 2)) * same * float(unit[:, 0].min())
     return largest
-
-
-def coordinates_apart(one: FloatArray, other: FloatArray, unit: FloatArray) -> FloatArray:
-    """Return the tip difference (k,) of coordinates (k, n, 1 + m), as a part of the reach.
-
-    Args:
-        unit: (n, 1 + m) ``Tolerance.unit`` of the coordinates.
-    """
-    largest = (np.abs(one - other) / unit).max(axis=(1, 2))
-    apart: FloatArray = largest * float(unit[:, 0].min())
-    return apart
 
 
 def _parted(run: Run) -> float:
@@ -532,13 +577,20 @@ def _agrees_with_looser(run: Run, beginning: Beginning, allowed: float) -> bool:
 
 def _verify(run: Run, beginning: Beginning, **changed: Any) -> FloatArray:
     """Return the difference from a second run; nothing if the arm changes or that run fails."""
-    nothing = np.zeros(0)
+    other = _second(run, beginning, **changed)
+    if other is None:
+        return np.zeros(0)
+    return difference(run, other.samples, other.sample_times, other.progress.sample)
+
+
+def _second(run: Run, beginning: Beginning, **changed: Any) -> Run | None:
+    """Return a second run from the same beginning; None if the arm changes or it fails."""
     if run.changes is not None or run.history is None:
-        return nothing
+        return None
     other = beginning.again(run, **changed)
     try:
         other.carry_to(other.system(run.history), run.duration)
     except SimulationError:
-        return nothing
+        return None
     run.discarded += other.progress.evaluations
-    return difference(run, other.samples, other.sample_times, other.progress.sample)
+    return other

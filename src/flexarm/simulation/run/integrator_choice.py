@@ -21,7 +21,7 @@ from flexarm.integrate import (
 )
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
-from flexarm.simulation.run.accuracy import FINEST_OF_ORDER_5
+from flexarm.simulation.run.accuracy import FINEST_OF_ORDER_5, SMOOTH
 from flexarm.simulation.run.tolerance import TIGHT, damping_rate, friction_rate
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
@@ -40,9 +40,6 @@ _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
 #: which rk4 is stable.
 _STABLE = 2.8
-#: Smoothing rate, relative to that of the Stribeck effect and to the relative tolerance, below
-#: which it is less than the rate errors of implicit steps, so that a joint may not stick at all.
-_SMOOTH = 1e3
 #: First step of the implicit method over the time in which friction stops a joint, times the
 #: relative tolerance, up to which the error estimate sees that friction is missed: a link that
 #: falls against friction has nine times the allowed error at 20 times this value, and a fifth of
@@ -269,7 +266,7 @@ def _smoothing_doubt(integrator: Integrator, arm: Arm, tolerance: Tolerance) -> 
     """Return a warning if friction is smoothed over less than the rate errors of its steps."""
     if not isinstance(integrator, KennedyCarpenter5):
         return ""
-    least = _SMOOTH * tolerance.relative
+    least = SMOOTH * tolerance.relative  # below, a joint may not stick at all
     for i, joint in enumerate(arm.spec.joints):
         rubs = joint.friction
         rate = None if rubs is None else rubs.smoothing_rate

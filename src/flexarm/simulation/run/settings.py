@@ -30,9 +30,12 @@ from flexarm.base.errors import (
 )
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.simulation.histories.samples import INTERPOLATIONS
-from flexarm.simulation.run.accuracy import DEFAULT, FUNCTIONS, relative_tolerance
+from flexarm.simulation.run.accuracy import default_request, tolerance_of_request
 from flexarm.simulation.run.integrator_choice import check_integrator
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
+
+#: Settings that decide instead of an accuracy.
+_TOLERANCES = ("rtol", "atol", "step")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -50,6 +53,12 @@ class StepSettings(MethodSettings, total=False):
     """Settings of the steps of a run."""
 
     breaks: ArrayLike
+
+
+class PlantSettings(StepSettings, total=False):
+    """Settings of the steps of a plant."""
+
+    accuracy: float | None
 
 
 class SampleSettings(StepSettings, total=False):
@@ -136,7 +145,7 @@ class RunSettings:
 
     def _check_accuracy(self) -> None:
         """Raise if tolerances are given, too, or the method has no step control."""
-        given = {name: getattr(self, name) is not None for name in ("rtol", "atol", "step")}
+        given = {name: getattr(self, name) is not None for name in _TOLERANCES}
         for name in filter(given.get, given):
             raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
         method = self.integrator
@@ -158,11 +167,8 @@ def request_of(settings: RunSettings, arm: Arm) -> float | None:
     """Return the accepted error over the reach of an arm; None if tolerances decide."""
     if settings.accuracy is not None:
         return settings.accuracy / reach_of(arm)
-    return DEFAULT if settings.integrator == "auto" and not _tolerances_given(settings) else None
-
-
-def _tolerances_given(settings: RunSettings) -> bool:
-    return any(getattr(settings, name) is not None for name in ("rtol", "atol", "step"))
+    given = any(getattr(settings, name) is not None for name in _TOLERANCES)
+    return None if given or settings.integrator != "auto" else default_request(arm)
 
 
 def relative_of(settings: RunSettings) -> float:
@@ -178,12 +184,6 @@ def close(settings: RunSettings | None) -> RunSettings:
     return replaced(settings, rtol=relative_of(settings))
 
 
-def relative_of_functions(settings: RunSettings, arm: Arm) -> float:
-    """Return the relative tolerance of functions of time."""
-    request = request_of(settings, arm)
-    return relative_of(settings) if request is None else FUNCTIONS * request
-
-
 def closely(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return arguments of ``simulate`` with the settings of `close`, if they have no accuracy."""
     if options.get("accuracy") is not None:
@@ -194,18 +194,15 @@ def closely(options: Mapping[str, Any]) -> dict[str, Any]:
     return {"rtol": RTOL, **options}
 
 
-def tolerances_of(
-    settings: RunSettings, arm: Arm, method: Integrator | None = None
-) -> tuple[float, float, float]:
-    """Return the relative and the absolute tolerance of a method, and the length of the latter.
-
-    Without a method, the relative one is the request.
-    """
+def relative_tolerance(settings: RunSettings, arm: Arm) -> float:
+    """Return the relative tolerance of steps and functions of time."""
     request = request_of(settings, arm)
-    if request is None:
-        relative = relative_of(settings)
-    else:
-        relative = request if method is None else relative_tolerance(method, arm, request)
+    return relative_of(settings) if request is None else tolerance_of_request(request)
+
+
+def tolerances_of(settings: RunSettings, arm: Arm) -> tuple[float, float, float]:
+    """Return the relative and the absolute tolerance of a run, and the length of the latter."""
+    relative = relative_tolerance(settings, arm)
     return (relative, *absolute_tolerance(arm, settings.atol, relative))
 
 
