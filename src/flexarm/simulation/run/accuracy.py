@@ -14,8 +14,8 @@ DEFAULT: float | None = 1e-5
 #: Least smoothing rate of friction, relative to that of the Stribeck effect, over the relative
 #: tolerance: below, it is less than the rate errors of implicit steps.
 SMOOTH = 1e3
-#: Relative tolerance of steps and of functions of time over the request.
-_SHARE = 0.1
+#: Request over the relative tolerance of steps and of functions of time.
+_DIVISOR = 10.0
 #: Relative tolerance below which order 8 is cheaper than order 5 at equal error.
 FINEST_OF_ORDER_5 = 1e-8
 #: Least relative tolerance that rounding errors allow, and the largest at which estimated errors of
@@ -34,7 +34,7 @@ def default_request(arm: Arm) -> float | None:
         return None
     rubs = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
     smooth = [one.smoothing_rate / one.stribeck_rate for one in rubs if one.smoothing_rate]
-    return min([DEFAULT, *(ratio / (SMOOTH * _SHARE) for ratio in smooth)])
+    return min([DEFAULT, *(ratio * _DIVISOR / SMOOTH for ratio in smooth)])
 
 
 def bent(state: FloatArray) -> bool:
@@ -48,4 +48,4 @@ def tolerance_of_request(request: float) -> float:
     Args:
         request: accepted error of the tip over the reach.
     """
-    return min(max(_SHARE * request, _LEAST), _LARGEST)
+    return min(max(request / _DIVISOR, _LEAST), _LARGEST)
