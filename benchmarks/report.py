@@ -123,8 +123,8 @@ The table shows the fastest setting of each program with at most the given error
 
 ### What a user gets
 
-Whole calls with default arguments, which may err by 1e-5 of the reach (2.4e-5 m), beside the fastest
-setting of each peer with at most the error of the call:
+Whole calls with default arguments, which may err by 1e-5 of the reach (2.4e-5 m), beside the
+fastest setting of each peer with at most the error of the call:
 
 {user_table(m.table_one)}
 
