@@ -62,16 +62,22 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
     if "step" in how:
         fixed = [f"step {how['step']:g} s"]
     elif "rtol" in how:
-        how = {**how, "atol": 1e-2 * how["rtol"]}
-        fixed = [f"rtol {how['rtol']:.0e}, atol {how['atol']:.0e} m"]
+        fixed = [tolerances(how["rtol"])]
     else:
         fixed = [DEFAULTS]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
 
 
+def tolerances(rtol: float) -> str:
+    """Return the label of a relative tolerance and the absolute one that `simulate` sets."""
+    return f"rtol {rtol:.0e}, atol {1e-2 * rtol:.0e} m"
+
+
 def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:
     """Run flexarm; the time is that of its compiled integration."""
+    if "rtol" in how:
+        how = {**how, "atol": 1e-2 * how["rtol"]}
     result = fa.simulate(
         arm,
         case.duration,
