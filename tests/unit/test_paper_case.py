@@ -18,6 +18,8 @@ from flexarm.view.paper import (
     torque_range,
 )
 
+pytestmark = pytest.mark.close_runs
+
 
 @pytest.fixture(scope="module")
 def slow():
@@ -87,7 +89,6 @@ def test_theories_differ_visibly_in_the_fast_case_only(slow, fast):
     assert link_numbers(slow)[0].theory < 1e-3
 
 
-@pytest.mark.close_runs
 def test_remaining_vibration_is_undamped(slow):
     late = slow.flexible.sel(time=slice(SLOW + 1e-9, None))
     energy = (late["kinetic_energy"] + late["strain_energy"]).values
