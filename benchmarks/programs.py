@@ -27,6 +27,10 @@ PEERS = {
 }
 
 
+#: Setting of an entry without arguments: the accuracy that a user gets.
+DEFAULTS = "default arguments"
+
+
 def missing() -> list[str]:
     """Return the names of the peers that are not installed."""
     return [name for name, module in PEERS.items() if importlib.util.find_spec(module) is None]
@@ -55,9 +59,19 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
         return lambda: simulate(case, arm, **how)
 
     name = how.get("integrator", "auto")
-    fixed = [f"step {how['step']:g} s"] if "step" in how else [f"rtol {how['rtol']:.0e}"]
+    if "step" in how:
+        fixed = [f"step {how['step']:g} s"]
+    elif "rtol" in how:
+        fixed = [tolerances(how["rtol"])]
+    else:
+        fixed = [DEFAULTS]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
+
+
+def tolerances(rtol: float) -> str:
+    """Return the label of a relative tolerance and the absolute one that `simulate` sets."""
+    return f"rtol {rtol:.0e}, atol {1e-2 * rtol:.0e} m"
 
 
 def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:

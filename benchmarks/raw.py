@@ -82,7 +82,9 @@ def entries(
                     arm = build()
                     return lambda: _steps_alone(case, arm, name, **how)
 
-                label = f"step {1e3 * value:.3g} ms" if word == "step" else f"rtol {value:.0e}"
+                label = programs.tolerances(value)
+                if word == "step":
+                    label = f"step {1e3 * value:.3g} ms"
                 yield Entry(PROGRAM, f"{name}, {basis}, {label}", truth, prepare)
 
 

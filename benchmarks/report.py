@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import environments, long_chain, pictures, raw, rollouts
+from benchmarks import environments, long_chain, pictures, programs, raw, rollouts
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -120,6 +120,13 @@ exact Jacobians; SciPy's solvers call these equations from Python.
 The table shows the fastest setting of each program with at most the given error:
 
 {_level_table(m.table_one)}
+
+### What a user gets
+
+Whole calls with default arguments, which may err by 1e-5 of the reach (2.4e-5 m), beside the
+fastest setting of each peer with at most the error of the call:
+
+{user_table(m.table_one)}
 
 ![Work-precision diagram](work-precision.png)
 
@@ -269,11 +276,11 @@ def _scaling_table(links: dict[int, float], modes: dict[int, float]) -> str:
 
 def _level_table(points: list[Point]) -> str:
     rows = []
-    programs = list(dict.fromkeys(point.program for point in points))
+    names = list(dict.fromkeys(point.program for point in points))
     for truth, levels in LEVELS.items():
         for level in levels:
             own = fastest([p for p in points if p.program == "flexarm"], truth, level)
-            for program in programs:
+            for program in names:
                 best = fastest([p for p in points if p.program == program], truth, level)
                 if best is None:
                     continue
@@ -283,6 +290,31 @@ def _level_table(points: list[Point]) -> str:
                     (truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio)
                 )
     header = ("against", "error at most (m)", "setting", "integration (ms)", "total (ms)", "ratio")
+    return _table(header, rows)
+
+
+def user_table(points: list[Point]) -> str:
+    """Return the table of whole calls with default arguments, beside each peer as accurate."""
+    rows = []
+    for own in points:
+        if own.program != "flexarm" or programs.DEFAULTS not in own.setting:
+            continue
+        rows.append((own.setting, f"{own.error:.1e}", f"{1e3 * own.total:.3g}", "flexarm", "", ""))
+        for program in dict.fromkeys(point.program for point in points):
+            peers = [point for point in points if point.program == program]
+            best = fastest(peers, own.truth, own.error, whole=True)
+            if best is None or program == "flexarm":
+                continue
+            cells = f"{best.error:.1e}", f"{1e3 * best.total:.3g}", program, best.setting
+            rows.append(("", *cells, f"{best.total / own.total:.3g}"))
+    header = (
+        "default call",
+        "tip error (m)",
+        "whole call (ms)",
+        "program",
+        "tuned setting",
+        "ratio",
+    )
     return _table(header, rows)
 
 

@@ -110,7 +110,7 @@ def _jax(count: int) -> np.ndarray:
 
 
 def _entries(runs: int, few: int) -> list[_Entry]:
-    own = f"kennedy_carpenter_5, {_MODES} modes, rtol {_RTOL:.0e}"
+    own = f"kennedy_carpenter_5, {_MODES} modes, {programs.tolerances(_RTOL)}"
     # A load of zero excludes lanes.
     alone = partial(_batch, loads=[fa.Load(1, force=(0.0, 0.0))], threads=_THREADS)
     found = [
@@ -128,7 +128,7 @@ def _entries(runs: int, few: int) -> list[_Entry]:
     found.append(
         _Entry(
             f"flexarm, lanes, {_THREADS} threads, the paper's model",
-            "dormand_prince_8, 2+1 elements, rtol 1e-03",
+            f"dormand_prince_8, 2+1 elements, {programs.tolerances(1e-3)}",
             PAPER,
             runs,
             partial(_batch, threads=_THREADS, arm=_paper_arm, **_PAPER),

@@ -91,6 +91,14 @@ def specialized_entries(
             yield programs.flexarm(case, basis, build, truth, rtol=value, specialized=specialized)
 
 
+def default_entries(duration: float = 2.0) -> Iterator[Entry]:
+    """Yield what a user gets: default arguments, on a reduced basis and on full meshes."""
+    case = replace(CASE, duration=duration)
+    meshes = partial(second_order, elements=4)
+    for basis, build in (("4 modes", BASES["4 modes"][0]), ("full meshes of 4 + 4", meshes)):
+        yield programs.flexarm(case, basis, build, EXACT)
+
+
 def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
     """Yield the settings of every installed peer, or with ``quick`` the cheapest of each."""
     case = replace(CASE, duration=duration)
@@ -118,5 +126,5 @@ def peer_entries(duration: float = 2.0, quick: bool = False) -> Iterator[Entry]:
 
 def work_precision(repeats: int = 3) -> tuple[list[Point], list[str]]:
     """Measure all entries alternately."""
-    entries = [*own_entries(), *specialized_entries(), *peer_entries()]
+    entries = [*own_entries(), *specialized_entries(), *default_entries(), *peer_entries()]
     return measure(entries, truths(CASE.duration), repeats)

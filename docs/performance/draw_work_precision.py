@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from flexarm.simulation.histories.functions import function_history
+from flexarm.simulation.histories.piecewise import function_history
 from matplotlib.axes import Axes
 from measure_integrators import Torque
 

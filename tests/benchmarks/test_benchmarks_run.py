@@ -37,6 +37,7 @@ def points() -> list[Point]:
     """Measure flexarm's integrators and every installed peer over a tenth of a second."""
     own = table_one.own_entries(rtol=(1e-4,), steps=(2.5e-4,), duration=0.1)
     entries = [entry for entry in own if "segments" not in entry.setting]
+    entries += table_one.default_entries(duration=0.1)
     entries += table_one.peer_entries(duration=0.1, quick=True)
     found, failed = measure(entries, table_one.truths(0.1), repeats=1)
     assert not failed
@@ -128,7 +129,8 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
     report.write(tmp_path, measured)
 
     page = (tmp_path / "index.md").read_text(encoding="utf-8")
-    assert "dormand_prince_8, 4 modes, rtol 1e-04" in page
+    assert "dormand_prince_8, 4 modes, rtol 1e-04, atol 1e-06 m" in page
+    assert "auto, 4 modes, default arguments" in page
     assert "| `joint_pd` |  | 5 | 1 |" in page
     assert "| 256 |" in page
     assert re.search(r"\| torque samples, 100 per second \| \d.* \| \d.* \| \d.* \| 2 \|", page)

@@ -46,6 +46,7 @@ from flexarm.planning.optimize.transcription import (
 )
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.gradient import goal_gradient
+from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -342,6 +343,7 @@ class _Correction:
             torque=history,
             initial=self._task.start.q,
             rate=_SAMPLES * plan.intervals / plan.duration,
+            rtol=RTOL,
             progress=False,
         )
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])

@@ -39,7 +39,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import relative_of_functions, replaced
+from flexarm.simulation.run.settings import relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
@@ -359,7 +359,7 @@ class OpenLoop:
         """Validate what the first run shares with the others."""
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
-            self.history(0, run.arm, state, relative_of_functions(self._shared.settings, run.arm))
+            self.history(0, run.arm, state, relative_tolerance(self._shared.settings, run.arm))
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k."""

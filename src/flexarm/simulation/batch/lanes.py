@@ -16,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
-from flexarm.integrate.base import FloatArray, Integrator, Status, Tolerance
+from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import (
     CONTACT_PLACES,
@@ -42,12 +42,21 @@ from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, Va
 from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
-from flexarm.simulation.histories.loads import LoadHistory
+from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.accuracy import bent
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
-from flexarm.simulation.run.impacts import returns_to_surface
+from flexarm.simulation.run.impacts import (
+    LOOSER,
+    doubt_of_growth,
+    growth_error,
+    may_grow,
+    repeats_growth,
+    returns_to_surface,
+    scaled,
+)
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
-from flexarm.simulation.run.settings import relative_of_functions, request_of, tolerances_of
+from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
 from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
@@ -120,13 +129,10 @@ class Lanes(ABC):
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
 
-    def _tolerance_of(self, arm: Arm, method: Integrator | None = None) -> Tolerance:
-        """Return the tolerance of runs of an arm, without their highest frequencies.
-
-        Without a method, the relative tolerance is the requested error, if that is given.
-        """
+    def _tolerance_of(self, arm: Arm) -> Tolerance:
+        """Return the tolerance of runs of an arm, without their highest frequencies."""
         horizon = self._shared.duration
-        relative, absolute, scale = tolerances_of(self._settings, arm, method)
+        relative, absolute, scale = tolerances_of(self._settings, arm)
         return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
@@ -141,13 +147,12 @@ class Lanes(ABC):
                 method = self._method(run, float(fastest[place]))
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                relative = tolerances_of(self._settings, run.arm, method)[0]
+                relative = relative_tolerance(self._settings, run.arm)
                 key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            stepper = self._stepper(key[1], method, ready[places[0]])
             group = [ready[place] for place in places]
-            for outcome in self._advance(method, stepper, group, fastest[places]):
+            for outcome in self._advance(method, key[1], group, fastest[places]):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:
@@ -204,21 +209,37 @@ class Lanes(ABC):
             return None
         return None if choice.doubt else lane_method(choice.integrator)
 
-    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        """Return the integrator of a run."""
+    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
+        """Return the integrator of a run; ``duration`` as in `choose_integrator`."""
         requested = self._settings.integrator, self._settings.step
-        by_accuracy = request_of(self._settings, run.arm) is not None
-        duration = self._shared.duration if by_accuracy else None
         return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
+
+    def _by_accuracy(self, arm: Arm) -> bool:
+        """Return whether an accuracy determines the tolerances of runs of an arm."""
+        return request_of(self._settings, arm) is not None
 
     def _advance(
         self,
         method: LaneIntegrator,
-        stepper: LaneStepper,
+        key: tuple[float, ...],
         ready: Sequence[Ready],
         fastest: FloatArray,
     ) -> Iterator[Outcome]:
-        """Yield the outcomes of the runs that reach their end."""
+        """Yield the outcomes of the runs that reach their end; ``key`` as in `_stepper`."""
+        runs = self._begin(method, ready, fastest)
+        stepper = self._stepper(key, method, ready[0])
+        carried = self._carry(partial(stepper.advance, method), ready, runs)
+        done = np.flatnonzero(runs.status == Status.DONE)
+        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
+        done, carried = self._verified(method, key, ready, runs, done, carried)
+        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
+        for first in range(0, len(done), together):
+            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+
+    def _begin(
+        self, method: LaneIntegrator, ready: Sequence[Ready], fastest: FloatArray
+    ) -> LaneRuns:
+        """Return runs of one group at their start."""
         states, count = np.array([run.state for run in ready]), len(ready)
         fastest = np.maximum(fastest, [run.touch for run in ready])
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
@@ -235,12 +256,19 @@ class Lanes(ABC):
             until=np.full(count, self._shared.duration),
         )
         runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero(runs.status == Status.DONE)
-        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
-        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
-        for first in range(0, len(done), together):
-            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+        return runs
+
+    def _verified(
+        self,
+        method: LaneIntegrator,
+        key: tuple[float, ...],
+        ready: Sequence[Ready],
+        runs: LaneRuns,
+        done: NDArray[np.intp],
+        carried: Any,
+    ) -> tuple[NDArray[np.intp], Any]:
+        """Return the runs ``done`` that remain, and ``carried``, after a comparison with others."""
+        return done, carried
 
     def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
         """Return whether a completed run is the result, and not to be repeated by ``alone``.
@@ -329,11 +357,18 @@ class Lanes(ABC):
             limits,
         )
 
-    def _stepper(self, key: tuple[float, ...], method: LaneIntegrator, run: Ready) -> LaneStepper:
-        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes."""
+    def _stepper(
+        self, key: tuple[float, ...], method: LaneIntegrator, run: Ready, looser: float = 1.0
+    ) -> LaneStepper:
+        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes.
+
+        Args:
+            looser: factor of the tolerances.
+        """
+        key = (*key, looser)
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = self._tolerance_of(run.arm, method)
+            tolerance = scaled(self._tolerance_of(run.arm), looser)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -346,7 +381,7 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, relative_of_functions(self._settings, arm))
+        history = self._alone.history(k, arm, state, relative_tolerance(self._settings, arm))
         loads, touch = self._touching(self._loads_on(arm), arm, state)
         return Ready(k, arm, state, loads, history, touch=touch)
 
@@ -355,9 +390,7 @@ class OpenLanes(Lanes):
             return False
         if not method.adaptive:
             return True
-        tolerance = self._tolerance_of(run.arm, method)._replace(
-            unit=runs.unit[min(place, len(runs.unit) - 1)]
-        )
+        tolerance = self._tolerance_of(run.arm)._replace(unit=self._unit_of(runs, place))
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
         default = self._settings.atol is None
         steps = int(runs.counts[place, STEPS])
@@ -374,26 +407,80 @@ class OpenLanes(Lanes):
         placed = loads.placed._replace(contacts=contacts)
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
-    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        choice = super()._choice(run, tolerance)
+    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
+        if self._by_accuracy(run.arm) and not bent(run.state):
+            duration = self._shared.duration
+        choice = super()._choice(run, tolerance, duration)
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
         start = Start(
             run.arm,
             run.state,
-            self._tolerance_of(run.arm, choice.integrator)._replace(fastest=touch),
+            self._tolerance_of(run.arm)._replace(fastest=touch),
             self._shared.duration,
             partial(system_of, run.arm, (), run.loads, run.drive),
         )
         return choose_by_work(choice, start)
 
-    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> None:
+    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> dict[int, str]:
         histories = [run.drive for run in ready]
         advance(drive_of_runs(ready[0].arm, histories, ready[0].loads), runs, MOST_STEPS)
+        return {}
+
+    def _verified(
+        self,
+        method: LaneIntegrator,
+        key: tuple[float, ...],
+        ready: Sequence[Ready],
+        runs: LaneRuns,
+        done: NDArray[np.intp],
+        carried: dict[int, str],
+    ) -> tuple[NDArray[np.intp], dict[int, str]]:
+        """Return the runs that ``alone`` does not repeat, and warnings by place in ``ready``.
+
+        The comparison is that of ``simulate``, see `impacts.may_grow`.
+        """
+        far = [int(k) for k in done if self._is_compared(method, ready[k].arm, runs, int(k))]
+        if not far:
+            return done, carried
+        compared = [ready[k] for k in far]
+        others = self._begin(method, compared, runs.fastest[far])
+        stepper = self._stepper(key, method, compared[0], LOOSER)
+        self._carry(partial(stepper.advance, method), compared, others)
+        repeated = []
+        for row, place in enumerate(far):
+            if others.status[row] != Status.DONE:
+                continue
+            runs.counts[place, EVALUATIONS] += others.counts[row, EVALUATIONS]
+            arm, request = ready[place].arm, request_of(self._settings, ready[place].arm)
+            assert request is not None
+            own = runs.samples[place, : runs.counts[place, SAMPLES]]
+            error = growth_error(arm, own, others.samples[row, : others.counts[row, SAMPLES]])
+            if repeats_growth(error, request):
+                repeated.append(place)
+            carried[place] = doubt_of_growth(arm, self._times, error, request)
+        return np.setdiff1d(done, repeated), carried
+
+    def _is_compared(self, method: LaneIntegrator, arm: Arm, runs: LaneRuns, place: int) -> bool:
+        """Return whether a run at the default accuracy is compared with another one."""
+        if self._settings.accuracy is not None or not self._by_accuracy(arm):
+            return False
+        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+        return may_grow(
+            method.name, samples, constants_with(arm, ()), self._unit_of(runs, place), self._times
+        )
+
+    @staticmethod
+    def _unit_of(runs: LaneRuns, place: int) -> FloatArray:
+        unit: FloatArray = runs.unit[min(place, len(runs.unit) - 1)]
+        return unit
+
+    def _warnings(self, notices: str, run: Ready, place: int, carried: dict[int, str]) -> list[str]:
+        return [notices, carried.get(place, "")]
 
     def _torques(
-        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: None
+        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
     ) -> dict[str, FloatArray]:
         return {"torque": np.array([ready[k].drive.at(times) for k in places])}
 

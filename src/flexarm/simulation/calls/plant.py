@@ -39,8 +39,8 @@ from flexarm.simulation.run.contacts import refuse_deep_start
 from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
+    PlantSettings,
     RunSettings,
-    StepSettings,
     replaced,
     settings_of,
     with_keywords,
@@ -67,7 +67,8 @@ class Plant:
         changes: numbers of the arm that change after each reset, at times, see ``Change``.
         breaks: times (s) at which loads or a base acceleration that are functions of time jump or
             have a kink.
-        integrator, step, rtol, atol: method and accuracy, see ``flexarm.simulate``.
+        integrator, step, accuracy, rtol, atol: method and accuracy, see ``flexarm.simulate``; no
+            second run verifies the accuracy.
         settings: these, ``breaks`` and ``specialized`` as one object, see ``flexarm.RunSettings``.
         duration: s, latest time of a step; None for no limit. Required if loads or the base
             acceleration are functions of time, which are evaluated in advance.
@@ -90,7 +91,7 @@ class Plant:
     """
 
     @public_call
-    @with_keywords(StepSettings)
+    @with_keywords(PlantSettings)
     def __init__(
         self,
         arm: Arm,
@@ -106,7 +107,7 @@ class Plant:
         specialized: bool = False,
         warn: bool = True,
         settings: RunSettings | None = None,
-        **keywords: Unpack[StepSettings],
+        **keywords: Unpack[PlantSettings],
     ) -> None:
         self.arm = arm = check_kind("arm", arm, Arm)
         if hardware is not None:
@@ -130,6 +131,7 @@ class Plant:
             environment=environment,
             meter=Meter("stepping", False),
             changes=changes,
+            sampled=True,
         )
         self._reset(None, None, None)
         if self._loop.run.doubt and warn:

@@ -40,7 +40,8 @@ from flexarm.simulation.run.settings import (
     AllSettings,
     RunSettings,
     SampleSettings,
-    relative_of_functions,
+    close,
+    relative_tolerance,
     replaced,
     settings_of,
 )
@@ -85,6 +86,8 @@ class Situation:
 
     def __post_init__(self) -> None:
         self._check_objects()
+        if len(self.prescribed or ()) == self.simulated.joints:  # only vibrations are free
+            vars(self)["settings"] = close(self.settings)
         duration = vars(self)["duration"] = check_positive("duration", self.duration)
         step = self.settings.step
         if step is not None and step > duration:
@@ -152,7 +155,7 @@ class Situation:
     def loads_of(self, arm: Arm, known: dict[tuple[int, ...], PiecewiseCubic]) -> LoadHistory:
         """Return the loads of a run of an arm without contacts; see ``load_history``."""
         settings = self.settings
-        relative, spacing = relative_of_functions(settings, arm), 1.0 / settings.rate
+        relative, spacing = relative_tolerance(settings, arm), 1.0 / settings.rate
         given = self.duration, relative, None, settings.breaks, spacing
         return load_history(arm, self.environment, *given, known)
 
@@ -177,6 +180,7 @@ class Situation:
             log=log,
             changes=self.changes,
             prescribed=tuple(self.prescribed or ()),
+            sampled=self.controller is not None,
         )
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
@@ -304,7 +308,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
     if situation.controller is not None:
         sample_time = situation.controller.sample_time
         return RunLoop(run, sample_time, situation.hardware).run.choice
-    choose(run, situation.history_of(run)(relative_of_functions(situation.settings, arm)))
+    choose(run, situation.history_of(run)(relative_tolerance(situation.settings, arm)))
     return run.choice
 
 

@@ -45,6 +45,7 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Notices, Run
+from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -138,13 +139,14 @@ def simulate(
         accuracy: largest error of the tip (m) that the integration may cause, such as 1e-5 of the
             reach, the hundredth part of a line in a plot. Method and tolerances follow from it, a
             second run verifies it, and a run that misses it is repeated. Instead of ``rtol`` and
-            ``atol``.
-        rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
-            ``rtol / 100`` of the reach; with a fixed step only the tolerance for functions of time.
-            A run whose whole motion is small beside ``atol`` is repeated with a smaller one. A run
-            in which joints meet their stops is repeated with tolerances smaller by 1e-5, or more if
-            the error requires it, and one that returns to a surface if it requires it. Runs with a
-            controller are not repeated.
+            ``atol``. Without these, ``step`` and a named integrator, the accuracy is 1e-5 of the
+            reach; then only a run in which errors may grow is compared with a second one.
+        rtol, atol: error allowed per step, relative, by default 1e-7 where no accuracy decides, and
+            absolute in metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step
+            only the tolerance for functions of time. A run whose whole motion is small beside
+            ``atol`` is repeated with a smaller one. A run in which joints meet their stops is
+            repeated with tolerances smaller by 1e-5, or more if the error requires it, and one that
+            returns to a surface if it requires it. Runs with a controller are not repeated.
         torque_interpolation: "cubic", "linear" or "hold", for a torque array. The cubic overshoots
             samples that jump; the other two never exceed them.
         breaks: times (s) at which a function of time (torque, factor of a load, base acceleration,
@@ -160,7 +162,8 @@ def simulate(
         Dataset over ``time`` with the channels of ``flexarm.simulation.run.channels``; with
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
         falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
-        "duration", "failure" or the name of the event that ended the run. With ``accuracy`` the
+        "duration", "failure" or the name of the event that ended the run. The attribute
+        ``accuracy`` (m) is absent if tolerances decide. With the argument ``accuracy`` the
         attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
         also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
         ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
@@ -180,7 +183,8 @@ def simulate(
             stops or surfaces amplify errors to more than 1e-5 of the reach and ten times ``rtol``,
             or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
             of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
-            attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``.
+            attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``, or 3e-5
+            of the reach by default.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             or after a change of the arm, with growth by a factor of ten or more within the run.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
@@ -312,7 +316,9 @@ def _result(
     ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
+    request = run.request
     attributes: dict[str, Any] = {
+        **({} if request is None else {"accuracy": request * reach_of(run.first_arm)}),
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,

@@ -41,7 +41,7 @@ from flexarm.simulation.histories.piecewise import (
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import relative_of_functions
+from flexarm.simulation.run.settings import relative_tolerance
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
@@ -375,7 +375,7 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
     if torque is None or callable(torque) or isinstance(torque, PiecewiseCubic):
         return None
     samples, joints = np.shape(torque)
-    history = history_of(relative_of_functions(settings, situation.simulated))
+    history = history_of(relative_tolerance(settings, situation.simulated))
     return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
 
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import warn_of_bending
-from flexarm.base.arguments import check_kind, check_positive
+from flexarm.base.arguments import check_positive
 from flexarm.base.errors import (
     FlexarmError,
     InputError,
@@ -52,7 +52,7 @@ from flexarm.simulation.inversion.torques import (
     spline_knots,
     spline_values,
 )
-from flexarm.simulation.run.settings import DEFAULTS, RunSettings, relative_of_functions, replaced
+from flexarm.simulation.run.settings import RunSettings, close, relative_tolerance, replaced
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -292,7 +292,7 @@ def tip_inversion(
     joints have no such feedback, so the inversion fails if they fall.
     """
     motion = check_motion(motion, arm)
-    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
+    settings = close(settings)
     if arm.dof == arm.joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
@@ -419,7 +419,7 @@ class _Search:
         # A slightly larger spacing, so that rounding adds no knot and all old knots remain.
         knots = spline_knots(start, end, (end - start) / count * (1.0 + 1e-9))
         rate = np.ceil(_PER_FINER * count / (end - start))
-        rtol = min(_CLOSE, relative_of_functions(self.settings, self.arm))
+        rtol = min(_CLOSE, relative_tolerance(self.settings, self.arm))
         run = self._simulated(self.plant, supported, rate, rtol)
         inside = (run.time.values >= start) & (run.time.values <= end)
         times, joint = run.time.values[inside], self.arm.joint_index
@@ -451,7 +451,7 @@ class _Search:
         rate: float,
         rtol: float | None = None,
     ) -> Any:
-        rtol = relative_of_functions(self.settings, self.arm) if rtol is None else rtol
+        rtol = relative_tolerance(self.settings, self.arm) if rtol is None else rtol
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)

@@ -5,6 +5,9 @@ of the reach at the first impact is 1e-4 at the sixth, even if the impacts are l
 a run under a given torque is repeated with tighter tolerances until two runs agree to what the
 requested ones promise, or it gets a warning with the estimated error.
 
+Joints that turn far may whirl, which amplifies errors, too, and long vibrations add those of all
+steps: at the default accuracy, such a run is compared with a cheaper one.
+
 Contacts press and slide more often than they bounce, and amplify less. A run whose points return
 to surfaces is therefore compared with a cheaper one of looser tolerances first.
 
@@ -25,14 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.observe import contact_values
+from flexarm.arm.observe import contact_values, tips_of
 from flexarm.base.errors import SimulationError
 from flexarm.integrate import DormandPrince8, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Tolerance
 from flexarm.integrate.reactions import reactions_many
 from flexarm.kernels.columns import BRISTLE_ROOT, BRISTLED, COULOMB, COULOMB_EXCESS
 from flexarm.kernels.forces.contact import GAP
-from flexarm.kernels.layout import Contacts
+from flexarm.kernels.layout import ArmConstants, Contacts
+from flexarm.simulation.histories.loads import constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.event_search import Mark
@@ -64,6 +68,12 @@ _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
 #: which it gets a warning.
 _WRONG = 1e-3
+#: Turn (rad) of a free joint, back and forth, and path of a mode as a displacement of the tip, over
+#: the reach, above which a run at the default accuracy is compared with one whose tolerances are
+#: larger by a ratio; share of their difference that is the error of the finer one in nine of ten;
+#: and errors over the accuracy above which it is repeated with smaller tolerances, and above which
+#: that cannot help.
+_FAR, _LASTING, LOOSER, _DIFFERENT, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 0.3, 3.0, 60.0
 #: Gap between two contacts, as a part of the reach, below which a point only presses: with force
 #: control it rebounds by up to 6e-4 and errors are below 2e-7 of the reach.
 _LIFTED = 1e-3
@@ -92,7 +102,7 @@ def run_through_impacts(
     requested = run.tolerance.relative
     beginning, history_of = run_to_slips(run, history_of, checkpoints)
     stops = meets_stops(run)
-    impacts, allowed = stops or returns(run), allowed_error(requested)
+    impacts, allowed = stops or returns(run), allowed_error(requested, run.request)
     if not run.integrator.adaptive:
         if impacts or slides(run):
             _compare_with_half_the_step(run, beginning)
@@ -100,6 +110,8 @@ def run_through_impacts(
         _compare_with_looser(run, beginning, allowed)
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning, history_of, checkpoints)
+    elif not impacts and run.request is not None and not run.promised:
+        _compare_growth(run, beginning, history_of, checkpoints, run.request)
     return beginning
 
 
@@ -113,19 +125,19 @@ def run_to_slips(
     Returns the beginning of the run, and the function of the histories in use. The arguments and
     the exceptions are those of ``run_through_impacts``.
     """
-    history = history_of(run.relative_of_functions)  # also sets the start of prescribed joints
+    history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
     beginning = Beginning.of(run)
     run_open_loop(run, history, checkpoints)
     if misses_slip(run):
         history_of = partial(stopping_at_breaks, history_of)
         beginning.repeat(run, 1.0)
-        run_open_loop(run, history_of(run.relative_of_functions), checkpoints)
+        run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
         if misses_slip(run):
             text = (
                 "a joint sticks at a sample although friction cannot hold it: the slip is shorter "
                 "than the steps. Pass its time in breaks, or use a smaller step."
             )
-            run.doubt = " ".join(filter(None, [run.doubt, text]))
+            run.doubt = joined(run.doubt, text)
     return beginning, history_of
 
 
@@ -187,7 +199,7 @@ def _tighten(
 ) -> None:
     """Repeat a run with tighter tolerances until two runs agree, or warn of the error."""
     requested = beginning.tolerance.relative
-    tight, factor, allowed = requested, TIGHT, allowed_error(requested)
+    tight, factor, allowed = requested, TIGHT, allowed_error(requested, run.request)
     while True:
         before = run.samples, run.sample_times, run.progress.sample
         factor = max(factor, _TIGHTEST / tight)
@@ -270,9 +282,91 @@ def returns_to_surface(
     return bool(np.any(before & after & (gap > _LIFTED * arm.lengths.sum())))
 
 
-def allowed_error(relative: float) -> float:
-    """Return the error, as a part of the reach, above which a run through impacts is doubtful."""
-    return max(_PROMISED * relative, _VISIBLE)
+def may_grow(
+    method: str, samples: FloatArray, constants: ArmConstants, unit: FloatArray, times: FloatArray
+) -> bool:
+    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
+
+    Args:
+        method: name of the integrator; vibrations count in one that damps them.
+        unit: `Tolerance.unit` of the run.
+        times: of the samples, s.
+    """
+    if len(samples) < 2:
+        return False
+    turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
+    if np.any(turns[constants.free > 0.0] > _FAR):
+        return True
+    if method != KennedyCarpenter5.name:
+        return False
+    bending = times[len(samples) - 1] * np.abs(samples[:, 1, :, 1:]).mean(axis=0)
+    path = bending / unit[0, :, 1:] * unit[0, :, 0].min()
+    return bool(path.max(initial=0.0) > _LASTING)
+
+
+def _compare_growth(
+    run: Run,
+    beginning: Beginning,
+    history_of: Callable[[float], PiecewiseCubic],
+    checkpoints: Checkpoints | None,
+    request: float,
+) -> None:
+    """Compare a run whose errors may grow with a looser one, and repeat it or warn.
+
+    Args:
+        request: accepted error over the reach.
+    """
+    constants, count = constants_with(run.arm, run.prescribed), run.progress.sample
+    unit, times = run.tolerance.unit, run.sample_times
+    if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
+        return
+    other = _second(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
+    if other is None:
+        return
+    error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
+    if repeats_growth(error, request):
+        before, completed = run.samples[:count], _completed(run, checkpoints)
+        beginning.repeat(run, 1.0 / LOOSER)
+        try:
+            run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
+            error = growth_error(run.arm, run.samples[: run.progress.sample], before)
+        except SimulationError:
+            for owner, values in completed:
+                vars(owner).update(values)
+    run.doubt = joined(run.doubt, doubt_of_growth(run.arm, times, error, request))
+
+
+def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
+    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach.
+
+    Args:
+        others: samples of a run with tolerances larger by `LOOSER`.
+    """
+    count = min(len(samples), len(others))
+    tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
+    error: FloatArray = _DIFFERENT / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
+    return error
+
+
+def repeats_growth(error: FloatArray, request: float) -> bool:
+    """Return whether a run misses the accepted error so little that a repetition reaches it."""
+    return bool(_MISSED * request < error.max(initial=0.0) < _HOPELESS * request)
+
+
+def doubt_of_growth(arm: Arm, times: FloatArray, error: FloatArray, request: float) -> str:
+    """Return the warning of a run whose errors may grow; empty if its error is small enough."""
+    cause, remedy = "errors grow in this motion", ": state the accuracy that you need"
+    return _text(arm, times, error, _MISSED * request, cause, remedy)
+
+
+def allowed_error(relative: float, request: float | None) -> float:
+    """Return the error, as a part of the reach, above which a run through impacts is doubtful.
+
+    Args:
+        request: accepted error over the reach; None if tolerances are given.
+    """
+    allowed = _PROMISED * relative
+    return max(allowed if request is None else min(allowed, _MISSED * request), _VISIBLE)
 
 
 @dataclass
@@ -380,17 +474,28 @@ def _error_of_finer(apart: FloatArray, coarse: float, fine: float, parted: float
 
 def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> None:
     """Warn of an estimated error, as a part of the reach at the samples, above the allowed one."""
+    text = _text(run.arm, run.sample_times, error, allowed, _cause(run), remedy)
+    run.doubt = joined(run.doubt, text)
+
+
+def _text(
+    arm: Arm, times: FloatArray, error: FloatArray, allowed: float, cause: str, remedy: str
+) -> str:
+    """Return the warning of an estimated error; empty if it is at most the allowed one."""
     large = np.flatnonzero(error > allowed)
     if not large.size:
-        return
-    reach = reach_of(run.arm)
-    text = (
-        f"{_cause(run)}: the error of the tip is about "
-        f"{reach * error.max():.1g} m, and above {reach * allowed:.1g} m from t = "
-        f"{run.sample_times[large[0]]:.4g} s on. Do not rely on this result after that time"
-        f"{remedy}."
+        return ""
+    reach = reach_of(arm)
+    return (
+        f"{cause}: the error of the tip is about {reach * min(error.max(), 2.0):.1g} m, and above "
+        f"{reach * allowed:.1g} m from t = {times[large[0]]:.4g} s on. Do not rely on this result "
+        f"after that time{remedy}."
     )
-    run.doubt = " ".join(filter(None, [run.doubt, text]))
+
+
+def joined(*texts: str) -> str:
+    """Return the texts that are not empty as one text."""
+    return " ".join(filter(None, texts))
 
 
 def _cause(run: Run) -> str:
@@ -441,7 +546,7 @@ def _compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None
     run.discarded += other.progress.evaluations
     apart = difference(run, other.samples, other.sample_times, other.progress.sample)
     remedy = "" if factor > 1.0 else ", or use smaller rtol and atol"
-    _doubt(run, share * apart, allowed_error(tolerance.relative), remedy)
+    _doubt(run, share * apart, allowed_error(tolerance.relative, run.request), remedy)
 
 
 def _compare_with_half_the_step(run: Run, beginning: Beginning) -> None:
@@ -456,7 +561,7 @@ def _compare_with_looser(run: Run, beginning: Beginning, allowed: float) -> None
     apart = _verify(run, beginning, tolerance=scaled(run.tolerance, _RATIO))
     if not apart.size:
         text = f"{_cause(run)}, and that of the tip is not known: no second run verifies this one."
-        run.doubt = " ".join(filter(None, [run.doubt, text]))
+        run.doubt = joined(run.doubt, text)
         return
     tight = run.tolerance.relative
     error = _error_of_finer(apart, _RATIO * tight, tight, _parted(run))
@@ -472,13 +577,20 @@ def _agrees_with_looser(run: Run, beginning: Beginning, allowed: float) -> bool:
 
 def _verify(run: Run, beginning: Beginning, **changed: Any) -> FloatArray:
     """Return the difference from a second run; nothing if the arm changes or that run fails."""
-    nothing = np.zeros(0)
+    other = _second(run, beginning, **changed)
+    if other is None:
+        return np.zeros(0)
+    return difference(run, other.samples, other.sample_times, other.progress.sample)
+
+
+def _second(run: Run, beginning: Beginning, **changed: Any) -> Run | None:
+    """Return a second run from the same beginning; None if the arm changes or it fails."""
     if run.changes is not None or run.history is None:
-        return nothing
+        return None
     other = beginning.again(run, **changed)
     try:
         other.carry_to(other.system(run.history), run.duration)
     except SimulationError:
-        return nothing
+        return None
     run.discarded += other.progress.evaluations
-    return difference(run, other.samples, other.sample_times, other.progress.sample)
+    return other

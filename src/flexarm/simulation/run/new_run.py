@@ -15,7 +15,7 @@ from flexarm.base.errors import InputError, Problem, check_array
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
 from flexarm.simulation.histories.loads import LoadHistory, load_history
-from flexarm.simulation.run.accuracy import relative_tolerance
+from flexarm.simulation.run.accuracy import bent
 from flexarm.simulation.run.changes import arm_changes
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import default_step
@@ -25,12 +25,12 @@ from flexarm.simulation.run.integrator_choice import choose_integrator
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
     RunSettings,
-    relative_of_functions,
+    relative_tolerance,
     request_of,
     tolerances_of,
 )
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import for_arm, tolerance_of, with_relative
+from flexarm.simulation.run.tolerance import for_arm, tolerance_of
 
 #: Number of sample times that stand for the duration of a plant without one.
 UNBOUNDED = 1e4
@@ -49,12 +49,14 @@ def new_run(
     log: EventLog | None = None,
     changes: Sequence[Change] = (),
     prescribed: tuple[int, ...] = (),
+    sampled: bool = False,
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
     The arguments are those of ``simulate``. They are validated by the caller, except for the
     environment. ``spacing`` is the interval (s) between the instants at which functions of time are
-    compared with their cubic approximations.
+    compared with their cubic approximations. ``sampled`` states whether a controller holds the
+    torque between its samples, so that its sample time limits the steps.
 
     Raises:
         InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
@@ -67,10 +69,8 @@ def new_run(
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
     choice = choose_integrator(
         *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
-        duration=None if request is None else horizon,
+        duration=None if request is None or sampled or bent(state) else horizon,
     )
-    if request is not None:
-        tolerance = with_relative(tolerance, relative_tolerance(choice.integrator, arm, request))
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
@@ -87,7 +87,7 @@ def new_run(
         horizon=horizon,
         sample_times=sample_times,
         samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(relative_of_functions(settings, arm)),
+        loads=loads_of(relative_tolerance(settings, arm)),
         loads_of=loads_of,
         meter=meter,
         prescribed=prescribed,
@@ -95,6 +95,7 @@ def new_run(
         specialized=settings.specialized,
         default_atol=settings.atol is None,
         request=request,
+        promised=settings.accuracy is not None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
@@ -112,18 +113,12 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
         state: (2, n, 1 + m).
         settings: those of ``run``.
     """
-    request = run.request
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
-    if request is not None:
-        tolerance = with_relative(tolerance, request)
     choice = choose_integrator(
         *(settings.integrator, settings.step, run.arm, tolerance),
         prescribed=run.prescribed,
-        duration=None if request is None else run.horizon,
+        duration=None if run.request is None or bent(state) else run.horizon,
     )
-    if request is not None:
-        relative = relative_tolerance(choice.integrator, run.arm, request)
-        tolerance = with_relative(tolerance, relative)
     return replace(
         run,
         choice=choice,

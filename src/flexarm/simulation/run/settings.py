@@ -30,9 +30,12 @@ from flexarm.base.errors import (
 )
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.simulation.histories.piecewise import INTERPOLATIONS
-from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
+from flexarm.simulation.run.accuracy import default_request, tolerance_of_request
 from flexarm.simulation.run.integrator_choice import check_integrator
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
+
+#: Settings that decide instead of an accuracy.
+_TOLERANCES = ("rtol", "atol", "step")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -42,7 +45,7 @@ class MethodSettings(TypedDict, total=False):
 
     integrator: str | Integrator
     step: float | None
-    rtol: float
+    rtol: float | None
     atol: float | None
 
 
@@ -50,6 +53,12 @@ class StepSettings(MethodSettings, total=False):
     """Settings of the steps of a run."""
 
     breaks: ArrayLike
+
+
+class PlantSettings(StepSettings, total=False):
+    """Settings of the steps of a plant."""
+
+    accuracy: float | None
 
 
 class SampleSettings(StepSettings, total=False):
@@ -83,9 +92,10 @@ class RunSettings:
         stations: sections of each link at which section forces are recorded; 0 for none.
         step: fixed step, or first step of a method with step control, s; None for the default.
         accuracy: largest error of the tip (m) that the integration may cause; the method and its
-            tolerances follow from it. None for a method by ``rtol`` and ``atol``.
+            tolerances follow from it. None for 1e-5 of the reach in functions that have an
+            accuracy, unless integrator, step or tolerances are given.
         rtol, atol: error allowed per step, relative, and absolute in metres at the tip, by default
-            ``rtol / 100`` of the reach.
+            1e-7 where no accuracy applies, and ``rtol / 100`` of the reach.
         torque_interpolation: of torque samples, "cubic", "linear" or "hold".
         breaks: times (s) at which a function of time jumps or has a kink.
         specialized: True compiles the hot loop for the sizes of the arm; None does so in the
@@ -101,7 +111,7 @@ class RunSettings:
     stations: int = 0
     step: float | None = None
     accuracy: float | None = None
-    rtol: float = RTOL
+    rtol: float | None = None
     atol: float | None = None
     torque_interpolation: str = "cubic"
     breaks: ArrayLike = ()
@@ -122,7 +132,8 @@ class RunSettings:
         own["rate"] = check_positive("rate", self.rate)
         own["breaks"] = check_array("breaks", self.breaks, (-1,))
         check_choice("torque_interpolation", self.torque_interpolation, INTERPOLATIONS)
-        own["rtol"] = check_tolerance("rtol", self.rtol)
+        if self.rtol is not None:
+            own["rtol"] = check_tolerance("rtol", self.rtol)
         for name in ("accuracy", "atol"):
             if own[name] is not None:
                 own[name] = check_positive(name, own[name])
@@ -134,7 +145,7 @@ class RunSettings:
 
     def _check_accuracy(self) -> None:
         """Raise if tolerances are given, too, or the method has no step control."""
-        given = {"rtol": self.rtol != RTOL, "atol": self.atol is not None, "step": self.step}
+        given = {name: getattr(self, name) is not None for name in _TOLERANCES}
         for name in filter(given.get, given):
             raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
         method = self.integrator
@@ -153,28 +164,45 @@ def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
 
 
 def request_of(settings: RunSettings, arm: Arm) -> float | None:
-    """Return the requested error over the reach of an arm; None if tolerances decide."""
-    return None if settings.accuracy is None else settings.accuracy / reach_of(arm)
+    """Return the accepted error over the reach of an arm; None if tolerances decide."""
+    if settings.accuracy is not None:
+        return settings.accuracy / reach_of(arm)
+    given = any(getattr(settings, name) is not None for name in _TOLERANCES)
+    return None if given or settings.integrator != "auto" else default_request(arm)
 
 
-def relative_of_functions(settings: RunSettings, arm: Arm) -> float:
-    """Return the relative tolerance of functions of time."""
+def relative_of(settings: RunSettings) -> float:
+    """Return the relative tolerance of runs without an accuracy."""
+    return RTOL if settings.rtol is None else settings.rtol
+
+
+def close(settings: RunSettings | None) -> RunSettings:
+    """Return settings in which tolerances decide, by default those of derivatives."""
+    settings = DEFAULTS if settings is None else check_kind("settings", settings, RunSettings)
+    if settings.accuracy is not None:
+        return settings
+    return replaced(settings, rtol=relative_of(settings))
+
+
+def closely(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments of ``simulate`` with the settings of `close`, if they have no accuracy."""
+    if options.get("accuracy") is not None:
+        return dict(options)
+    settings = options.get("settings")
+    if settings is not None:
+        return {**options, "settings": close(settings)} if "rtol" not in options else dict(options)
+    return {"rtol": RTOL, **options}
+
+
+def relative_tolerance(settings: RunSettings, arm: Arm) -> float:
+    """Return the relative tolerance of steps and functions of time."""
     request = request_of(settings, arm)
-    return settings.rtol if request is None else FUNCTIONS * request
+    return relative_of(settings) if request is None else tolerance_of_request(request)
 
 
-def tolerances_of(
-    settings: RunSettings, arm: Arm, method: Integrator | None = None
-) -> tuple[float, float, float]:
-    """Return the relative and the absolute tolerance of a method, and the length of the latter.
-
-    Without a method, the relative one is the request.
-    """
-    request = request_of(settings, arm)
-    if request is None:
-        relative = settings.rtol
-    else:
-        relative = request if method is None else relative_tolerance(method, arm, request)
+def tolerances_of(settings: RunSettings, arm: Arm) -> tuple[float, float, float]:
+    """Return the relative and the absolute tolerance of a run, and the length of the latter."""
+    relative = relative_tolerance(settings, arm)
     return (relative, *absolute_tolerance(arm, settings.atol, relative))
 
 
@@ -192,8 +220,13 @@ def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[
     def decorated(function: F) -> F:
         explicit = signature(function)
         own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+        own_defaults = {} if "accuracy" in kind.__annotations__ else {"rtol": RTOL}
         own += [
-            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
+            Parameter(
+                field.name,
+                Parameter.KEYWORD_ONLY,
+                default=own_defaults.get(field.name, field.default),
+            )
             for record in (*declared, RunSettings)
             for field in fields(record)
             if field.name in kind.__annotations__
@@ -210,7 +243,8 @@ def settings_of(
 ) -> RunSettings:
     """Return the settings of a call from its argument ``settings`` and its keyword arguments.
 
-    Settings that the function does not have are the default ones.
+    Settings that the function does not have are the default ones. Tolerances decide in a function
+    without ``accuracy``, such as one that computes derivatives.
 
     Args:
         function: the called one, decorated by `with_keywords`.
@@ -223,7 +257,8 @@ def settings_of(
     if not keywords.keys() <= names:
         raise unknown_arguments(keywords, signature(function).parameters)
     if settings is None:
-        return replaced(DEFAULTS, **keywords) if keywords else DEFAULTS
+        settings = replaced(DEFAULTS, **keywords) if keywords else DEFAULTS
+        return settings if "accuracy" in names else close(settings)
     given = check_kind("settings", settings, RunSettings)
     both = replaced(given, **keywords)
     problems = [
@@ -233,7 +268,8 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    return replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
+    own = replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
+    return own if "accuracy" in names else close(own)
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:

@@ -28,7 +28,6 @@ from flexarm.integrate.reactions import reactions_many, section_forces_many
 from flexarm.kernels.layout import Stations, compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.accuracy import FUNCTIONS, relative_tolerance
 from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import DefaultStep, default_step
@@ -36,7 +35,7 @@ from flexarm.simulation.run.event_search import Watch
 from flexarm.simulation.run.events import Found
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.tolerance import for_arm, with_relative
+from flexarm.simulation.run.tolerance import for_arm
 
 #: Channels of the three section forces, in the order of the kernels.
 SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
@@ -207,6 +206,7 @@ class Run:
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     default_atol: bool = False  # whether the absolute tolerance is the default one
     request: float | None = None  # error over the reach; None if tolerances are given
+    promised: bool = False  # whether the request is the user's, which other runs verify
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -216,16 +216,8 @@ class Run:
         """Combine the arm, its loads and a torque history into the system to integrate."""
         return system_of(self.arm, self.prescribed, self.loads, history, self.specialized)
 
-    @property
-    def relative_of_functions(self) -> float:
-        """Relative tolerance of functions of time."""
-        return self.tolerance.relative if self.request is None else FUNCTIONS * self.request
-
     def adopt(self, choice: Choice) -> None:
-        """Use another integrator, with the tolerance by which it reaches the requested error."""
-        if choice.integrator is not self.integrator and self.request is not None:
-            relative = relative_tolerance(choice.integrator, self.arm, self.request)
-            self.tolerance = with_relative(self.tolerance, relative)
+        """Use another integrator."""
         self.choice, self.integrator = choice, choice.integrator
         if self.watch is not None:
             tolerance = self.tolerance

@@ -59,11 +59,6 @@ def tolerance_of(
     return for_arm(tolerance, arm, state, horizon)
 
 
-def with_relative(tolerance: Tolerance, relative: float) -> Tolerance:
-    """Return a default tolerance with another relative one."""
-    return tolerance._replace(relative=relative, absolute=_SHARE * relative)
-
-
 def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -> Tolerance:
     """Return a tolerance with the units and the highest frequency of another arm or state."""
     fastest = max(fastest_frequency(arm, state), 1.0 / horizon)

@@ -55,6 +55,8 @@ _PER_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop:
 #: the explicit method takes more than 10 steps from one sample to the next.
 _SAMPLED = 60.0
+#: The same at an accuracy, at which the implicit method takes one step from sample to sample.
+_SAMPLED_LOOSE = 10.0
 #: Work, in evaluations times coordinates, at which a run is refused: hours of computing; or, if
 #: another method takes less than a hundredth, a minute.
 _HOPELESS, _LONG, _BETTER = 1e11, 5e8, 0.01
@@ -102,7 +104,11 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
 
 
 def choose_by_samples(
-    choice: Choice, arm: Arm, sample_time: float, duration: float = 0.0
+    choice: Choice,
+    arm: Arm,
+    sample_time: float,
+    duration: float = 0.0,
+    by_accuracy: bool = False,
 ) -> Choice:
     """Return the integrator of a sampled loop, whose torques are not known in advance.
 
@@ -110,13 +116,14 @@ def choose_by_samples(
         choice: choice without the loop.
         sample_time: s, which no step exceeds.
         duration: s; 0 if it is not known.
+        by_accuracy: whether an accuracy determines the tolerances.
 
     Raises:
         InputError: if the run would take hours.
     """
     if choice.insisted:
         return choice
-    if choice.open and choice.fastest * sample_time > _SAMPLED:
+    if choice.open and choice.fastest * sample_time > (_SAMPLED_LOOSE if by_accuracy else _SAMPLED):
         reason = (
             "order 5 with bending implicit: the fastest vibration turns by "
             f"{choice.fastest * sample_time:.3g} rad in a sample time and need not be followed"

@@ -243,6 +243,8 @@ def run_facts(result: xr.Dataset) -> list[tuple[str, str]]:
     add("ended by", "ended_by")
     add("integrator", "integrator")
     add("its choice", "integrator_reason")
+    add("accuracy", "accuracy", "{:.3g} m at the tip")
+    add("integration error", "integration_error", "about {:.1g} m")
     if "rtol" in attributes and "atol" in attributes:
         relative, absolute = (
             _worded("{:g}", attributes["rtol"]),

@@ -1,0 +1,107 @@
+"""Runs without settings: errors near 1e-5 of the reach, and warnings where errors grow."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from accuracy_runs import QUIET, random_arm, tip_error
+
+#: Accepted error of a run without settings, over the reach.
+DEFAULT = 1e-5
+
+
+def chain():
+    """Return three rigid links that fall chaotically, and two starts: of 1 and of 3 turns."""
+    links = [fa.Link(length=0.3, flexible=False, mass_per_length=1.0)] * 3
+    arm = fa.Arm(links=links, gravity=(0.0, -9.81))
+    return arm, np.array([arm.rest([-1.5, 0.1, 0.0]), arm.rest([2.0, 1.0, 0.5])])
+
+
+def test_errors_are_below_the_default_with_far_fewer_evaluations():
+    shares, savings = [], []
+    for seed in range(9):
+        arm, torque = random_arm(seed, friction=seed > 6)
+        result = fa.simulate(arm, 0.6, torque=torque, **QUIET)
+        close = fa.simulate(arm, 0.6, torque=torque, rtol=1e-7, **QUIET)
+        reach = float(arm.lengths.sum())
+        assert result.attrs["accuracy"] == pytest.approx(DEFAULT * reach)
+        assert "integration_error" not in result.attrs  # no second run
+        assert "accuracy" not in close.attrs
+        shares.append(tip_error(arm, result, torque=torque) / result.attrs["accuracy"])
+        savings.append(result.attrs["evaluations"] / close.attrs["evaluations"])
+    assert max(shares) < 1.0
+    assert np.median(savings) < 0.6
+
+
+@pytest.mark.parametrize("given", [{"rtol": 1e-7}, {"atol": 1e-8}, {"integrator": "auto"}])
+def test_given_tolerances_decide(given):
+    arm, torque = random_arm(1)
+    result = fa.simulate(arm, 0.1, torque=torque, **given, **QUIET)
+    assert ("accuracy" in result.attrs) == ("integrator" in given)
+    assert result.attrs["rtol"] == pytest.approx(1e-6 if "integrator" in given else 1e-7)
+
+
+@pytest.mark.parametrize("function", [fa.sensitivities, fa.goal_gradient, fa.identify])
+def test_derivatives_keep_their_tolerances(function):
+    assert inspect.signature(function).parameters["rtol"].default == 1e-7
+
+
+def test_growing_errors_warn_in_single_runs_and_batches():
+    arm, starts = chain()
+    calm, wild = starts
+    run = {"rate": 100.0, "progress": False}
+    assert fa.simulate(arm, 0.5, initial=calm, **run).attrs["warning"] == ""
+    with pytest.warns(fa.AccuracyWarning, match="errors grow in this motion") as caught:
+        alone = fa.simulate(arm, 4.0, initial=wild, **run)
+    assert "state the accuracy" in str(caught[0].message)
+    with pytest.warns(fa.FlexarmWarning, match="errors grow in this motion"):
+        batch = fa.simulate_batch(arm, 4.0, initial=np.array([wild, wild]), **run)
+    assert batch["warning"].values.tolist() == [alone.attrs["warning"]] * 2
+    assert batch["evaluations"].values.tolist() == [alone.attrs["evaluations"]] * 2
+    assert np.array_equal(batch.tip.values[1], alone.tip.values)
+
+
+def test_runs_with_long_vibrations_are_compared_and_repeated():
+    """A pulse leaves an undamped link with a heavy hub vibrating for 40 periods."""
+    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.5, elements=4)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=5.0)])
+    pulse = lambda t: np.array([40.0 * np.exp(-(((t - 0.1) / 0.03) ** 2))])  # noqa: E731
+    result = fa.simulate(arm, 5.0, torque=pulse, **QUIET)
+    exact = fa.simulate(arm, 5.0, torque=pulse, rtol=1e-10, **QUIET)
+    assert result.attrs["integrator"] == "kennedy_carpenter_5"
+    assert result.attrs["rtol"] == pytest.approx(1e-7)  # repeated
+    assert np.abs(result.tip - exact.tip).max() < DEFAULT
+    batch = fa.simulate_batch(arm, 5.0, initial=np.zeros((2, arm.dof)), torque=pulse, **QUIET)
+    assert np.array_equal(batch.tip.values[1], result.tip.values)
+    assert batch.evaluations.values.tolist() == [result.attrs["evaluations"]] * 2
+
+
+def test_arms_that_only_vibrate_keep_the_default_tolerances():
+    link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.5, elements=4, modes=2)
+    clamped = fa.Arm(links=[link], joints=[fa.Joint(fixed=True)])
+    assert fa.simulate(clamped, 0.1, tip_force=[0.0, 1.0], **QUIET).attrs["rtol"] == 1e-7
+    arm = fa.Arm(links=[link])
+    still = fa.joint_motion(arm, [0.0], [0.0], 0.1)
+    result = fa.simulate(arm, 0.1, prescribed={1: still}, tip_force=[0.0, 1.0], **QUIET)
+    assert result.attrs["rtol"] == 1e-7
+
+
+def test_friction_smoothed_over_low_rates_has_a_smaller_default():
+    link = fa.Link(length=1.0, flexible=False, mass_per_length=0.5)
+    rubs = fa.Friction(coulomb=0.2, smoothing_rate=1e-4, stribeck_rate=0.1)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(friction=rubs)])
+    result = fa.simulate(arm, 0.1, torque=lambda t: np.array([0.3]), **QUIET)
+    assert result.attrs["warning"] == ""
+    assert 1e3 * result.attrs["rtol"] * rubs.stribeck_rate <= rubs.smoothing_rate * (1.0 + 1e-9)
+
+
+def test_plant_has_the_digits_of_the_default_loop():
+    arm, _ = random_arm(1)
+    plant, law = fa.Plant(arm, 1e-2), fa.JointPD(0.5, 0.1, sample_time=1e-2)
+    motion = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.2)
+    for _ in range(20):
+        plant.step(law.update(plant.time, plant.measurement, motion))
+    loop = fa.simulate(arm, 0.2, controller=law, reference=motion, **QUIET)
+    assert np.array_equal(plant.q, loop.q.values[-1])
