@@ -127,9 +127,9 @@ def test_every_expression(tmp_path):
     values += [casadi.atan2(x, y), casadi.fmin(x, y), casadi.fmax(x, y)]
     function = casadi.Function("f", [x, y], [casadi.vertcat(*values)], ["x", "y"], ["z"])
     used = {function.instruction_id(k) for k in range(function.n_instructions())}
-    # No symbolic expression has the operation ASSIGN.
+    # No symbolic expression has the operation ASSIGN; some versions of CasADi have no TWICE for 2 x.
     written = {getattr(casadi, f"OP_{name}") for name in EXPRESSIONS}
-    assert written - used == {casadi.OP_ASSIGN}
+    assert written - used - {casadi.OP_TWICE} == {casadi.OP_ASSIGN}
     points = np.array([[0.7, 1.9, 2.3], [1.3, 0.4, 2.3]])
     script = f"z = zeros({len(values)}, 3);\n" + "\n".join(statements(function))
     z = octave(tmp_path, script, {"x": points[:1], "y": points[1:]}, ("z",))["z"]

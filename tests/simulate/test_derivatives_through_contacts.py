@@ -76,7 +76,7 @@ def test_payload_mass(name):
     error = largest_error(found["joint_angle"].values[0], wanted)
     estimate = float(found["relative_error"][0])
     assert error < 1e-6
-    assert error < 2.0 * estimate + 1e-8  # of the difference itself
+    assert error < 2.0 * estimate + 3e-8  # of the difference itself, by its rounding
     assert estimate < 1e-4
     # At loose tolerances the derivative is as accurate as the motion, without a second run.
     loose = {"rtol": 1e-5, "atol": 1e-7, "error_estimate": False, "channels": ["joint_angle"]}

@@ -93,7 +93,7 @@ class Scalar:
         return self if exponent == 1.0 else self._new(self.value**exponent)
 
     def __abs__(self) -> Scalar:
-        return self._new(abs(self.value))
+        return self._new(self.library.fabs(self.value))  # abs needs CasADi 3.8
 
     @_of_numbers
     def __lt__(self, other: Any) -> Scalar:
