@@ -7,6 +7,7 @@ coordinates, and integrated too for arms of few coordinates.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,11 @@ from arm_states import drawn
 from fuzz.farm import Part
 from oracles.lagrangian import LagrangianOracle
 
-#: Allowed distance of the tips, divided by their largest distance from the start or a thousandth of
-#: the reach: ten times the default tolerance of a run accumulates over the steps of a case.
-_LIMIT, _REFERENCE = 1e-4, {"rtol": 1e-10, "atol": 1e-12, "method": "LSODA"}
+#: Allowed distance of the tips without a warning, relative to the reach: three times the default
+#: accuracy of a run; and relative to their largest distance from the start, or a thousandth of the
+#: reach.
+_OF_REACH, _OF_MOTION = 3e-5, 1e-3
+_REFERENCE = {"rtol": 1e-10, "atol": 1e-12, "method": "LSODA"}
 #: Samples of a case.
 _SAMPLES = 20
 
@@ -49,8 +52,9 @@ def _assert_equal_tips(arm: fa.Arm, found: Any, exact: Any) -> None:
     tips = np.array([[arm.tip(q)[:2] for q in run] for run in (found, exact)])
     moved = np.linalg.norm(tips[1] - tips[1][0], axis=1).max()
     reach = sum(link.length for link in arm.spec.links)
-    error = np.linalg.norm(tips[0] - tips[1], axis=1).max() / max(moved, 1e-3 * reach)
-    assert error < _LIMIT, f"the tips differ by {error:.2g} of their motion"
+    error = np.linalg.norm(tips[0] - tips[1], axis=1).max()
+    allowed = min(_OF_REACH * reach, _OF_MOTION * max(moved, 1e-3 * reach))
+    assert error < allowed, f"the tips differ by {error:.2g} m, allowed are {allowed:.2g} m"
 
 
 def _simulated(d: Any, duration: float) -> tuple[Any, Any]:
@@ -69,9 +73,13 @@ def _simulated(d: Any, duration: float) -> tuple[Any, Any]:
 def second_integrator(rng: np.random.Generator, number: int) -> None:
     """Simulate a random arm with the default arguments and with LSODA."""
     d = drawn(int(rng.integers(2**31)), links=1 + number % 3, elements=1 + number % 2)
-    found, times = _simulated(d, _duration(d.arm))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found, times = _simulated(d, _duration(d.arm))
+    warned = any("error of the tip" in str(item.message) for item in caught)
     exact = _integrated(lambda q, qd: d.arm.forward_dynamics(q, qd, d.torque), d.q, d.qd, times)
-    _assert_equal_tips(d.arm, found, exact)
+    if not warned:
+        _assert_equal_tips(d.arm, found, exact)
 
 
 def independent_equations(rng: np.random.Generator, number: int) -> None:
@@ -100,13 +108,13 @@ def independent_equations(rng: np.random.Generator, number: int) -> None:
     joints = moved[:, oracle.joint_index]
     error = np.abs(joints - [d.arm.joint_angles(one) for one in found]).max()
     change = np.abs(joints - joints[0]).max()
-    assert error < _LIMIT * max(change, 1e-3), f"joint angles differ by {error:.2g} rad"
+    assert error < 10.0 * _OF_REACH * max(change, 1e-3), f"joint angles differ by {error:.2g} rad"
 
 
 PARTS = {
     "arms": Part(
         "random arms (links, modes, sections, damping, gravity, theory) with default arguments "
-        "against LSODA at 1e-10: tips equal to 1e-4 of their motion",
+        "against LSODA at 1e-10: tips equal to 3e-5 of the reach and 1e-3 of their motion, or a warning",
         second_integrator,
     ),
     "equations": Part(

@@ -17,12 +17,14 @@ def chosen() -> list[Mutant]:
     return sample()
 
 
+@pytest.mark.thorough
 def test_sample_has_its_size_and_every_area(chosen: list[Mutant]) -> None:
     counts = Counter(mutant.area for mutant in chosen)
     assert counts == {name: area.mutants for name, area in AREAS.items()}
     assert counts.total() >= 150
 
 
+@pytest.mark.thorough
 def test_sample_has_one_mutant_per_line_and_each_changes_the_program(chosen: list[Mutant]) -> None:
     assert len({(mutant.file, mutant.line) for mutant in chosen}) == len(chosen)
     for mutant in chosen:
@@ -33,15 +35,18 @@ def test_sample_has_one_mutant_per_line_and_each_changes_the_program(chosen: lis
         assert changed != code
 
 
+@pytest.mark.thorough
 def test_sample_is_reproducible(chosen: list[Mutant]) -> None:
     area = "command line"
     assert sample([area]) == [mutant for mutant in chosen if mutant.area == area]
 
 
+@pytest.mark.thorough
 def test_mutant_of_the_sample_is_found_by_its_place(chosen: list[Mutant]) -> None:
     assert chosen[0] in mutants_at(f"{chosen[0].file}:{chosen[0].line}")
 
 
+@pytest.mark.thorough
 def test_order_depends_neither_on_folders_nor_on_line_numbers(chosen: list[Mutant]) -> None:
     moved = Mutant(
         **{**vars(chosen[0]), "file": f"src/other/{Path(chosen[0].file).name}", "line": 1}
