@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from flexarm.simulation.histories.piecewise import function_history
 from matplotlib.axes import Axes
 from measure_integrators import Torque
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
+from flexarm.simulation.histories.piecewise import function_history
 from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import Sheet, styled
 

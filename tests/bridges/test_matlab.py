@@ -127,7 +127,7 @@ def test_every_expression(tmp_path):
     values += [casadi.atan2(x, y), casadi.fmin(x, y), casadi.fmax(x, y)]
     function = casadi.Function("f", [x, y], [casadi.vertcat(*values)], ["x", "y"], ["z"])
     used = {function.instruction_id(k) for k in range(function.n_instructions())}
-    # No symbolic expression has the operation ASSIGN; some versions of CasADi have no TWICE for 2 x.
+    # No expression has the operation ASSIGN; some versions of CasADi have no TWICE for 2 x.
     written = {getattr(casadi, f"OP_{name}") for name in EXPRESSIONS}
     assert written - used - {casadi.OP_TWICE} == {casadi.OP_ASSIGN}
     points = np.array([[0.7, 1.9, 2.3], [1.3, 0.4, 2.3]])

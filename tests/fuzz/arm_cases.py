@@ -114,7 +114,8 @@ def independent_equations(rng: np.random.Generator, number: int) -> None:
 PARTS = {
     "arms": Part(
         "random arms (links, modes, sections, damping, gravity, theory) with default arguments "
-        "against LSODA at 1e-10: tips equal to 3e-5 of the reach and 1e-3 of their motion, or a warning",
+        "against LSODA at 1e-10: tips equal to 3e-5 of the reach and 1e-3 of their motion, or a "
+        "warning",
         second_integrator,
     ),
     "equations": Part(

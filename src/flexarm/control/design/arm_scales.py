@@ -28,7 +28,7 @@ _UNITS = {
     "J": (0.0, 1.0, 1.0),
 }
 #: A division, or a unit and its exponent.
-_WORD = re.compile(r"/|[A-Za-z]+(?:\^-?\d+(?:\.\d+)?)?")
+_WORD = re.compile(r"/|per\b|[A-Za-z]+(?:\^-?\d+(?:\.\d+)?)?")
 #: Scale of a number that is zero, relative to its typical size on the arm.
 _OF_ZERO = 0.1
 #: Largest default cutoff, relative to the sampling frequency.
@@ -44,13 +44,14 @@ class ArmScales(NamedTuple):
 
     def size(self, unit: str) -> float:
         """Return the typical size of a number with a unit such as ``N s/m``; 1 for angles."""
-        size, sign = 1.0, 1.0
+        size, sign, over = 1.0, 1.0, 1.0
         for word in _WORD.findall(unit):
-            if word == "/":
-                sign = -1.0
+            if word in ("/", "per"):  # "rad/s per 1/m": all after "per" is divided
+                over = -1.0 if word == "per" else over
+                sign = -1.0 if word == "/" else 1.0
                 continue
             name, _, power = word.partition("^")
-            exponent = sign * float(power or 1.0)
+            exponent = over * sign * float(power or 1.0)
             scales = zip(self, _UNITS.get(name, (0.0, 0.0, 0.0)), strict=True)
             size *= math.prod(scale ** (exponent * each) for scale, each in scales)
             if name == "Hz":
@@ -72,7 +73,11 @@ def arm_scales(arm: Arm, rate: float) -> ArmScales:
     The force at the reach accelerates the rigid arm by a quarter of the square of the frequency.
     """
     length = float(np.sum(arm.lengths))
-    return ArmScales(rate, length, float(np.max(typical_torque(arm, None, rate))) / length)
+    torques = typical_torque(arm, None, rate)
+    if not torques.size:  # no joint is free
+        c = arm.assembly.constants
+        torques = np.array([np.sum(c.mass + c.tip_mass) * (0.5 * length * rate) ** 2])
+    return ArmScales(rate, length, float(np.max(torques)) / length)
 
 
 def size_of_zero(arm: Arm, record: Record, path: str, rate: float | None = None) -> float:

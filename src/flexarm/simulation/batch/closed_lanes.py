@@ -48,7 +48,7 @@ from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.new_run import UNBOUNDED
-from flexarm.simulation.run.settings import DEFAULTS, request_of, tolerances_of
+from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
 from flexarm.simulation.run.tolerance import (
     fastest_frequencies,
@@ -92,7 +92,6 @@ class LanePlants:
         self._method = np.zeros(count, dtype=np.int64)  # index in ``_methods``
         self._horizon = UNBOUNDED * sample_time
         relative, absolute, scale = tolerances_of(DEFAULTS, arm)  # those of a `Plant`
-        self._by_accuracy = request_of(DEFAULTS, arm) is not None
         unit = tip_units(arm, scale, self._horizon)
         self._tolerance = Tolerance(absolute, relative, unit, 1.0 / self._horizon, scale)
         self._loads = load_history(arm, EMPTY, sample_time, relative)
@@ -117,9 +116,7 @@ class LanePlants:
         for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
             tolerance = self._tolerance._replace(fastest=frequency)
             choice = choose_integrator("auto", None, self.arm, tolerance)
-            choice = choose_by_samples(
-                choice, self.arm, self._sample_time, by_accuracy=self._by_accuracy
-            )
+            choice = choose_by_samples(choice, self.arm, self._sample_time)
             method = lane_method(choice.integrator)
             assert method is not None  # "auto" has step control
             if method not in self._methods:
@@ -298,11 +295,10 @@ class ClosedLanes(Lanes):
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 
-    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
-        choice = super()._choice(run, tolerance, duration)
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        choice = super()._choice(run, tolerance)
         longest = float(run.drive.controller.sample_time)
-        by_accuracy = self._by_accuracy(run.arm)
-        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration, by_accuracy)
+        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:

@@ -44,7 +44,6 @@ from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.accuracy import bent
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
     LOOSER,
@@ -209,14 +208,10 @@ class Lanes(ABC):
             return None
         return None if choice.doubt else lane_method(choice.integrator)
 
-    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
-        """Return the integrator of a run; ``duration`` as in `choose_integrator`."""
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        """Return the integrator of a run."""
         requested = self._settings.integrator, self._settings.step
-        return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
-
-    def _by_accuracy(self, arm: Arm) -> bool:
-        """Return whether an accuracy determines the tolerances of runs of an arm."""
-        return request_of(self._settings, arm) is not None
+        return choose_integrator(*requested, run.arm, tolerance, run.touch)
 
     def _advance(
         self,
@@ -407,10 +402,8 @@ class OpenLanes(Lanes):
         placed = loads.placed._replace(contacts=contacts)
         return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
-    def _choice(self, run: Ready, tolerance: Tolerance, duration: float | None = None) -> Choice:
-        if self._by_accuracy(run.arm) and not bent(run.state):
-            duration = self._shared.duration
-        choice = super()._choice(run, tolerance, duration)
+    def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
@@ -464,7 +457,7 @@ class OpenLanes(Lanes):
 
     def _is_compared(self, method: LaneIntegrator, arm: Arm, runs: LaneRuns, place: int) -> bool:
         """Return whether a run at the default accuracy is compared with another one."""
-        if self._settings.accuracy is not None or not self._by_accuracy(arm):
+        if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
             return False
         samples = runs.samples[place, : runs.counts[place, SAMPLES]]
         return may_grow(

@@ -8,8 +8,12 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
+from flexarm.simulation.run.accuracy import LEAST
+
 #: Accuracy of the second run over that of the first.
 _LOOSER = 10.0
+#: Accuracy of the first run over that of another one, if both have the same steps.
+_FINER = 1000.0
 #: Exponent of the accuracy by which the difference of two runs becomes the error of the finer one:
 #: the errors of runs whose accuracies differ by 10 differ by a factor of 2 or more in nine of ten.
 _POWER = 0.3
@@ -33,6 +37,10 @@ def with_error(
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [result] if looser is None else [looser, result]
     error = _error(result, looser, _LOOSER)
+    if error == 0.0:  # the steps are those of the samples of a loop, or of the largest tolerance
+        finer = executed(accuracy / _FINER)
+        if finer is not None:
+            runs, used, error = [*runs, finer], accuracy / _FINER, _error(finer, result, _FINER)
     for _ in range(_MOST_RUNS - 2):
         if not error > accuracy:
             break
@@ -47,7 +55,7 @@ def with_error(
     if error <= accuracy:
         return result, ""
     if math.isnan(error):
-        text = "a second run failed, so that the integration error is unknown"
+        text = "no second run has a larger error, so that the integration error is unknown"
     else:
         text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
     return result, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
@@ -60,6 +68,8 @@ def _error(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
         ratio: accuracy of the other result over that of this one.
     """
     if other is None:
+        return math.nan
+    if result.attrs["rtol"] == other.attrs["rtol"] <= LEAST:  # rounding errors of both are equal
         return math.nan
     count = min(result.sizes["time"], other.sizes["time"])
     tips = (dataset.tip.values[:count, :2] for dataset in (result, other))

@@ -131,7 +131,6 @@ class Plant:
             environment=environment,
             meter=Meter("stepping", False),
             changes=changes,
-            sampled=True,
         )
         self._reset(None, None, None)
         if self._loop.run.doubt and warn:

@@ -180,7 +180,6 @@ class Situation:
             log=log,
             changes=self.changes,
             prescribed=tuple(self.prescribed or ()),
-            sampled=self.controller is not None,
         )
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)

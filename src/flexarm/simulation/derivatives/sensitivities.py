@@ -134,8 +134,8 @@ def _crossing(
         return _values(event.function, points, dof)
 
     size = coordinate_sizes(arm)
-    # Without vibrations the rates at the event have the only scale of time.
-    fastest = np.abs(point[dof:-1] / size).max()
+    # Without vibrations the motion at the event has the only scale of time.
+    fastest = max(np.abs(motion[:dof] / size).max(), np.abs(motion[dof:] / size).max() ** 0.5)
     rate = lowest_frequency(arm)
     rate = rate if np.isfinite(rate) else fastest or 1.0
     steps = _STEP * np.concatenate([size, rate * size, [1.0 / rate]])

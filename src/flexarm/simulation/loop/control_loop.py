@@ -241,8 +241,7 @@ class RunLoop(ControlLoop):
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        by_accuracy = run.request is not None
-        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration, by_accuracy))
+        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration))
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.run, self.hardware = run, hardware
         self._sensing, self._sensed = sensing_of_run(run, hardware, sample_time), run.arm

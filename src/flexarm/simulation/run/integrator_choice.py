@@ -21,7 +21,7 @@ from flexarm.integrate import (
 )
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
-from flexarm.simulation.run.accuracy import FINEST_OF_ORDER_5, SMOOTH
+from flexarm.simulation.run.accuracy import SMOOTH
 from flexarm.simulation.run.tolerance import TIGHT, damping_rate, friction_rate
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
@@ -50,9 +50,6 @@ _SETTLING = 0.5
 #: Phase (rad) of the fastest vibration per evaluation of an explicit method whose steps are limited
 #: by stability; if accuracy limits them, the phase is a third of this.
 _PHASE = 0.5
-#: Explicit work below which order 8 is chosen, without and with friction or contacts, where steps
-#: restart: it takes some milliseconds.
-_FEW, _FEW_RESTARTED = 1000.0, 5000.0
 
 
 class Choice(NamedTuple):
@@ -107,17 +104,14 @@ def choose_integrator(
     tolerance: Tolerance,
     touch: float = 0.0,
     prescribed: tuple[int, ...] = (),
-    duration: float | None = None,
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     The duration of the run, its drive and its sample time count in ``simulation.run.work``.
 
     Args:
-        tolerance: its relative one is the accepted error over the reach if an accuracy decides.
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
         prescribed: joints, by number from 1, whose motion is prescribed.
-        duration: of an open-loop run whose accuracy decides, s.
 
     Raises:
         InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
@@ -127,29 +121,10 @@ def choose_integrator(
     _refuse_with_bristles(requested, step, arm)
     _refuse_with_sticking(requested, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed)
-    if duration is not None and choice.open and isinstance(choice.integrator, DormandPrince8):
-        choice = _by_accuracy(choice, arm, tolerance, duration, touch)
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
     return choice._replace(fastest=max(tolerance.fastest, damping, damping_rate(arm, prescribed)))
-
-
-def _by_accuracy(
-    choice: Choice, arm: Arm, tolerance: Tolerance, duration: float, touch: float
-) -> Choice:
-    """Return the method with the least work for a requested error; see `accuracy`.
-
-    An explicit method takes the work that stability requires, whatever the request. Below some
-    thousand evaluations the difference is not worth another method.
-    """
-    work = explicit_work(tolerance.fastest, duration)
-    c = arm.assembly.constants
-    few = _FEW_RESTARTED if touch > 0.0 or c.friction[:, :2].any() else _FEW
-    if not c.w2.any() or tolerance.relative < FINEST_OF_ORDER_5 or work < few:
-        return choice
-    reason = "order 5 with bending implicit: fewest evaluations at the accuracy of the run"
-    return choice._replace(integrator=KennedyCarpenter5(), reason=reason, open=False)
 
 
 def explicit_work(fastest: float, duration: float) -> float:

@@ -15,7 +15,6 @@ from flexarm.base.errors import InputError, Problem, check_array
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change
 from flexarm.simulation.histories.loads import LoadHistory, load_history
-from flexarm.simulation.run.accuracy import bent
 from flexarm.simulation.run.changes import arm_changes
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import default_step
@@ -49,14 +48,12 @@ def new_run(
     log: EventLog | None = None,
     changes: Sequence[Change] = (),
     prescribed: tuple[int, ...] = (),
-    sampled: bool = False,
 ) -> Run:
     """Create a run at its initial state ``state`` (2, n, 1 + m).
 
     The arguments are those of ``simulate``. They are validated by the caller, except for the
     environment. ``spacing`` is the interval (s) between the instants at which functions of time are
-    compared with their cubic approximations. ``sampled`` states whether a controller holds the
-    torque between its samples, so that its sample time limits the steps.
+    compared with their cubic approximations.
 
     Raises:
         InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
@@ -68,8 +65,7 @@ def new_run(
     request = request_of(settings, arm)
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
     choice = choose_integrator(
-        *(settings.integrator, settings.step, arm, tolerance, touch, prescribed),
-        duration=None if request is None or sampled or bent(state) else horizon,
+        settings.integrator, settings.step, arm, tolerance, touch, prescribed
     )
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
@@ -115,9 +111,7 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
     """
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
     choice = choose_integrator(
-        *(settings.integrator, settings.step, run.arm, tolerance),
-        prescribed=run.prescribed,
-        duration=None if run.request is None or bent(state) else run.horizon,
+        settings.integrator, settings.step, run.arm, tolerance, prescribed=run.prescribed
     )
     return replace(
         run,

@@ -55,8 +55,6 @@ _PER_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop:
 #: the explicit method takes more than 10 steps from one sample to the next.
 _SAMPLED = 60.0
-#: The same at an accuracy, at which the implicit method takes one step from sample to sample.
-_SAMPLED_LOOSE = 10.0
 #: Work, in evaluations times coordinates, at which a run is refused: hours of computing; or, if
 #: another method takes less than a hundredth, a minute.
 _HOPELESS, _LONG, _BETTER = 1e11, 5e8, 0.01
@@ -108,7 +106,6 @@ def choose_by_samples(
     arm: Arm,
     sample_time: float,
     duration: float = 0.0,
-    by_accuracy: bool = False,
 ) -> Choice:
     """Return the integrator of a sampled loop, whose torques are not known in advance.
 
@@ -116,14 +113,13 @@ def choose_by_samples(
         choice: choice without the loop.
         sample_time: s, which no step exceeds.
         duration: s; 0 if it is not known.
-        by_accuracy: whether an accuracy determines the tolerances.
 
     Raises:
         InputError: if the run would take hours.
     """
     if choice.insisted:
         return choice
-    if choice.open and choice.fastest * sample_time > (_SAMPLED_LOOSE if by_accuracy else _SAMPLED):
+    if choice.open and choice.fastest * sample_time > _SAMPLED:
         reason = (
             "order 5 with bending implicit: the fastest vibration turns by "
             f"{choice.fastest * sample_time:.3g} rad in a sample time and need not be followed"
