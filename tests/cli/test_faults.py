@@ -113,7 +113,7 @@ def parts(*_):
     os.kill(os.getpid(), signal.{signal})
     raise RuntimeError("the signal was ignored")
 from dataclasses import replace
-formats.FORMATS[".nc"] = replace(formats.FORMATS[".nc"], encode=parts)
+results.FORMATS[".nc"] = replace(results.FORMATS[".nc"], encode=parts)
 from flexarm.cli.main import main
 main()
 """

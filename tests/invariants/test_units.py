@@ -29,6 +29,8 @@ OTHERS = [
 START = [0.3, -0.6]
 #: Powers and roots of scaled numbers, and sums with a constant of the same unit, are rounded.
 ROUNDING = 1e-9
+#: The equation of the robust filter amplifies rounding: its gain is known to seven digits.
+AMPLIFIED = {"composite": 1e-6}
 
 
 def two_links(units: Units, **options) -> fa.Arm:
@@ -363,7 +365,7 @@ def test_results_are_the_same_in_other_units(name):
         for key, values in usual.numbers.items():
             size = np.abs(values).max(axis=0 if key in ("q", "qd") else None, initial=0.0)
             error = np.abs(other.numbers[key] - values) / np.where(size > 0.0, size, 1.0)
-            assert error.max(initial=0.0) <= ROUNDING, (key, units)
+            assert error.max(initial=0.0) <= AMPLIFIED.get(name, ROUNDING), (key, units)
         assert other.numbers.get("steps", 0.0) == usual.numbers.get("steps", 0.0)
 
 
@@ -451,3 +453,18 @@ def test_derivatives_by_numbers_that_are_zero_are_the_same_in_other_units(path):
     for units in (*OTHERS, *SIZES):
         other = derivative(units)
         assert other == (usual if isinstance(usual, str) else pytest.approx(usual, rel=1e-6))
+
+
+@pytest.mark.parametrize("path", ["payload.mass", "gravity[1]"])
+def test_numbers_that_are_zero_on_an_arm_without_free_joints(path):
+    """Such an arm has no typical torque; its scale is that of its mass."""
+    link = fa.Link(length=0.5, flexural_rigidity=50.0, mass_per_length=0.5, modes=2)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(fixed=True)])
+    found = fa.sensitivities(arm, 0.05, [path], tip_force=(0.0, 1.0), progress=False)
+    changes = [{}, {"payload": fa.Payload(mass=1e-6)} if "mass" in path else {"gravity": (0, 1e-6)}]
+    moved = []
+    for change in changes:
+        other = fa.Arm(links=[link], joints=[fa.Joint(fixed=True)], **change)
+        moved.append(fa.simulate(other, 0.05, tip_force=(0.0, 1.0), rtol=1e-11, progress=False).tip)
+    expected = (moved[1] - moved[0]) / 1e-6
+    assert np.abs(found.tip[0] - expected).max() < 1e-3 * np.abs(expected).max()

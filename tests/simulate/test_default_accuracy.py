@@ -19,8 +19,8 @@ def chain():
     return arm, np.array([arm.rest([-1.5, 0.1, 0.0]), arm.rest([2.0, 1.0, 0.5])])
 
 
-def test_errors_are_below_the_default_with_far_fewer_evaluations():
-    shares, savings = [], []
+def test_errors_are_below_the_default():
+    shares, works = [], []
     for seed in range(9):
         arm, torque = random_arm(seed, friction=seed > 6)
         result = fa.simulate(arm, 0.6, torque=torque, **QUIET)
@@ -30,9 +30,21 @@ def test_errors_are_below_the_default_with_far_fewer_evaluations():
         assert "integration_error" not in result.attrs  # no second run
         assert "accuracy" not in close.attrs
         shares.append(tip_error(arm, result, torque=torque) / result.attrs["accuracy"])
-        savings.append(result.attrs["evaluations"] / close.attrs["evaluations"])
+        works.append(result.attrs["evaluations"] / close.attrs["evaluations"])
     assert max(shares) < 1.0
-    assert np.median(savings) < 0.6
+    assert np.median(works) == 1.0  # most runs are not compared with another one
+    assert max(works) < 2.0
+
+
+@pytest.mark.parametrize(("hub", "duration"), [(0.1, 2.0), (1.0, 6.0)])
+def test_undamped_links_under_a_step_of_force(hub, duration):
+    """The implicit method at ten times the tolerance missed the accuracy here by 3 to 6 times."""
+    link = fa.Link(length=1.2, flexural_rigidity=400.0, mass_per_length=1.0, elements=3, modes=2)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=hub, damping=0.5)])
+    run = {"tip_force": (0.0, 2.0), **QUIET}
+    result = fa.simulate(arm, duration, **run)
+    exact = fa.simulate(arm, duration, rtol=1e-11, integrator="dormand_prince_8", **run)
+    assert np.abs(result.tip - exact.tip).max() < DEFAULT * 1.2
 
 
 @pytest.mark.parametrize("given", [{"rtol": 1e-7}, {"atol": 1e-8}, {"integrator": "auto"}])
@@ -40,7 +52,7 @@ def test_given_tolerances_decide(given):
     arm, torque = random_arm(1)
     result = fa.simulate(arm, 0.1, torque=torque, **given, **QUIET)
     assert ("accuracy" in result.attrs) == ("integrator" in given)
-    assert result.attrs["rtol"] == pytest.approx(1e-6 if "integrator" in given else 1e-7)
+    assert result.attrs["rtol"] == 1e-7
 
 
 @pytest.mark.parametrize("function", [fa.sensitivities, fa.goal_gradient, fa.identify])
@@ -63,15 +75,13 @@ def test_growing_errors_warn_in_single_runs_and_batches():
     assert np.array_equal(batch.tip.values[1], alone.tip.values)
 
 
-def test_runs_with_long_vibrations_are_compared_and_repeated():
+def test_runs_with_long_vibrations_are_accurate():
     """A pulse leaves an undamped link with a heavy hub vibrating for 40 periods."""
     link = fa.Link(length=1.0, flexural_rigidity=100.0, mass_per_length=0.5, elements=4)
     arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=5.0)])
     pulse = lambda t: np.array([40.0 * np.exp(-(((t - 0.1) / 0.03) ** 2))])  # noqa: E731
     result = fa.simulate(arm, 5.0, torque=pulse, **QUIET)
     exact = fa.simulate(arm, 5.0, torque=pulse, rtol=1e-10, **QUIET)
-    assert result.attrs["integrator"] == "kennedy_carpenter_5"
-    assert result.attrs["rtol"] == pytest.approx(1e-7)  # repeated
     assert np.abs(result.tip - exact.tip).max() < DEFAULT
     batch = fa.simulate_batch(arm, 5.0, initial=np.zeros((2, arm.dof)), torque=pulse, **QUIET)
     assert np.array_equal(batch.tip.values[1], result.tip.values)

@@ -82,6 +82,7 @@ def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
     """(T_1 / T)^4 for a smooth motion, where rigid torques have the square; order 2 the sixth."""
     flexible = laboratory_arm()
     errors = {"rigid": [], "quasi-static": [], "order 2": []}
+    close = {"integrator": "dormand_prince_8", "rtol": 1e-9}
     for duration in (4.0, 8.0):
         # The quintic's jerk jumps, and its excitation has the third power, so the motion is
         # smoothed.
@@ -90,7 +91,8 @@ def test_quasi_static_error_falls_with_the_fourth_power_of_speed():
         second = fa.quasi_static_reference(flexible, motion, order=2)
         for name, reference in zip(errors, (motion, static, second), strict=True):
             moved = dict.fromkeys((1, 2), reference)
-            run = fa.simulate(flexible, 1.3 * duration, prescribed=moved, rate=100.0)
+            # The errors of order 2 are below those of a default run.
+            run = fa.simulate(flexible, 1.3 * duration, prescribed=moved, rate=100.0, **close)
             errors[name].append(away(run, motion).max())
     order = {name: np.log2(before / after) for name, (before, after) in errors.items()}
     assert order["rigid"] == pytest.approx(2.0, abs=0.3)

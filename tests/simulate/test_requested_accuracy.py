@@ -89,3 +89,17 @@ def test_tolerance_of_one_or_more_is_refused():
     arm, _ = random_arm(0)
     with pytest.raises(fa.InputError, match="rtol must be less than 1, got 5"):
         fa.simulate(arm, 0.1, rtol=5.0)
+
+
+def test_the_error_is_not_zero_where_the_tolerance_is_limited():
+    """Both tolerances were the largest possible one, and the error was called 0."""
+    arm = fa.Arm(links=[fa.Link(length=0.5, flexural_rigidity=50.0, mass_per_length=0.5)] * 2)
+    result = fa.simulate(arm, 0.5, torque=lambda t: [0.1, 0.0], accuracy=1.0, progress=False)
+    assert 0.0 < result.attrs["integration_error"] < 1.0
+
+
+def test_an_accuracy_beyond_rounding_warns():
+    arm = fa.Arm(links=[fa.Link(length=0.5, flexible=False, mass_per_length=0.5)])
+    with pytest.warns(fa.AccuracyWarning, match="integration error is unknown"):
+        result = fa.simulate(arm, 0.2, torque=lambda t: [0.1], accuracy=1e-15, progress=False)
+    assert np.isnan(result.attrs["integration_error"])

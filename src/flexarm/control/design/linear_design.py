@@ -340,23 +340,32 @@ def kalman(
 def _riccati(
     argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
 ) -> FloatArray:
-    from scipy.linalg import solve, solve_discrete_are
+    from scipy.linalg import solve_discrete_are
 
-    # The callers balance the equation. The balancing of SciPy fails for some strong noise, and
-    # without it some strong weights.
+    # Doubling first: SciPy orders eigenvalues, which fails for some equations by rounding and loses
+    # digits of others.
+    doubled = _doubled(A, B @ np.linalg.solve(R, B.T), Q)
+    if doubled is not None and _stabilises(doubled, A, B, R):
+        return doubled
     for balanced in (True, False):
         try:
             P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
-            # A solution spoilt by rounding has no gain, or one that does not stabilise.
-            gain = solve(R + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
         except (np.linalg.LinAlgError, ValueError):
             continue
-        if np.max(np.abs(np.linalg.eigvals(A - B @ gain))) < 1.0:
+        if _stabilises(P, A, B, R):
             return (P + P.T) / 2.0
-    doubled = _doubled(A, B @ np.linalg.solve(R, B.T), Q)
-    if doubled is None:
-        raise InputError(_unsolvable(argument))
-    return doubled
+    raise InputError(_unsolvable(argument))
+
+
+def _stabilises(P: FloatArray, A: FloatArray, B: FloatArray, R: FloatArray) -> bool:
+    """Return whether the gain of a solution exists and makes the loop stable."""
+    from scipy.linalg import solve
+
+    try:
+        gain = solve(R + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+    except (np.linalg.LinAlgError, ValueError):
+        return False
+    return bool(np.max(np.abs(np.linalg.eigvals(A - B @ gain))) < 1.0)
 
 
 def _doubled(A: FloatArray, G: FloatArray, H: FloatArray) -> FloatArray | None:

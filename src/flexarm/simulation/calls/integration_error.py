@@ -46,7 +46,7 @@ def with_error(
             break
         ratio = 1.0 / max(_AIM * accuracy / error, _LEAST)
         finer = executed(used / ratio)
-        if finer is None:
+        if finer is None or finer.attrs["rtol"] == runs[-1].attrs["rtol"]:
             break
         error = _error(finer, runs[-1], ratio)
         runs, used = [*runs, finer], used / ratio

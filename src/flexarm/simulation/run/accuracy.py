@@ -44,4 +44,4 @@ def tolerance_of_request(request: float) -> float:
     Args:
         request: accepted error of the tip over the reach.
     """
-    return min(max(request / _DIVISOR, LEAST), _LARGEST)
+    return min(max(float(f"{request / _DIVISOR:.12g}"), LEAST), _LARGEST)
