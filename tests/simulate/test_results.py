@@ -102,7 +102,7 @@ def test_attributes_describe_the_run(result, arm):
     attributes = result.attrs
     assert attributes["flexarm_version"] == fa.__version__
     assert attributes["accuracy"] == pytest.approx(1e-5 * arm.lengths.sum(), rel=1e-12)
-    assert attributes["integrator"] == "kennedy_carpenter_5"
+    assert attributes["integrator"] == "dormand_prince_8"
     assert attributes["integrator_reason"]
     assert attributes["rtol"] == pytest.approx(1e-6)
     assert attributes["atol"] == pytest.approx(1e-8 * arm.lengths.sum(), rel=1e-12)

@@ -135,7 +135,7 @@ def _crossing(
 
     size = coordinate_sizes(arm)
     # Without vibrations the motion at the event has the only scale of time.
-    fastest = max(np.abs(motion[:dof] / size).max(), np.abs(motion[dof:] / size).max() ** 0.5)
+    fastest = max(np.abs(motion[0] / size).max(), np.abs(motion[1] / size).max() ** 0.5)
     rate = lowest_frequency(arm)
     rate = rate if np.isfinite(rate) else fastest or 1.0
     steps = _STEP * np.concatenate([size, rate * size, [1.0 / rate]])
