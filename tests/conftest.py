@@ -1,7 +1,6 @@
 """Settings of the whole suite. This file also puts ``tests/`` on the import path."""
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 # Set before NumPy loads: the matrices are small, and threads would compete with the workers of
@@ -14,7 +13,6 @@ import numba
 import pytest
 from hypothesis import settings
 
-import flexarm.simulation.run.accuracy as run_accuracy
 from slowest import SLOWEST
 
 # The first example of a test may compile a kernel for seconds, so there is no deadline. Examples
@@ -33,16 +31,6 @@ def pytest_configure(config: pytest.Config) -> None:
     if numba.config.DISABLE_JIT:
         for event in ("overflow", "invalid value", "divide by zero"):
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[bool]:
-    """Let runs without settings in tests marked ``close_runs`` take the tolerances of derivatives;
-    in a hook, so that it holds for fixtures of modules, too."""
-    with pytest.MonkeyPatch.context() as patch:
-        if item.get_closest_marker("close_runs"):
-            patch.setattr(run_accuracy, "DEFAULT", None)
-        return (yield)
 
 
 def _is_thorough_case(item: pytest.Item) -> bool:

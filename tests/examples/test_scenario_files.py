@@ -138,7 +138,6 @@ def test_boom_motors_hold_its_weight(boom):
     assert result["torque"].values[-1, 0] == pytest.approx(GRAVITY * moment, rel=1e-3)
 
 
-@pytest.mark.close_runs
 def test_chain_conserves_energy():
     result = prepared("ten_link_chain").run()
     energy = sum(result[f"{kind}_energy"].values for kind in ("kinetic", "strain", "gravity"))

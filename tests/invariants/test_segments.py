@@ -159,7 +159,6 @@ def test_axis_is_smooth_across_segments(segments, theory):
     np.testing.assert_allclose(second[1], of.tip(q)[:2], atol=1e-14)
 
 
-@pytest.mark.close_runs
 @pytest.mark.parametrize("theory", THEORIES)
 def test_tip_deflection_and_slope_of_a_bent_link(theory):
     """Of the whole link relative to its root tangent, with exact rates."""

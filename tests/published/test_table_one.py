@@ -40,7 +40,6 @@ def difference(result, name: str) -> dict[str, float]:
     return {key: float(np.max(np.abs(a.values - np.array(b).T))) for key, (a, b) in pairs.items()}
 
 
-@pytest.mark.close_runs
 @pytest.mark.parametrize("given", [torque, sampled()], ids=["function", "samples"])
 def test_mesh_of_the_paper(given) -> None:
     mesh = arm((2, 1))

@@ -39,7 +39,6 @@ def test_sticking_joint_holds():
     assert moved < 1e-8  # a function of the rate creeps by millirad
 
 
-@pytest.mark.close_runs
 def test_reversals():
     """Four reversals: the joint slides, slips back on its bristles and sticks."""
     result = run(alternating, 2.0)

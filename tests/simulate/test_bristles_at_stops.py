@@ -40,7 +40,6 @@ OBSTACLES = {
 }
 
 
-@pytest.mark.close_runs
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_impacts(name):
     """The joint slides into the obstacle, is pressed against it and leaves it."""
@@ -55,7 +54,6 @@ def test_impacts(name):
     np.testing.assert_allclose(result.bristle_deflection.values[:, 0], z, rtol=0, atol=1e-7)
 
 
-@pytest.mark.close_runs
 def test_event_and_change_of_a_sliding_joint():
     """The joint slides when an event changes its friction, and continues with its deflection."""
     later = {**NUMBERS, "coulomb": 0.3, "bristle_stiffness": 8000.0}

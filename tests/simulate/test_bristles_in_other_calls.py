@@ -10,7 +10,6 @@ from bristled_joints import NUMBERS, RUBBING, turning
 from flexarm.base.errors import AccuracyWarning, InputError
 
 
-@pytest.mark.close_runs
 def test_plant_keeps_the_deflection():
     """A plant and its copy continue as the run with the same zero-order-hold torques."""
     torques = np.array([[0.7], [0.5], [-0.7], [-0.4]])

@@ -111,7 +111,6 @@ class TestMomentum:
         assert abs(jump[0]) < 1e-2 < abs(jump[1])
 
 
-@pytest.mark.close_runs
 def test_a_rigidity_step_multiplies_the_strain_energy():
     arm = changing_links()
     change = fa.Change("links[0].flexural_rigidity", at=0.2, factor=0.5)

@@ -78,7 +78,6 @@ def test_exception_of_the_controller_is_reported_and_chained(arm):
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
-@pytest.mark.close_runs
 def test_any_object_with_the_three_members_is_a_controller(arm):
     class Minimal:
         sample_time = 0.01

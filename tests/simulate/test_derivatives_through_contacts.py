@@ -125,7 +125,6 @@ def test_random_arms(seed):
     assert error < 1e-6, (error, float(found["relative_error"][0]))
 
 
-@pytest.mark.close_runs
 def test_runs_without_contact_have_no_second_run():
     arm = an_arm(damping=0.2)
     far = [fa.Contact(fa.Wall((0.0, -9.0), (0.0, 1.0)), stiffness=2e4)]

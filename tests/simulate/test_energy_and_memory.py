@@ -54,7 +54,6 @@ def test_work_of_the_torques_is_the_change_of_energy() -> None:
     assert abs(work - (energy[-1] - energy[0])) < 1e-8 * moved
 
 
-@pytest.mark.close_runs
 def test_damping_never_increases_energy() -> None:
     arm = table_one_arm()
     links = [link.replace(damping=fa.ModalDamping(ratio=0.02)) for link in arm.spec.links]

@@ -68,7 +68,6 @@ def test_times_converge_with_the_tolerance():
     assert errors[2] < 1e-7
 
 
-@pytest.mark.close_runs
 def test_times_do_not_depend_on_the_rate():
     """They are located by repeated steps, not by interpolation between samples 50 ms apart."""
     coarse, _ = pendulum_events(2.5, rate=20.0)
@@ -270,7 +269,6 @@ def test_closed_loop_events_use_the_constant_torque(rate, integrator):
     assert controller.ticks == tick + 1
 
 
-@pytest.mark.close_runs
 def test_prescribed_joint_and_a_load_over_time():
     """Joint 1 is prescribed; a load acts on the other; compared with a run at tight tolerances."""
     arm = table_one_arm(gravity=(0.0, -9.81), rigidity=2000.0)

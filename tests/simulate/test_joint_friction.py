@@ -108,7 +108,6 @@ def test_steep_friction_is_implicit(rubbing):
     np.testing.assert_allclose(chosen.tip, explicit.tip, rtol=0, atol=1e-6 * 2.4142)
 
 
-@pytest.mark.close_runs
 @pytest.mark.compiled
 def test_evaluations_hardly_depend_on_the_smoothing_rate():
     """Those of an explicit method are inversely proportional to it.

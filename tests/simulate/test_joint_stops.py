@@ -128,7 +128,6 @@ def pushed(of, **settings):
     return fa.simulate(of, 2.0, torque=lambda t: [1.0], rate=500.0, **settings)
 
 
-@pytest.mark.close_runs
 def test_default_settings_are_accurate_over_six_impacts():
     """1e-6 of the reach; the impacts amplify errors by 5e5, and the error once was 9 mm."""
     exact = pushed(bouncing(), rtol=1e-13, atol=1e-15)
@@ -144,7 +143,6 @@ def changing(t):
     return 1.0 + 0.3 * np.sin(9.0 * t)
 
 
-@pytest.mark.close_runs
 def test_loads_are_interpolated_as_accurately_as_the_second_run_requires():
     """Impacts amplify errors of the load as those of the steps: once it was 8e-6 m."""
     changing = fa.Load(
@@ -253,7 +251,6 @@ def test_events_of_a_second_run_are_reported_once():
     assert result.sizes["time"] == exact.sizes["time"]
 
 
-@pytest.mark.close_runs
 def test_closed_loop_reports_steps_with_impacts():
     """Its result keeps the requested tolerance."""
     controller = fa.JointPD(0.0, 0.0, feedforward=lambda t: [1.0])

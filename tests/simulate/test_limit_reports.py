@@ -167,7 +167,6 @@ def test_instruments_at_their_limits():
         assert all("the instrument 'gyro'" in text for text in warned)
 
 
-@pytest.mark.close_runs
 def test_joint_stops():
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=2000.0)
     link = fa.Link(length=1.0, flexible=False, mass_per_length=1.0)

@@ -226,7 +226,6 @@ def test_every_kind_of_parameter_against_differences(bench, path):
         np.testing.assert_allclose(exact, wanted, rtol=0, atol=allowed, err_msg=name)
 
 
-@pytest.mark.close_runs
 def test_the_integrator_of_simulate_is_used():
     arm = bench_arm(theory="linear")
     run = fa.simulate(arm, 0.02)

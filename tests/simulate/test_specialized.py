@@ -29,7 +29,6 @@ def swing(duration):
     return fa.simulate(arm, duration, rate=100.0)
 
 
-@pytest.mark.close_runs
 def test_slow_machine_does_not_cause_compilation(compiled, monkeypatch):
     """Each reading of the clock is an hour after the last one."""
     hours = itertools.count(0.0, 3600.0)
@@ -39,7 +38,6 @@ def test_slow_machine_does_not_cause_compilation(compiled, monkeypatch):
     assert compiled == []
 
 
-@pytest.mark.close_runs
 def test_much_remaining_work_causes_compilation(compiled, monkeypatch):
     monkeypatch.setattr(stepping, "_TRIED", 100.0)
     monkeypatch.setattr(stepping, "_WORTH_COMPILING", 100.0)
@@ -47,7 +45,6 @@ def test_much_remaining_work_causes_compilation(compiled, monkeypatch):
     assert compiled
 
 
-@pytest.mark.close_runs
 def test_little_remaining_work_causes_no_compilation(compiled, monkeypatch):
     monkeypatch.setattr(stepping, "_TRIED", 1000.0)
     swing(60.0)

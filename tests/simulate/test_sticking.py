@@ -61,7 +61,6 @@ def test_sliding_joint_stops_where_and_when_the_closed_form_says(integrator):
     assert np.all(result.joint_rate.values[result.time > stop + 1e-3] == 0.0)
 
 
-@pytest.mark.close_runs
 def test_bent_link_that_sticks_is_clamped():
     """At static friction above the torque of the vibration the link has its clamped modes."""
     link = fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.5, elements=4)

@@ -10,6 +10,7 @@ import pytest
 
 import flexarm as fa
 from arms import chain, laboratory_arm
+from page_scripts import script
 
 GAIN = [30.0, 8.0]
 NAMES = [
@@ -30,28 +31,8 @@ def make_arm():
 
 ARM = make_arm()
 LINE = fa.line_motion(ARM, [1.4, 0.4], [0.4, 1.4], 1.0)
-
-
-class BackAndForth:
-    """Along the line in 1 s, a rest of 0.2 s, and back; errors count from the third return on."""
-
-    way = LINE.state(np.arange(1001) / 1000)
-    start_time = 6.0
-
-    def place(self, t):
-        leg, s = divmod(t, 1.2)
-        k = min(round(1000 * s), 1000)
-        return (k, 1.0) if leg % 2 == 0 else (1000 - k, -1.0)
-
-    def joint_angle(self, t):
-        return self.way.angle[self.place(t)[0]]
-
-    def joint_rate(self, t):
-        k, sign = self.place(t)
-        return sign * self.way.rate[k]
-
-    def joint_acceleration(self, t):
-        return self.way.acceleration[self.place(t)[0]]
+#: Along the line in 1 s, a rest of 0.2 s, and back; errors count from the third return on.
+RETURNS = script("measure_uncertain_arms").BackAndForth(LINE)
 
 
 def adaptive():
@@ -86,7 +67,7 @@ def times_as_believed(controller):
         "as believed": ARM,
         "other": fa.varied(ARM, payload_factor=2.0, flexural_rigidity_factor=0.7),
     }
-    table = fa.compare(ARM, {"it": controller}, 7.2, {"line": BackAndForth()}, plants, rate=100.0)
+    table = fa.compare(ARM, {"it": controller}, 7.2, {"line": RETURNS}, plants, rate=100.0)
     assert (table.failure == "").all()
     errors = np.array([table[name].values.ravel() for name in ("tip_error_rms", "joint_error_rms")])
     assert errors[0, 0] < 0.015  # m; joint PD has 79 mm

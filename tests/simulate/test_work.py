@@ -40,7 +40,6 @@ def test_a_short_run_of_a_stiff_link_takes_the_cheaper_method():
     assert 5_000 < explicit.evaluations < 20_000
 
 
-@pytest.mark.close_runs
 @pytest.mark.parametrize("rigidity", [1e4, 1e6, 1e8, 1e10])
 def test_a_link_that_is_almost_rigid_falls_like_a_rigid_one(rigidity):
     """An explicit method takes 39 thousand to 17 million steps a second."""
@@ -51,7 +50,6 @@ def test_a_link_that_is_almost_rigid_falls_like_a_rigid_one(rigidity):
     np.testing.assert_allclose(result.tip.values[-1, :2], FALLEN, rtol=0, atol=2.5e-6)
 
 
-@pytest.mark.close_runs
 def test_visible_vibrations_are_followed():
     arm = rod(100.0)
     result, tight = fall(arm, 2.5), fall(arm, 2.5, rtol=1e-11, atol=1e-13)
@@ -104,7 +102,6 @@ def test_work_of_random_arms_is_near_that_of_the_best_method(power):
                 assert result.evaluations < choice.fastest * duration
 
 
-@pytest.mark.close_runs
 @pytest.mark.parametrize(("power", "seed"), [(2, 3), (5, 4), (6, 5)])
 def test_implicit_method_is_as_accurate_as_the_tolerance_promises(power, seed):
     arm, settings = drawn(seed, 10.0**power)
@@ -172,7 +169,6 @@ def test_loops_and_plants_follow_no_vibration_that_turns_often_in_a_sample():
     np.testing.assert_allclose(plant.q[0], exact.q.values[-1, 0], rtol=0, atol=1e-6)
 
 
-@pytest.mark.close_runs
 def test_check_recommends_the_integrator_of_the_run():
     for rigidity, name in ((1e8, "kennedy_carpenter_5"), (100.0, "dormand_prince_8")):
         arm = rod(rigidity)

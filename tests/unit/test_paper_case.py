@@ -18,8 +18,6 @@ from flexarm.view.paper import (
     torque_range,
 )
 
-pytestmark = pytest.mark.close_runs
-
 
 @pytest.fixture(scope="module")
 def slow():

@@ -354,8 +354,8 @@ def varied(
     )
     changed = Arm(spec)
     if called_by_user():
-        known = implausible(arm.spec)
-        warn_of([finding for finding in implausible(spec) if finding not in known])
+        notices = implausible(arm.spec)
+        warn_of([finding for finding in implausible(spec) if finding not in notices])
     return changed
 
 

@@ -174,8 +174,8 @@ def fits_by_channel(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) ->
     for run, simulated in zip(runs, outputs, strict=True):
         for c, label in enumerate(run.labels):
             good = run.valid[:, c]
-            own = fit_percent(run.measured[good, c], simulated[good, c])
-            fits[label.text] = min(own, fits.get(label.text, np.inf))
+            fit = fit_percent(run.measured[good, c], simulated[good, c])
+            fits[label.text] = min(fit, fits.get(label.text, np.inf))
     return fits
 
 

@@ -233,14 +233,14 @@ def modes(
         raise InputError(Problem("loads", "cannot be combined with spin"))
     if spin != 0.0 and q is None:
         place = steady_shape(arm, place, spin)
-    found = _solve(arm, place, spin, held, _small_motion(arm, place, spin, environment))
+    solution = _solve(arm, place, spin, held, _small_motion(arm, place, spin, environment))
     warn_of_theory(arm, place, environment, steady_rates(arm, spin))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
     rates = np.full(arm.dof, np.inf)  # of locked joints, whose friction has no effect
     rates[held.moving] = steady_rates(arm, spin)[held.moving]
     warn_of_sticking(arm, rates, "The model of the modes")
-    return found
+    return solution
 
 
 def _place(

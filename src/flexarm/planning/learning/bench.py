@@ -32,7 +32,6 @@ from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian
 from flexarm.simulation.calls.metrics import tip_reference
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.run.settings import closely
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -130,7 +129,7 @@ class Bench:
             plant=plant,
             hardware=hardware,
             rate=1.0 / sample_time,
-            **closely({"progress": False, **options}),
+            **{"progress": False, **options},
         )
 
 

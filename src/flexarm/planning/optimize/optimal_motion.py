@@ -46,7 +46,6 @@ from flexarm.planning.optimize.transcription import (
 )
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.gradient import goal_gradient
-from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -147,9 +146,9 @@ def optimal_motion(
         pieces = pieces or _default_intervals(task, straight.duration)
         first = shaped_guess(task, straight) if own is None else own
         plan = plan_of(task, first, min(pieces, _COARSE))
-        found = _within_limits(task, plan, plant, pieces, iterations)
+        optimum = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
-    return found
+    return optimum
 
 
 def _elastic(arm: Arm) -> int:
@@ -300,10 +299,10 @@ class _Correction:
 
     def plan(self) -> Plan:
         """Return the corrected plan."""
-        given = self._given.torque  # of the nodes if they are continuous, else of the intervals
-        torque = given[:, 0].copy()
+        torques = self._given.torque  # of the nodes if they are continuous, else of the intervals
+        torque = torques[:, 0].copy()
         if self._task.continuous:
-            torque = np.vstack([torque, given[-1:, 1]])
+            torque = np.vstack([torque, torques[-1:, 1]])
         end = self._simulated(torque)
         if np.abs(end.error).max() < _CLOSE:
             return self._given
@@ -343,7 +342,6 @@ class _Correction:
             torque=history,
             initial=self._task.start.q,
             rate=_SAMPLES * plan.intervals / plan.duration,
-            rtol=RTOL,
             progress=False,
         )
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])

@@ -20,7 +20,6 @@ from flexarm.simulation.batch.reductions import Reduction, reduced
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -204,7 +203,6 @@ def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
             torque=plan.torque_history(task.start.torque, task.end.torque),
             initial=equilibrium(plant, joint_angles).q,
             rate=_SAMPLES * max(plan.intervals, int(np.ceil(periods))) / plan.duration,
-            rtol=RTOL,
             progress=False,
         )
 

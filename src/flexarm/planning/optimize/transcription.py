@@ -24,7 +24,6 @@ from flexarm.control.design.input_shaping import shaped
 from flexarm.motion import Motion, joint_motion, rigid_torque
 from flexarm.planning.optimize.task import GAUSS, STAGES, Plan, Quantities, Task
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -382,7 +381,6 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
             prescribed={int(number): motion for number in arm.joint_numbers},
             initial=start,
             rate=_SAMPLES * intervals / duration,
-            rtol=RTOL,
             progress=False,
         )
     times = run.time.values

@@ -448,8 +448,8 @@ class OpenLanes(Lanes):
             runs.counts[place, EVALUATIONS] += others.counts[row, EVALUATIONS]
             arm, request = ready[place].arm, request_of(self._settings, ready[place].arm)
             assert request is not None
-            own = runs.samples[place, : runs.counts[place, SAMPLES]]
-            error = growth_error(arm, own, others.samples[row, : others.counts[row, SAMPLES]])
+            samples = runs.samples[place, : runs.counts[place, SAMPLES]]
+            error = growth_error(arm, samples, others.samples[row, : others.counts[row, SAMPLES]])
             if repeats_growth(error, request):
                 repeated.append(place)
             carried[place] = doubt_of_growth(arm, self._times, error, request)

@@ -31,7 +31,6 @@ from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.simulation.calls.result import exceeded_bound
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import closely
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,7 +111,6 @@ def compare(
     check_settling(settling, duration, references)
     loaded = {name: _with_loads(name, plant) for name, plant in plants.items()}
     everywhere = {name: options.pop(name, ()) for name in ("loads", "changes")}
-    options = closely(options)
 
     def one(controller: str, plant: str, reference: str) -> tuple[xr.Dataset, Reference]:
         simulated, own = loaded[plant]

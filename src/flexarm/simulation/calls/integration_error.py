@@ -8,15 +8,12 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from flexarm.simulation.run.accuracy import LEAST
+from flexarm.simulation.run.accuracy import LEAST, share_of_finer
 
 #: Accuracy of the second run over that of the first.
 _LOOSER = 10.0
 #: Accuracy of the first run over that of another one, if both have the same steps.
 _FINER = 1000.0
-#: Exponent of the accuracy by which the difference of two runs becomes the error of the finer one:
-#: the errors of runs whose accuracies differ by 10 differ by a factor of 2 or more in nine of ten.
-_POWER = 0.3
 #: Runs until a requested accuracy counts as missed; aim of a repetition over the request, and the
 #: least accuracy of a repetition over the one before.
 _MOST_RUNS, _AIM, _LEAST = 4, 0.3, 1e-3
@@ -74,4 +71,4 @@ def _error(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
     count = min(result.sizes["time"], other.sizes["time"])
     tips = (dataset.tip.values[:count, :2] for dataset in (result, other))
     apart = float(np.abs(np.subtract(*tips)).max(initial=0.0))
-    return float(apart * ratio**-_POWER)
+    return apart * share_of_finer(ratio)

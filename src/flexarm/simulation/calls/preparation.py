@@ -156,8 +156,8 @@ class Situation:
         """Return the loads of a run of an arm without contacts; see ``load_history``."""
         settings = self.settings
         relative, spacing = relative_tolerance(settings, arm), 1.0 / settings.rate
-        given = self.duration, relative, None, settings.breaks, spacing
-        return load_history(arm, self.environment, *given, known)
+        sampling = self.duration, relative, None, settings.breaks, spacing
+        return load_history(arm, self.environment, *sampling, known)
 
     def new_run(self, meter: Meter) -> Run:
         """Create a run.

@@ -38,6 +38,7 @@ from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import ArmConstants, Contacts
 from flexarm.simulation.histories.loads import constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.accuracy import share_of_finer
 from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.event_search import Mark
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
@@ -70,10 +71,9 @@ _RATIO = 1e2
 _WRONG = 1e-3
 #: Turn (rad) of a free joint, back and forth, and path of a mode as a displacement of the tip, over
 #: the reach, above which a run at the default accuracy is compared with one whose tolerances are
-#: larger by a ratio; share of their difference that is the error of the finer one in nine of ten;
-#: and errors over the accuracy above which it is repeated with smaller tolerances, and above which
-#: that cannot help.
-_FAR, _LASTING, LOOSER, _DIFFERENT, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 0.3, 3.0, 60.0
+#: larger by a ratio; and errors over the accuracy above which it is repeated with smaller
+#: tolerances, and above which that cannot help.
+_FAR, _LASTING, LOOSER, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 3.0, 60.0
 #: Gap between two contacts, as a part of the reach, below which a point only presses: with force
 #: control it rebounds by up to 6e-4 and errors are below 2e-7 of the reach.
 _LIFTED = 1e-3
@@ -344,7 +344,7 @@ def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArra
     """
     count = min(len(samples), len(others))
     tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
-    error: FloatArray = _DIFFERENT / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
+    error: FloatArray = share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
     return error
 
 

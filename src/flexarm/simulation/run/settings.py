@@ -145,8 +145,8 @@ class RunSettings:
 
     def _check_accuracy(self) -> None:
         """Raise if tolerances are given, too, or the method has no step control."""
-        given = {name: getattr(self, name) is not None for name in _TOLERANCES}
-        for name in filter(given.get, given):
+        stated = {name: getattr(self, name) is not None for name in _TOLERANCES}
+        for name in filter(stated.get, stated):
             raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
         method = self.integrator
         kind = INTEGRATORS.get(method) if isinstance(method, str) else method
@@ -167,8 +167,8 @@ def request_of(settings: RunSettings, arm: Arm) -> float | None:
     """Return the accepted error over the reach of an arm; None if tolerances decide."""
     if settings.accuracy is not None:
         return settings.accuracy / reach_of(arm)
-    given = any(getattr(settings, name) is not None for name in _TOLERANCES)
-    return None if given or settings.integrator != "auto" else default_request(arm)
+    stated = any(getattr(settings, name) is not None for name in _TOLERANCES)
+    return None if stated or settings.integrator != "auto" else default_request(arm)
 
 
 def relative_of(settings: RunSettings) -> float:
@@ -182,16 +182,6 @@ def close(settings: RunSettings | None) -> RunSettings:
     if settings.accuracy is not None:
         return settings
     return replaced(settings, rtol=relative_of(settings))
-
-
-def closely(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments of ``simulate`` with the settings of `close`, if they have no accuracy."""
-    if options.get("accuracy") is not None:
-        return dict(options)
-    settings = options.get("settings")
-    if settings is not None:
-        return {**options, "settings": close(settings)} if "rtol" not in options else dict(options)
-    return {"rtol": RTOL, **options}
 
 
 def relative_tolerance(settings: RunSettings, arm: Arm) -> float:
@@ -268,8 +258,8 @@ def settings_of(
     ]
     if problems:
         raise InputError(*problems)
-    own = replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
-    return own if "accuracy" in names else close(own)
+    applied = replaced(DEFAULTS, **{name: getattr(both, name) for name in names})
+    return applied if "accuracy" in names else close(applied)
 
 
 def _same(name: str, one: RunSettings, other: RunSettings) -> bool:

@@ -126,8 +126,8 @@ def _of_field(record: type[Record], name: str) -> Forms:
 def forms_of(annotation: Any) -> Forms:
     """Return the forms of a type, or of a field of a record."""
     forms = list(_forms(annotation, ()))
-    given = tuple(form for form in forms if form.name not in ("none", "function"))
-    return Forms(any(form.name == "none" for form in forms), given)
+    constants = tuple(form for form in forms if form.name not in ("none", "function"))
+    return Forms(any(form.name == "none" for form in forms), constants)
 
 
 def _forms(annotation: Any, marks: tuple[Any, ...]) -> Iterator[Form]:
