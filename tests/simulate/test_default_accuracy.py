@@ -36,15 +36,14 @@ def test_errors_are_below_the_default():
     assert max(works) < 2.0
 
 
-@pytest.mark.parametrize(("hub", "duration"), [(0.1, 2.0), (1.0, 6.0)])
-def test_undamped_links_under_a_step_of_force(hub, duration):
-    """The implicit method at ten times the tolerance missed the accuracy here by 3 to 6 times."""
+def test_an_undamped_link_under_a_step_of_force():
+    """The implicit method at ten times the tolerance errs by 4.7 times the accuracy here."""
     link = fa.Link(length=1.2, flexural_rigidity=400.0, mass_per_length=1.0, elements=3, modes=2)
-    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=hub, damping=0.5)])
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=1.0, damping=0.5)])
     run = {"tip_force": (0.0, 2.0), **QUIET}
-    result = fa.simulate(arm, duration, **run)
-    exact = fa.simulate(arm, duration, rtol=1e-11, integrator="dormand_prince_8", **run)
-    assert np.abs(result.tip - exact.tip).max() < DEFAULT * 1.2
+    result = fa.simulate(arm, 6.0, **run)
+    exact = fa.simulate(arm, 6.0, rtol=1e-11, integrator="dormand_prince_8", **run)
+    assert np.abs(result.tip - exact.tip).max() < result.attrs["accuracy"]
 
 
 @pytest.mark.parametrize("given", [{"rtol": 1e-7}, {"atol": 1e-8}, {"integrator": "auto"}])

@@ -41,9 +41,13 @@ def test_values_for_each_joint_become_an_array(value):
 
 
 def test_defaults_for_each_joint_become_an_array():
-    made = fa.SlidingMode(rigid_arm(), 1.0, 0.1)
+    arm = rigid_arm()
+    made = fa.SlidingMode(arm, 1.0, 0.1)
     np.testing.assert_array_equal(made.disturbance, [0.0, 0.0])
-    assert made.reaching.shape == (2,)
+    # 1 % of the torque for a quarter of the squared rate, which the sample time limits.
+    rate = 0.0064 / made.sample_time
+    inertia = np.diag(arm.mass_matrix([0.0, 0.0]))
+    np.testing.assert_allclose(made.reaching, 0.01 * inertia * rate**2 / 4.0, rtol=1e-9)
 
 
 def test_object_does_not_share_the_array_of_its_caller():
