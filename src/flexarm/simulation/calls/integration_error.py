@@ -52,7 +52,7 @@ def with_error(
     if error <= accuracy:
         return result, ""
     if math.isnan(error):
-        text = "no second run has a larger error, so that the integration error is unknown"
+        text = "no other run can be compared with this one, so the integration error is unknown"
     else:
         text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
     return result, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
