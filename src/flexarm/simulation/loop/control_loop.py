@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.kernel_view import as_slice
+from flexarm.arm.assembly.kernel_view import as_slice, is_plain
 from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
 from flexarm.control.contract.base import (
     Controller,
@@ -256,7 +256,8 @@ class RunLoop(ControlLoop):
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration))
+        touching = run.loads.placed.contacts.body.size > 0
+        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration, touching))
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.run, self.hardware = run, hardware
         self._sensing, self._sensed = sensing_of_run(run, hardware, sample_time), run.arm
@@ -386,9 +387,8 @@ class ClosedLoop(RunLoop):
             raise SimulationError(t, reason, "", self.run.state()) from error
         self.seconds += time.perf_counter() - started
         shape = (self.run.arm.joints,)
-        if type(given) is np.ndarray and given.dtype == np.float64 and given.shape == shape:
-            if all(map(math.isfinite, given.tolist())):
-                return given.copy()  # the controller may change it later
+        if is_plain(given, shape) and all(map(math.isfinite, given.tolist())):
+            return given.copy()  # the controller may change it later
         try:
             return check_array("torque", given, shape)
         except InputError as error:
