@@ -388,7 +388,7 @@ class ClosedLoop(RunLoop):
         self.seconds += time.perf_counter() - started
         shape = (self.run.arm.joints,)
         if is_plain(given, shape) and all(map(math.isfinite, given.tolist())):
-            return given.copy()  # the controller may change it later
+            return np.array(given)  # the controller may change its own later
         try:
             return check_array("torque", given, shape)
         except InputError as error:
