@@ -39,6 +39,8 @@ from flexarm.kernels.layout import ArmConstants, Loads, Sizes, Workspace
 
 FloatArray = NDArray[np.float64]
 
+#: Statuses by their codes.
+_STATUSES = {status.value: status for status in Status}
 #: First step of an integrator without a given one, times the highest frequency.
 _FIRST = 0.5
 
@@ -117,17 +119,21 @@ class Progress:
         if self.entry is None or self.entry.kernel is not stepper:
             self.entry = Entry(stepper)
         memory.clock[TIME] = self.time
-        memory.counts[:] = (
+        counts = [
             self.sample, self.steps, self.rejected, self.evaluations, self.impacts, self.touches,
-        )  # fmt: skip
+        ]  # fmt: skip
+        # Sampled loops call this at every sample time, where lists are faster than small arrays.
+        if memory.counts.tolist() != counts:
+            memory.counts[:] = counts
         status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
-        self.time = float(memory.clock[TIME])
+        clock, counts = memory.clock.tolist(), memory.counts.tolist()
+        self.time = clock[TIME]
         # A step that is shortened to end at a change of sticking says nothing about the run.
-        self.step = max(float(memory.clock[STEP]), float(memory.clock[WHOLE]))
-        counts = memory.counts.tolist()
-        self.sample, self.steps, self.rejected, self.evaluations = counts[:4]
-        self.impacts, self.touches = counts[4:]
-        return Status(status)
+        self.step = max(clock[STEP], clock[WHOLE])
+        self.sample, self.steps, self.rejected, self.evaluations, self.impacts, self.touches = (
+            counts
+        )
+        return _STATUSES[status]
 
 
 @dataclass(frozen=True)
@@ -184,11 +190,13 @@ class Integrator(ABC):
         ``sample_times`` (samples,) ascending; the states at these times are written to ``samples``
         (samples, 2, n, 1 + m), from ``progress.sample`` on.
         """
-        if progress.memory is None:
+        memory, state = progress.memory, progress.state
+        if memory is None:
             step = float(self.step or progress.step or self.first_step(tolerance.fastest))
-            progress.memory = new_memory(progress.state, step)
-            progress.method = self.record(system.constants, progress.state)
-        memory = progress.memory._replace(
-            state=progress.state, sample_times=sample_times, samples=samples
-        )
+            memory = new_memory(state, step)
+            progress.method = self.record(system.constants, state)
+        arrays = memory.state, memory.sample_times, memory.samples
+        if arrays[0] is not state or arrays[1] is not sample_times or arrays[2] is not samples:
+            memory = memory._replace(state=state, sample_times=sample_times, samples=samples)
+        progress.memory = memory
         return progress.enter(self.stepper, system, tolerance, memory, until, max_steps)

@@ -61,6 +61,22 @@ def test_another_type_of_the_first_argument_is_compiled():
         assert entry._code is not doubled
 
 
+@pytest.mark.compiled
+def test_known_kinds_of_arguments_need_two_calls():
+    line, out = np.array([1.0, 2.0]), np.zeros(2)
+    first, second, third = (Entry(doubled) for _ in range(3))
+    for _ in range(_OFTEN + 1):
+        first(line, out)
+    for _ in range(2):
+        second(line, out)
+        third(line[::-1], out)  # another memory layout, which is not known
+    np.testing.assert_array_equal(out, 2.0 * line[::-1])
+    second(line, out)
+    np.testing.assert_array_equal(out, 2.0 * line)
+    assert second._code is first._code
+    assert third._code is doubled
+
+
 def test_copies_and_pickles_have_their_own_entry_points():
     entry = Entry(inverse_dynamics)
     given = arguments(arm_of(2))

@@ -66,12 +66,12 @@ class Assembly:
     link_body: IntArray  # (links,) first body of each link
     coordinates: IntArray  # (dof,) index of each entry of q in the flattened (n, 1 + m) array
 
-    @property
+    @cached_property
     def has_bristles(self) -> bool:
         """Whether the friction of any joint has bristles."""
         return bool(self.constants.bristles[:, 0].any())
 
-    @property
+    @cached_property
     def has_sticking(self) -> bool:
         """Whether the friction of any joint holds it at rest in runs."""
         c = self.constants

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Mapping
 from functools import wraps
+from types import MethodType
 from typing import Any, Protocol, cast
 from weakref import WeakSet
 
@@ -41,7 +42,6 @@ class Reference(Protocol):
 
 
 def _checked_update(update: Callable[..., Any]) -> Callable[..., Any]:
-    @public_call
     @wraps(update)
     def checked(
         self: Controller, t: float, measurement: Measurement, reference: Reference | None
@@ -55,7 +55,16 @@ def _checked_update(update: Callable[..., Any]) -> Callable[..., Any]:
             check_reference(reference)
         return update(self, t, measurement, reference)
 
-    return checked
+    vars(checked)["unchecked"] = public_call(update)
+    return public_call(checked)
+
+
+def update_of(controller: Any) -> Callable[..., Any]:
+    """Return ``update`` of a controller for a loop, whose arguments need no checks."""
+    unchecked = getattr(getattr(type(controller), "update", None), "unchecked", None)
+    if unchecked is None or "update" in vars(controller):
+        return cast("Callable[..., Any]", controller.update)
+    return MethodType(unchecked, controller)
 
 
 def _checked_requirements(

@@ -7,6 +7,7 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
 from flexarm.kernels.compilation.code_cache import cache_folder, cache_of, code_library
 from flexarm.kernels.compilation.compile_notice import CompileNotice
@@ -112,6 +113,17 @@ def _closed(kernel: F) -> F:
 
 #: Number of calls, at 8 us each, after which determining the types once (2 ms) pays off.
 _OFTEN = 200
+#: Machine code by kernel and kinds of arguments, which repeated runs look up in 20 us.
+_known: dict[tuple[Any, ...], Callable[..., Any]] = {}
+#: Mask of the flags of an array that are part of its type: ownership of the memory is not.
+_TYPED = ~0x4
+
+
+def _kind(value: Any) -> Any:
+    """Return what determines the type of an argument."""
+    if isinstance(value, np.ndarray):
+        return type(value), value.dtype, value.ndim, value.flags.num & _TYPED
+    return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
 
 
 class Entry:
@@ -119,8 +131,9 @@ class Entry:
 
     At each call of a kernel, Numba determines the type of every array in every record, which costs
     ten times as much as a small kernel. An entry point skips this after some calls with the same
-    first argument. While the first argument is the same object, the caller must keep the types,
-    dimensions and memory layout of the others. This is not checked.
+    first argument; if the kinds of its arguments are known, after two. While the first argument is
+    the same object, the caller must keep the types, dimensions and memory layout of the others.
+    This is not checked.
 
     Args:
         often: number of calls after which the types are determined once; with dual numbers 1,
@@ -141,16 +154,22 @@ class Entry:
             self._first, self._code, self._calls = arguments[0], self.kernel, 0
         elif self._calls < self._often:
             self._calls += 1
-            if self._calls == self._often:
+            if self._calls == 1 or self._calls == self._often:
                 self._look(arguments)
         return self._code(*arguments)
 
     def _look(self, arguments: tuple[Any, ...]) -> None:
+        """Use known machine code; after many calls, determine the types to find it."""
         kernel: Any = self.kernel
-        if hasattr(kernel, "typeof_pyval"):  # absent if compilation is disabled
+        if not hasattr(kernel, "typeof_pyval"):  # absent if compilation is disabled
+            return
+        key = kernel, _kind(arguments)
+        if key not in _known and self._calls >= self._often:
             types = tuple(map(kernel.typeof_pyval, arguments))
             kernel.compile(types)
-            self._code = kernel.overloads[types].entry_point
+            _known[key] = kernel.overloads[types].entry_point
+        if key in _known:
+            self._code, self._calls = _known[key], self._often
 
     def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any], int]]:
         return Entry, (self.kernel, self._often)  # a copy determines its machine code again

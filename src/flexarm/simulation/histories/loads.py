@@ -242,7 +242,8 @@ class LoadHistory:
 
     def stops_with(self, torque: PiecewiseCubic) -> FloatArray:
         """Return the times (s) at which the loads or a torque history are not smooth, sorted."""
-        return np.unique(np.concatenate([torque.stops, self.factors.stops]))
+        stops = np.concatenate([torque.stops, self.factors.stops])
+        return np.unique(stops) if stops.size else stops
 
 
 def load_history(

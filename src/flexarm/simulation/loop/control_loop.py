@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -13,9 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.kernel_view import as_slice
+from flexarm.arm.assembly.kernel_view import as_slice, is_plain
 from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
-from flexarm.control.contract.base import Controller, Reference, report_of, requirements_of
+from flexarm.control.contract.base import (
+    Controller,
+    Reference,
+    report_of,
+    requirements_of,
+    update_of,
+)
 from flexarm.control.hardware.instruments import Readings, stride_and_delay
 from flexarm.control.hardware.measurement import Measurement, readings_by_name
 from flexarm.integrate.base import FloatArray, System
@@ -37,7 +44,14 @@ _MORE = ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
 
 
 def _looked_up(name: str) -> Callable[[Any, ArrayLike], FloatArray]:
-    return lambda self, t: self._look_up(name, t)
+    def look_up(self: SampledReference, t: Any) -> Any:
+        if type(t) is float:  # the most common case, at every sample time
+            k = round(t / self._sample_time)
+            if 0 <= k < self._count and k * self._sample_time == t and name in self._tables:
+                return self._tables[name][k]
+        return self._look_up(name, t)
+
+    return look_up
 
 
 class SampledReference:
@@ -58,6 +72,7 @@ class SampledReference:
             rule = f"be at least {duration / _LONGEST:.3g} s for a duration of {duration:.6g} s"
             raise InputError(Problem("controller.sample_time", rule, shown(sample_time)))
         self._schedule = np.arange(int(np.ceil(duration / sample_time)) + 1) * sample_time
+        self._count = len(self._schedule)
         self._tables: dict[str, FloatArray] = {}
         if isinstance(reference, Motion):
             self._tables = dict(zip(_OF_JOINTS, reference.state(self._schedule), strict=True))
@@ -66,7 +81,7 @@ class SampledReference:
         # Only times that equal a sample time exactly have the tabulated value.
         if isinstance(t, float) or np.ndim(t) == 0:
             k = round(float(t) / self._sample_time)  # type: ignore[arg-type]
-            if 0 <= k < len(self._schedule) and k * self._sample_time == t:
+            if 0 <= k < self._count and k * self._sample_time == t:
                 table = self._tables.get(name)
                 if table is None:
                     table = np.asarray(getattr(self._reference, name)(self._schedule))
@@ -75,7 +90,7 @@ class SampledReference:
         elif name in self._tables:
             times = np.asarray(t, dtype=np.float64)
             samples = np.rint(times / self._sample_time)
-            inside = (samples >= 0.0) & (samples < len(self._schedule))
+            inside = (samples >= 0.0) & (samples < self._count)
             if np.all(inside & (samples * self._sample_time == times)):
                 return self._tables[name][samples.astype(np.intp)]
         return getattr(self._reference, name)(t)
@@ -241,7 +256,8 @@ class RunLoop(ControlLoop):
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration))
+        touching = run.loads.placed.contacts.body.size > 0
+        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration, touching))
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.run, self.hardware = run, hardware
         self._sensing, self._sensed = sensing_of_run(run, hardware, sample_time), run.arm
@@ -328,7 +344,7 @@ class ClosedLoop(RunLoop):
         self.controller, self.reference = controller, reference
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         super().__init__(run, controller.sample_time, hardware)
-        self._runaway = RunawayWatch(run.arm)
+        self._runaway, self._torque_of = RunawayWatch(run.arm), update_of(controller)
         self._measured: list[Measurement] = []
         self.seconds = 0.0  # spent in the controller
 
@@ -365,13 +381,16 @@ class ClosedLoop(RunLoop):
         """Return the torques (joints,) of the controller."""
         started = time.perf_counter()
         try:
-            given = self.controller.update(t, measurement, self._reference)
+            given = self._torque_of(t, measurement, self._reference)
         except Exception as error:
             reason = f"the controller failed with {type(error).__name__}: {error}"
             raise SimulationError(t, reason, "", self.run.state()) from error
         self.seconds += time.perf_counter() - started
+        shape = (self.run.arm.joints,)
+        if is_plain(given, shape) and all(map(math.isfinite, given.tolist())):
+            return np.array(given)  # the controller may change its own later
         try:
-            return check_array("torque", given, (self.run.arm.joints,))
+            return check_array("torque", given, shape)
         except InputError as error:
             reason = f"the controller returned an unusable value: {error.at('controller')}"
             raise SimulationError(t, reason, "", self.run.state()) from None

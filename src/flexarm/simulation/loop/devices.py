@@ -58,7 +58,7 @@ class Acting:
             problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
         if problems:
             raise InputError(*problems)
-        self._lag = self._motors.time_constant
+        self._lag, self._delay = self._motors.time_constant, self._motors.delay
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._since: list[float] = []
         self._initial: list[FloatArray] = []
@@ -86,10 +86,12 @@ class Acting:
 
     def command(self, t: float, torque: FloatArray) -> None:
         """Command a torque (joints,) at time t."""
-        self._waiting.append((t + self._motors.delay, torque))
+        self._waiting.append((t + self._delay, torque))
 
     def next_change(self, t: float, until: float) -> float:
         """Return the time at which the commanded torque changes next, at most ``until``."""
+        if not self._waiting:
+            return until
         return min([until, *(due for due, _ in self._waiting if due > t)])
 
     def hold(self, t: float, rate: FloatArray | None) -> None:

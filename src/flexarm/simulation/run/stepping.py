@@ -58,6 +58,9 @@ _MOST_STEPS, _MOST_STEPS_A_TICK = 1e9, 1e6
 _CHUNK = 4096
 
 
+#: Statuses that most calls return; attributes of an enumeration are slow.
+_DONE, _PAUSED = Status.DONE, Status.PAUSED
+
 #: Texts of warnings and their categories.
 Notices = list[tuple[str, type[FlexarmWarning]]]
 
@@ -356,6 +359,9 @@ class Run:
 
     def parts(self) -> list[tuple[slice, Run]]:
         """Return the samples of each span, and a run of its arm with these samples only."""
+        lengths = {self.progress.sample, len(self.sample_times), len(self.samples)}
+        if not self.spans and len(lengths) == 1:
+            return [(slice(0, self.progress.sample), self)]
         last = Span(self.arm, self.loads, self.progress.sample, self.progress.time)
         found, begin = [], 0
         for span in [*self.spans, last]:
@@ -401,9 +407,11 @@ class Run:
         while True:
             progress = self.progress
             system, status = self.advance(system, progress, until, self.sample_times, self.samples)
-            if self.ended_by_event(system, status) or status == Status.DONE:
+            if self.watch is not None and self.ended_by_event(system, status):
                 return system
-            if status != Status.PAUSED:
+            if status is _DONE:
+                return system
+            if status is not _PAUSED:
                 raise self.failure(status)
 
     def advance(
@@ -423,7 +431,7 @@ class Run:
         status = self.integrator.advance(
             system, self.tolerance, progress, until, sample_times, samples, self.max_steps
         )
-        if status != Status.PAUSED:
+        if status is not _PAUSED:
             return system, status
         if time.perf_counter() - started < _CALL_SECONDS:
             self.max_steps *= 2

@@ -33,11 +33,15 @@ class RunawayWatch:
         # No link bends by more than this times the largest of all modal coordinates.
         most = np.abs(self._at_end).sum(axis=1) / self._lengths
         self.surely_small = _ABSURD / max(float(most.max(initial=0.0)), 1e-300)
+        self._surely_small_square = self.surely_small * self.surely_small
 
     def __call__(self, state: FloatArray) -> str:
         """Describe the runaway link of a state (2, n, 1 + m); return empty text without one."""
-        modal = state[0, :, 1:].ravel().tolist()
-        if max(map(abs, modal), default=0.0) < self.surely_small:
+        coordinates = state[0].ravel()
+        # The root of the sum of squares is at least the largest number, and is fast to compute.
+        if coordinates.dot(coordinates) < self._surely_small_square:
+            return ""
+        if np.abs(state[0, :, 1:]).max(initial=0.0) < self.surely_small:
             return ""
         bent = np.abs((self._at_end * state[0, self._bodies, 1:]).sum(axis=1)) / self._lengths
         worst = bent.argmax()
