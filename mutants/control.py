@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from mutants.groups import Area, Group
 
-_NOMINAL = "unit/control/test_nominal_motion.py"
-_LQG = "unit/control/test_lqg.py"
 _MARGINS = "unit/control/test_loop_margins.py"
 
 CONTROL = Area(
@@ -35,13 +33,6 @@ CONTROL = Area(
             tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
         ),
         Group(
-            sources=("control/**/posture_grid.py",),
-            tests=(
-                f"{_NOMINAL}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
-                f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
-            ),
-        ),
-        Group(
             sources=("control/**/loop_shaping.py",),
             tests=("unit/control/test_loop_shaping.py",),
         ),
@@ -54,10 +45,6 @@ CONTROL = Area(
             tests=("unit/control/test_repetitive.py",),
         ),
         Group(
-            sources=("control/**/gravity_compensation.py",),
-            tests=("unit/control/test_position_laws.py",),
-        ),
-        Group(
             sources=("control/**/input_shaping.py",),
             tests=("simulate/test_input_shaping.py",),
         ),
@@ -68,11 +55,10 @@ CONTROL = Area(
                 "control/**/composite.py",
                 "control/**/linear_design.py",
                 "control/**/nominal.py",
-                "control/**/flexible_model.py",
             ),
             tests=(
                 "unit/control/test_lqg.py",
-                _NOMINAL,
+                "unit/control/test_nominal_motion.py",
                 "unit/control/test_mpc_and_composite.py",
                 f"{_MARGINS}::test_recovery_restores_the_margins_of_state_feedback",
             ),
@@ -81,12 +67,13 @@ CONTROL = Area(
             sources=(
                 "control/**/*adaptive.py",
                 "control/**/sliding*.py",
-                "control/**/rigid_parameters.py",
+                "control/**/rigid_model.py",
             ),
             tests=(
                 "unit/control/test_adaptive.py",
                 "unit/control/test_rbf_adaptive.py",
                 "unit/control/test_sliding_mode.py",
+                "unit/control/test_position_laws.py",
             ),
         ),
         Group(

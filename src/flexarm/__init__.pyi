@@ -41,10 +41,9 @@ from .control.analysis.loop_models import loop_models as loop_models
 from .control.analysis.margins import loop_margins as loop_margins
 from .control.analysis.robustness import robustness as robustness
 from .control.contract.base import Controller as Controller
-from .control.contract.requirements import ControllerRequirements as ControllerRequirements
+from .control.contract.base import ControllerRequirements as ControllerRequirements
 from .control.design.input_shaping import shaped as shaped
 from .control.design.input_shaping import shaper_sensitivity as shaper_sensitivity
-from .control.filters.estimator_controller import EstimatorController as EstimatorController
 from .control.filters.extended_kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
 from .control.filters.moving_horizon import MovingHorizonEstimator as MovingHorizonEstimator
 from .control.filters.unscented_kalman import UnscentedKalmanFilter as UnscentedKalmanFilter
@@ -57,12 +56,14 @@ from .control.laws import Admittance as Admittance
 from .control.laws import Composite as Composite
 from .control.laws import ComputedTorque as ComputedTorque
 from .control.laws import DisturbanceObserver as DisturbanceObserver
+from .control.laws import EstimatorController as EstimatorController
 from .control.laws import HybridForce as HybridForce
 from .control.laws import Impedance as Impedance
 from .control.laws import IntegralResonantControl as IntegralResonantControl
 from .control.laws import JointPD as JointPD
 from .control.laws import JointPID as JointPID
 from .control.laws import LoopShaping as LoopShaping
+from .control.laws import MuSynthesis as MuSynthesis
 from .control.laws import NeuralForce as NeuralForce
 from .control.laws import NonlinearMPC as NonlinearMPC
 from .control.laws import OutputRedefinition as OutputRedefinition
@@ -73,7 +74,6 @@ from .control.laws import RepetitiveControl as RepetitiveControl
 from .control.laws import SlidingMode as SlidingMode
 from .control.laws import StrainFeedback as StrainFeedback
 from .control.laws import WaveBasedControl as WaveBasedControl
-from .control.laws.joint.mu_synthesis import MuSynthesis as MuSynthesis
 from .identification.assessment import Identifiability as Identifiability
 from .identification.assessment import identifiability as identifiability
 from .identification.frequency.fit import MeasuredModes as MeasuredModes

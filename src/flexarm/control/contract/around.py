@@ -6,6 +6,7 @@ from typing import Any
 
 from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import (
+    JOINTS,
     Arrays,
     Controller,
     ControllerRequirements,
@@ -15,7 +16,6 @@ from flexarm.control.contract.base import (
     report_of,
     requirements_of,
 )
-from flexarm.control.contract.requirements import JOINTS
 
 #: Start of the names of the inner controller's memory.
 _INNER = "inner."

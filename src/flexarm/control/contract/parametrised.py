@@ -13,8 +13,7 @@ from pydantic import Field, ValidationError
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, check_positive
 from flexarm.base.errors import InputError, Problem, problems_of, public_call, unknown_arguments
-from flexarm.control.contract.base import Controller, check_controller
-from flexarm.control.contract.gains import joint_problems
+from flexarm.control.contract.base import Controller, check_controller, joint_problems
 from flexarm.model.checks import TypeText, args_text, faults_of, type_text
 from flexarm.model.drives.base import Declared, Parameters, parameters_of, record_of
 from flexarm.model.quantities import ListPerJoint

@@ -16,8 +16,12 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
 from flexarm.control.contract.base import Controller, Reference, report_of, requirements_of
-from flexarm.control.hardware.instruments import Readings, stride_and_delay
-from flexarm.control.hardware.measurement import Measurement, readings_by_name
+from flexarm.control.hardware.measurement import (
+    Measurement,
+    Readings,
+    readings_by_name,
+    stride_and_delay,
+)
 from flexarm.integrate.base import FloatArray, System
 from flexarm.model import Hardware
 from flexarm.model.hardware import channel_faults

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
-from flexarm.control.design.task_plan import TaskReference
-from flexarm.control.design.task_space import TaskState
+from flexarm.control.design.task_space import TaskReference, TaskState
 from flexarm.control.laws.force.task_controller import TaskController, felt_force
 from flexarm.model.drives.controllers import ImpedanceParameters
 

@@ -6,12 +6,16 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 from flexarm.arm.arm import Arm
-from flexarm.control.contract.base import Arrays, Controller, ControllerRequirements, Reference
+from flexarm.control.contract.base import (
+    JOINTS,
+    Arrays,
+    Controller,
+    ControllerRequirements,
+    Reference,
+)
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.design.arm_scales import arm_scales, set_defaults, slow_rate
-from flexarm.control.design.task_plan import TaskPlan, TaskReference
-from flexarm.control.design.task_space import TaskSpace, TaskState
+from flexarm.control.design.task_space import TaskPlan, TaskReference, TaskSpace, TaskState
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference
-from flexarm.control.contract.gains import applied
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.rigid_model import RigidModel
-from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.control.laws.joint.joint_pd import JointFollower
 from flexarm.model.drives.controllers import ComputedTorqueParameters
 
 

@@ -13,17 +13,16 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_flag, check_limits
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import (
+    JOINTS,
     Arrays,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    joint_problems,
 )
-from flexarm.control.contract.gains import joint_problems
-from flexarm.control.contract.requirements import JOINTS
-from flexarm.control.design.gravity_compensation import SaggingArm
-from flexarm.control.design.rigid_model import RigidModel
-from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.control.design.rigid_model import RigidModel, SaggingArm
+from flexarm.control.laws.joint.joint_pd import JointFollower
 from flexarm.model.drives.controllers import JointPIDParameters
 
 

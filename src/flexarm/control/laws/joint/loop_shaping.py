@@ -15,19 +15,19 @@ from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import UnstableLoopWarning, few, public_call, warn_caller
 from flexarm.control.contract.base import (
+    JOINTS,
     Arrays,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    applied,
 )
-from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.contract.requirements import JOINTS
-from flexarm.control.design.default_requirements import BANDWIDTH, typical_rate
+from flexarm.control.design.arm_scales import BANDWIDTH, typical_rate
 from flexarm.control.design.loop_shaping import ShapedDesign, shaped_design
-from flexarm.control.design.posture_grid import Interpolated, PostureGrid
-from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.control.design.nominal import Interpolated, PostureGrid
+from flexarm.control.laws.joint.joint_pd import JointFollower
 from flexarm.model.drives.linear import LoopShapingParameters
 
 #: Growth in a sample time that is rounding.

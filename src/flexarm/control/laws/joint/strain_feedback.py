@@ -12,16 +12,16 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, check_array
 from flexarm.control.contract.base import (
+    JOINTS,
     Arrays,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    applied,
 )
-from flexarm.control.contract.gains import applied
-from flexarm.control.contract.requirements import JOINTS
-from flexarm.control.hardware.instruments import filter_of
-from flexarm.control.laws.joint.follower import JointFollower
+from flexarm.control.hardware.measurement import filter_of
+from flexarm.control.laws.joint.joint_pd import JointFollower
 from flexarm.model.drives.controllers import StrainFeedbackParameters
 
 #: Default cutoff of the strain rates, relative to the sampling frequency.

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import FloatArray
-from flexarm.control.design.default_requirements import TIP
+from flexarm.control.design.arm_scales import TIP
 from flexarm.control.design.linear_design import (
     Design,
     bend_weight,

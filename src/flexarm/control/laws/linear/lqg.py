@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,9 @@ from pydantic import Field
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
-from flexarm.base.arguments import check_kind, check_positive
+from flexarm.base.arguments import check_kind, check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, public_call
-from flexarm.control.analysis.margin_design import for_margin
-from flexarm.control.analysis.margins import loop_at
+from flexarm.control.analysis.margins import loop_at, loop_margins, named_arms
 from flexarm.control.contract.base import (
     Arrays,
     Controller,
@@ -25,18 +24,24 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     Rest,
+    applied,
 )
-from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.default_requirements import design_requirements, typical_rate
-from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.arm_scales import design_requirements, typical_rate
 from flexarm.control.design.linear_design import (
     Design,
     design,
     preview_gain,
 )
-from flexarm.control.design.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
-from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.control.design.nominal import (
+    FlexibleModel,
+    Interpolated,
+    Nominal,
+    PostureGrid,
+    PreviewedReference,
+    RecordedRun,
+    strain_matrix,
+)
 from flexarm.model.drives.linear import LQGParameters
 
 #: Number of intervals of the preview, its most samples, which take a minute to compute, and its
@@ -359,3 +364,61 @@ def _dots(left: FloatArray, right: FloatArray) -> Any:
     if left.ndim == 1:
         return left @ right
     return np.matmul(left[:, None], right[..., None])[:, 0]
+
+
+C = TypeVar("C", bound=Controller)
+
+#: Pairs of rigidity uncertainty and recovery, in increasing order of lost performance.
+_TRIED = tuple(
+    (unsure, recovery) for unsure in (0.0, 0.1, 0.3, 0.6, 1.0) for recovery in (0.0, 0.3, 1.0, 3.0)
+)
+
+
+def for_margin(
+    kind: type[C],
+    arm: Arm,
+    posture: ArrayLike | None,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+    disk_margin: float,
+    postures: ArrayLike | None,
+    options: dict[str, Any],
+) -> C:
+    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
+
+    Raises:
+        InputError: if no controller has the margin, an argument is wrong, or ``options`` has
+            ``rigidity_uncertainty`` or ``recovery``.
+    """
+    rule = "be greater than 0 and less than 2"
+    required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
+    for name in ("rigidity_uncertainty", "recovery"):
+        if name in options:
+            raise InputError(Problem(name, "is not supported, because the design searches for it"))
+    arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
+    make: Any = kind
+    best, found = -1.0, (0.0, 0.0)
+    for unsure, recovery in _TRIED:
+        made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
+        margin = _least(made.at_rest(), arms, postures, best)  # type: ignore[attr-defined]
+        if margin >= required:
+            return made
+        if margin > best:
+            best, found = margin, (unsure, recovery)
+    hint = (
+        f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
+        "deviations or less torque, or add gauges."
+    )
+    rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
+    raise InputError(Problem("disk_margin", rule, hint=hint))
+
+
+def _least(
+    controller: Controller, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
+) -> float:
+    """Return the least disk margin of several arms; stop early once it is at most ``enough``."""
+    least = 2.0
+    for arm in arms:
+        least = min(least, float(loop_margins(controller, arm, postures).disk_margin.min()))
+        if least <= enough:
+            break
+    return least

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.control.contract.base import FloatArray, Measurement, Reference
-from flexarm.control.contract.gains import applied
+from flexarm.control.contract.base import FloatArray, Measurement, Reference, applied
 from flexarm.control.design.linear_design import Design, preview_cost
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.linear.lqg import LQG

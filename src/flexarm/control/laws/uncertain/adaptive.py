@@ -11,8 +11,8 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
-from flexarm.control.design.rigid_parameters import RigidParameters, parameter_names
-from flexarm.control.laws.uncertain.sliding import SlidingController
+from flexarm.control.design.rigid_model import RigidParameters, parameter_names
+from flexarm.control.laws.uncertain.sliding_mode import SlidingController
 from flexarm.kernels.controller_terms.adaptation import adaptive_torque
 from flexarm.model.drives.controllers import AdaptiveParameters
 from flexarm.model.wording import nearest

@@ -18,7 +18,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import default_cutoff
-from flexarm.control.design.rigid_parameters import RigidParameters
+from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.model.drives.around import DisturbanceObserverParameters
 
 

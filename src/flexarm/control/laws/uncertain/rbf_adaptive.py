@@ -8,8 +8,8 @@ import numpy as np
 
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement
-from flexarm.control.design.rigid_parameters import RigidParameters
-from flexarm.control.laws.uncertain.sliding import SlidingController
+from flexarm.control.design.rigid_model import RigidParameters
+from flexarm.control.laws.uncertain.sliding_mode import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
 from flexarm.model.drives.controllers import RBFAdaptiveParameters
 

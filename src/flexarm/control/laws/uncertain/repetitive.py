@@ -21,9 +21,9 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    joints_of,
 )
 from flexarm.control.contract.parametrised import Parametrised
-from flexarm.control.contract.requirements import joints_of
 from flexarm.model import Hardware
 from flexarm.model.drives.around import RepetitiveParameters
 
