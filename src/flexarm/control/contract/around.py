@@ -12,6 +12,7 @@ from flexarm.control.contract.base import (
     ControllerRequirements,
     Measurement,
     Reference,
+    Step,
     law_of,
     report_of,
     requirements_of,
@@ -59,9 +60,7 @@ class Around(Controller):
         inside = law_of(self.inner).initial_memory(readings, inputs)
         return {_INNER + name: value for name, value in inside.items()}
 
-    def _inner_step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, Any]:
+    def _inner_step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         """Return the next memory of the inner controller, with its names here, and its torque."""
         after, torque = law_of(self.inner).step(self._inside(memory), readings, inputs)
         return {_INNER + name: value for name, value in after.items()}, torque

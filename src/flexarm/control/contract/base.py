@@ -124,6 +124,8 @@ class Rest:
 
 #: Named arrays: the memory of a law, or its planned inputs.
 Arrays = Mapping[str, Any]
+#: The result of a step: the next memory, and torques (joints,) N m.
+Step = tuple[Arrays, Any]
 
 
 class Controller(ABC):
@@ -193,7 +195,7 @@ class Controller(ABC):
         """Return the memory before the first step, by name; empty by default."""
         return {}
 
-    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         """Return the next memory, and the torques (joints,) N m of a sample."""
         raise NotImplementedError(f"{type(self).__name__} has no step")
 
@@ -263,8 +265,7 @@ class UpdateLaw(Controller):
         """Return the time and the reference itself."""
         return {"time": t, "reference": reference}
 
-    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         reference = inputs["reference"]
         if "reference_angle" in inputs:
             reference = ShiftedReference(inputs, reference)

@@ -14,10 +14,9 @@ from flexarm.control.design.task_space import (
     SurfacePlan,
     TaskPlan,
     TaskReference,
-    TaskState,
 )
 from flexarm.control.laws.force.hybrid_force import HybridForce
-from flexarm.control.laws.force.task_controller import felt_force
+from flexarm.control.laws.force.task_controller import TaskSample, TipLaw
 from flexarm.model.drives.controllers import AdaptiveForceParameters, NeuralForceParameters
 
 #: Largest coefficient of friction that is estimated.
@@ -43,10 +42,6 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
 
     The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
     the first contact.
-
-    Raises:
-        InputError: if a gain is negative or not finite, or frequency, speeds, nominal force or
-            sample time are not positive.
     """
 
     references: ClassVar[str] = "RoyWhitcomb2002"
@@ -133,17 +128,10 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
             row[rates : rates + self._task.joints] += memory["friction_rate"] * slope[NUMBERS:rates]
         return self._plan.request(row)
 
-    def _law(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        state: TaskState,
-        readings: Measurement,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
-        if request.force <= 0.0:
-            memory["unfelt"], memory["friction_rate"] = self._released, 0.0
-        return super()._law(memory, inputs, request, state, readings)
+    def _law(self, now: TaskSample) -> TipLaw:
+        if now.request.force <= 0.0:
+            now.memory["unfelt"], now.memory["friction_rate"] = self._released, 0.0
+        return super()._law(now)
 
     def _touching(self, memory: dict[str, Any], felt: float, least: float) -> bool:
         """Return whether the tip is in contact: until ``release_time`` without a force."""
@@ -151,28 +139,20 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         memory["unfelt"] = 0.0 if felt >= least else unfelt
         return bool(memory["unfelt"] <= self.release_time)
 
-    def _push(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        readings: Measurement,
-        slip: float,
-    ) -> float:
+    def _push(self, now: TaskSample, slip: float) -> float:
         """Return the force (N) to add to the reference's: (F.13)."""
-        push = super()._push(memory, inputs, request, readings, slip)
+        memory, push = now.memory, super()._push(now, slip)
         memory["friction_rate"] = 0.0
         if memory["unfelt"] > self.release_time:
             return push
-        signals = self._signals(inputs)
+        signals = self._signals(now.inputs)
         learned: float = memory["estimate"].dot(signals)
         push += learned
         if memory["unfelt"] > 0.0:
             return push
-        felt = felt_force(request, readings)
-        self._adapt(memory, inputs, signals, request.force - felt)
-        if self._slides(inputs):
-            self._rub(memory, inputs, request, readings, felt)
+        self._adapt(now, signals, now.request.force - now.felt)
+        if self._slides(now.inputs):
+            self._rub(now)
         return push
 
     def _signals(self, inputs: Arrays) -> FloatArray:
@@ -181,26 +161,19 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         signals = (now.force_rate / self._nominal_rate, now.speed / self.nominal_speed)
         return np.array([min(max(one, -_MOST_SIGNAL), _MOST_SIGNAL) for one in signals])
 
-    def _adapt(
-        self, memory: dict[str, Any], inputs: Arrays, signals: FloatArray, error: float
-    ) -> None:
+    def _adapt(self, now: TaskSample, signals: FloatArray, error: float) -> None:
         """Update the estimates with the force error (N): (F.14)."""
-        added = memory["estimate"] + self.sample_time * error * self._gains * signals
-        memory["estimate"] = np.clip(added, -self.nominal_force, self.nominal_force)
+        added = now.memory["estimate"] + self.sample_time * error * self._gains * signals
+        now.memory["estimate"] = np.clip(added, -self.nominal_force, self.nominal_force)
 
-    def _rub(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        readings: Measurement,
-        felt: float,
-    ) -> None:
+    def _rub(self, now: TaskSample) -> None:
         """Update the coefficient of friction of a tip that slides: (F.17)."""
-        x, y = readings.contact_force[0].tolist()
+        memory, request = now.memory, now.request
+        x, y = now.readings.contact_force[0].tolist()
         along = request.normal_x * y - request.normal_y * x
-        relative = felt / self.nominal_force
-        against = (-along if surface_of(inputs).speed > 0.0 else along) / self.nominal_force
+        relative = now.felt / self.nominal_force
+        sliding = surface_of(now.inputs).speed
+        against = (-along if sliding > 0.0 else along) / self.nominal_force
         before = memory["friction"]
         rate = self.friction_adaptation * relative * (against - before * relative)
         memory["friction"] = min(max(before + self.sample_time * rate, 0.0), _MOST_FRICTION)
@@ -219,9 +192,6 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
     on the position and is proportional to the speed. Its signals are random Fourier features of the
     position (Rahimi and Recht 2007) in place of the coefficients of `AdaptiveForce`, which it
     contains. It learns from stroke to stroke. Theory page "control-force", (F.19) and (F.20).
-
-    Raises:
-        InputError: if a gain is negative or not finite, or a number that must be positive is not.
     """
 
     references: ClassVar[str] = "RoyWhitcomb2002 RahimiRecht2007"
@@ -249,15 +219,13 @@ class NeuralForce(NeuralForceParameters, AdaptiveForce):
         moving = np.tanh(now.speed / self.nominal_speed)
         return np.concatenate([known, network, moving * network])
 
-    def _adapt(
-        self, memory: dict[str, Any], inputs: Arrays, signals: FloatArray, error: float
-    ) -> None:
+    def _adapt(self, now: TaskSample, signals: FloatArray, error: float) -> None:
         """Update the estimates; those of the network only while the tip slides."""
-        estimate = memory["estimate"]
-        if self._slides(inputs):
+        estimate = now.memory["estimate"]
+        if self._slides(now.inputs):
             decay = self.sample_time * (self.leakage + self.e_modification * abs(error))
             network = estimate[2:] * max(0.0, 1.0 - decay)
-            memory["estimate"] = np.concatenate([estimate[:2], network])
+            now.memory["estimate"] = np.concatenate([estimate[:2], network])
         else:
             signals = np.concatenate([signals[:2], 0.0 * signals[2:]])
-        super()._adapt(memory, inputs, signals, error)
+        super()._adapt(now, signals, error)

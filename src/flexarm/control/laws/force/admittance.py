@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
-from flexarm.control.design.task_space import TaskReference, TaskState
-from flexarm.control.laws.force.task_controller import TaskController, felt_force
+from flexarm.control.laws.force.task_controller import TaskController, TaskSample, TipLaw
 from flexarm.model.drives.controllers import AdmittanceParameters
 
 
@@ -21,10 +20,6 @@ class Admittance(AdmittanceParameters, TaskController):
     The controller measures ``joint_angle``, ``joint_rate`` and ``contact_force``, of which it uses
     the first contact. If the reference has no force, or there is no reference, the joints follow
     the motion or keep their first angles with ``frequency``, and no force is measured.
-
-    Raises:
-        InputError: if a gain is negative or not finite, or damping, frequency, speed or sample time
-            are not positive.
     """
 
     _shares: ClassVar[dict[str, float]] = {
@@ -41,20 +36,14 @@ class Admittance(AdmittanceParameters, TaskController):
         """Return the displacement of the reference y, m."""
         return {"away": 0.0}
 
-    def _law(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        state: TaskState,
-        readings: Measurement,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _law(self, now: TaskSample) -> TipLaw:
+        memory, request = now.memory, now.request
         nx, ny = request.normal_x, request.normal_y
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        (x, y), (x_rate, y_rate), _ = now.state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
         away = memory["away"]
-        force = felt_force(request, readings) - request.force - self.stiffness * away
+        force = now.felt - request.force - self.stiffness * away
         speed = min(max(force / self.damping, -self.most_speed), self.most_speed)
         across = spring * away + damper * speed
         memory["away"] = away + speed * self.sample_time

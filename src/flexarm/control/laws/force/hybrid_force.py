@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
-from flexarm.control.design.task_space import TaskReference, TaskState
-from flexarm.control.laws.force.task_controller import TaskController, felt_force
+from flexarm.control.laws.force.task_controller import TaskController, TaskSample, TipLaw
 from flexarm.model.drives.controllers import HybridForceParameters
 
 #: Default of ``touch_force``, relative to the requested force.
@@ -31,10 +30,6 @@ class HybridForce(HybridForceParameters, TaskController):
     also into a surface nearer than the path. If the reference has no force, or there is no
     reference, the joints follow the motion or keep their first angles with ``frequency``, and no
     force is measured.
-
-    Raises:
-        InputError: if a gain is negative or not finite, or frequency, speed or sample time are not
-            positive.
     """
 
     _shares: ClassVar[dict[str, float]] = {
@@ -53,16 +48,10 @@ class HybridForce(HybridForceParameters, TaskController):
         """Return the integrals of both errors, and whether the tip has touched the surface."""
         return {"integral": 0.0, "touched": False, "x_integral": 0.0, "y_integral": 0.0}
 
-    def _law(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        state: TaskState,
-        readings: Measurement,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _law(self, now: TaskSample) -> TipLaw:
+        memory, request = now.memory, now.request
         nx, ny = request.normal_x, request.normal_y
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        (x, y), (x_rate, y_rate), _ = now.state.motion.tolist()
         spring = self.frequency * self.frequency
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
@@ -82,23 +71,17 @@ class HybridForce(HybridForceParameters, TaskController):
         gain = self.path_integral * self.sample_time
         memory["x_integral"] += gain * x_off
         memory["y_integral"] += gain * y_off
-        push = self._push(memory, inputs, request, readings, nx * x_slip + ny * y_slip)
+        push = self._push(now, nx * x_slip + ny * y_slip)
         acceleration = (
             request.x_acceleration + x_pull - across * nx,
             request.y_acceleration + y_pull - across * ny,
         )
         return acceleration, (-push * nx, -push * ny)
 
-    def _push(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        readings: Measurement,
-        slip: float,
-    ) -> float:
+    def _push(self, now: TaskSample, slip: float) -> float:
         """Return the force (N) to add to the reference's: (F.5) in contact, (F.6) without."""
-        felt, against = felt_force(request, readings), -self.normal_damping * slip
+        memory, request = now.memory, now.request
+        felt, against = now.felt, -self.normal_damping * slip
         error, limit = request.force - felt, _MOST_CORRECTION * request.force
         least = _TOUCH * request.force if self.touch_force is None else self.touch_force
         touching = self._touching(memory, felt, least)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from flexarm.control.contract.base import Arrays, Measurement
-from flexarm.control.design.task_space import TaskReference, TaskState
-from flexarm.control.laws.force.task_controller import TaskController, felt_force
+from flexarm.control.laws.force.task_controller import TaskController, TaskSample, TipLaw
 from flexarm.model.drives.controllers import ImpedanceParameters
 
 
@@ -24,9 +23,6 @@ class Impedance(ImpedanceParameters, TaskController):
     it uses the first contact, if a force gain is not zero and the reference has a force. If the
     reference has no force, or there is no reference, the joints follow the motion or keep their
     first angles with ``posture_frequency``.
-
-    Raises:
-        InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
     _shares: ClassVar[dict[str, float]] = {
@@ -43,19 +39,12 @@ class Impedance(ImpedanceParameters, TaskController):
         self._reads_force = self.force_proportional > 0.0 or self.force_integral > 0.0
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"integral": 0.0}
 
-    def _law(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        state: TaskState,
-        readings: Measurement,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _law(self, now: TaskSample) -> TipLaw:
+        memory, request = now.memory, now.request
         nx, ny = request.normal_x, request.normal_y
-        (x, y), (x_rate, y_rate), _ = state.motion.tolist()
+        (x, y), (x_rate, y_rate), _ = now.state.motion.tolist()
         x, y, x_rate, y_rate = (
             request.x - x,
             request.y - y,
@@ -67,7 +56,7 @@ class Impedance(ImpedanceParameters, TaskController):
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
         across += (self.normal_damping - d) * (nx * x_rate + ny * y_rate)
         if self._reads_force:
-            error = request.force - felt_force(request, readings)
+            error = request.force - now.felt
             across -= self.force_proportional * error + memory["integral"]
             memory["integral"] += self.force_integral * self.sample_time * error
         force = (k * x + d * x_rate + across * nx, k * y + d * y_rate + across * ny)

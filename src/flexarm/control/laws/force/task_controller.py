@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import (
@@ -12,11 +12,32 @@ from flexarm.control.contract.base import (
     Controller,
     ControllerRequirements,
     Reference,
+    Step,
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import arm_scales, set_defaults, slow_rate
 from flexarm.control.design.task_space import TaskPlan, TaskReference, TaskSpace, TaskState
 from flexarm.control.hardware.measurement import FloatArray, Measurement
+
+#: Acceleration (m/s^2) of the tip of the rigid model, and force (N) on it, x and y of each.
+TipLaw = tuple[tuple[float, float], tuple[float, float]]
+
+
+class TaskSample(NamedTuple):
+    """One sample of a controller of the tip; the memory is a copy that the law advances."""
+
+    memory: dict[str, Any]
+    inputs: Arrays
+    request: TaskReference
+    state: TaskState
+    readings: Measurement
+
+    @property
+    def felt(self) -> float:
+        """Measured force (N) of the first contact along the normal."""
+        x, y = self.readings.contact_force[0].tolist()
+        force: float = self.request.normal_x * x + self.request.normal_y * y
+        return force
 
 
 class TaskController(OfArm, Controller):
@@ -49,17 +70,15 @@ class TaskController(OfArm, Controller):
         """Return the requested motion and force at t (s), in the order of `TaskReference`."""
         return {"request": self._plan.row(t, reference)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after = dict(memory)
         angle, rate = readings.joint_angle, readings.joint_rate
         request = self._request(after, inputs)
         state = self._task.at(angle, rate)
         if not (request.normal_x or request.normal_y):
             return after, self._joints_follow(request, state, angle, rate)
-        acceleration, force = self._law(after, inputs, request, state, readings)
+        now = TaskSample(after, inputs, request, state, readings)
+        acceleration, force = self._law(now)
         posture = self._posture(request, angle, rate)
         return after, self._task.torque(state, acceleration, force, posture, request.pressing)
 
@@ -68,18 +87,8 @@ class TaskController(OfArm, Controller):
         return self._plan.request(inputs["request"])
 
     @abstractmethod
-    def _law(
-        self,
-        memory: dict[str, Any],
-        inputs: Arrays,
-        request: TaskReference,
-        state: TaskState,
-        readings: Measurement,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the acceleration (m/s^2) of the tip of the rigid model, and the force (N) on it.
-
-        The reference presses on a surface. The memory, a copy, is advanced.
-        """
+    def _law(self, now: TaskSample) -> TipLaw:
+        """Return the acceleration and the force of a reference that presses on a surface."""
 
     def _joints_follow(
         self, request: TaskReference, state: TaskState, angle: FloatArray, rate: FloatArray
@@ -100,10 +109,3 @@ class TaskController(OfArm, Controller):
         w = self._posture_frequency
         back: FloatArray = w * w * (request.angle - angle) + 2.0 * w * (request.rate - rate)
         return request.acceleration + back
-
-
-def felt_force(request: TaskReference, readings: Measurement) -> float:
-    """Return the measured force (N) of the first contact along the normal."""
-    x, y = readings.contact_force[0].tolist()
-    force: float = request.normal_x * x + request.normal_y * y
-    return force

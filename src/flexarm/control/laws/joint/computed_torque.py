@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, applied
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.joint.joint_pd import JointFollower
@@ -22,10 +22,6 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
     errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
     a flexible arm the frequency should be below the lowest one with locked joints.
-
-    Raises:
-        InputError: if a frequency or the sample time is not positive and finite, a damping ratio is
-            negative or not finite, or the length of a list differs from the number of joints.
     """
 
     vectorized = True
@@ -46,16 +42,12 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
 
     def planned(self, t: float, reference: Reference) -> Arrays:
-        """See ``Controller.planned``."""
         more = (
             {} if self.feedforward else {"reference_acceleration": reference.joint_acceleration(t)}
         )
         return {**super().planned(t, reference), **more}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         now, speed = readings.joint_angle, readings.joint_rate
         desired: FloatArray = self._proportional * (inputs["reference_angle"] - now)
         desired = desired + self._derivative * (inputs["reference_rate"] - speed)

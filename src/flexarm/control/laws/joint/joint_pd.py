@@ -19,6 +19,7 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     SampledFeedforward,
+    Step,
     joints_of,
 )
 from flexarm.control.contract.parametrised import Parametrised
@@ -75,19 +76,13 @@ class JointPD(JointFollower, JointPDParameters):
     """Proportional and derivative feedback of each joint angle, plus a feedforward torque.
 
     Without a reference the controller keeps the angles of its first measurement.
-
-    Raises:
-        InputError: if a gain is negative or not finite, or the sample time is not positive.
     """
 
     vectorized = analytic = True
 
     feedforward: Callable[[float], ArrayLike] | None = Field(default=None)  # also by position
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         torque: FloatArray = self.proportional * (inputs["reference_angle"] - readings.joint_angle)
         torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
         if self.feedforward is not None:

@@ -19,6 +19,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
     joint_problems,
 )
 from flexarm.control.design.rigid_model import RigidModel, SaggingArm
@@ -81,20 +82,15 @@ class JointPID(JointFollower, JointPIDParameters):
         return self.arm is None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return ControllerRequirements(self._joints_for(arm, self.torque_limit), JOINTS)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         start = {"integral": 0.0 * readings.joint_angle}
         if isinstance(self._weight, SaggingArm):
             start["_sag"] = self._weight.first_sag(readings.joint_angle)
         return start
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after = dict(memory)
         error: FloatArray = inputs["reference_angle"] - readings.joint_angle
         torque: FloatArray = self.proportional * error + memory["integral"]

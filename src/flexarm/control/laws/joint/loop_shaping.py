@@ -18,9 +18,9 @@ from flexarm.control.contract.base import (
     JOINTS,
     Arrays,
     ControllerRequirements,
-    FloatArray,
     Measurement,
     Reference,
+    Step,
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
@@ -121,17 +121,12 @@ class LoopShaping(JointFollower, LoopShapingParameters, OfArm):
         return min(one.margin for one in self.designs)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return ControllerRequirements(self.arm.joints, JOINTS)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"state": np.zeros((*readings.joint_angle.shape[:-1], self._states))}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         angle = inputs["reference_angle"]
         errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
         known = np.concatenate([memory["state"], *errors], axis=-1)

@@ -30,6 +30,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
@@ -213,17 +214,12 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         return np.unique(np.concatenate(parts))
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return ControllerRequirements(self.arm.joints, JOINTS)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"state": np.zeros((*readings.joint_angle.shape[:-1], len(self.A)))}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, angle = memory["state"], inputs["reference_angle"]
         errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
         error = np.concatenate(errors, axis=-1)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import InputError, Problem, public_call, shown
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Step
 from flexarm.control.laws.joint.joint_pd import JointFollower
 from flexarm.model.drives.controllers import PrescribedPerformanceParameters
 
@@ -77,16 +77,12 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         return found
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         error = inputs["reference_angle"] - readings.joint_angle
         start = np.ones((*error.shape[:-1], 1))
         bound = self.bound + start * (self.start_bound - self.bound)
         return {"fading": start, "outside": 0, "_first": _largest(error / bound)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         # Not the excess itself, because an analysis of the loop varies its memory below zero, too.
         bound = self.bound + memory["fading"] * (self.start_bound - self.bound)
         after = dict(memory, fading=np.exp(-self.decay * self.sample_time) * memory["fading"])

@@ -18,6 +18,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
     applied,
 )
 from flexarm.control.hardware.measurement import filter_of
@@ -65,7 +66,6 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         self.strain_rate = _of_gauges("strain_rate", self.strain_rate)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         fed = [self.strain, *([self.strain_rate] if np.any(self.strain_rate) else [])]
         joints = self._joints_for(arm, *fed)
         there = len(arm.gauges)
@@ -78,10 +78,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
         strain = readings.strain
         return {"strain": strain, "rate": 0.0 * strain} if np.any(self.strain_rate) else {}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         torque: FloatArray = self.proportional * (inputs["reference_angle"] - readings.joint_angle)
         torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
         strain = readings.strain

@@ -24,6 +24,7 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     Rest,
+    Step,
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
@@ -172,7 +173,6 @@ class LQG(LQGParameters, OfArm, Controller):
         self._motion.reset()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         first = () if self.nominal is not None else ("joint_angle",)
         read = tuple(
             dict.fromkeys(
@@ -209,16 +209,12 @@ class LQG(LQGParameters, OfArm, Controller):
         return inputs
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         first = readings[next(iter(self.design_requirements.measured))]
         start = np.zeros((*first.shape[:-1], self._states + self._integrals))
         state, integral = start[..., : self._states], start[..., self._states :]
         return {"prediction": state, "estimate": state, "integral": integral}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])
         correct, gain, predict = arrays[:3]
         shown = [readings[name] for name in self.design_requirements.measured]

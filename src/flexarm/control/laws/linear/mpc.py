@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step
 from flexarm.control.design.linear_design import Design
 from flexarm.control.laws.linear.lqg import LQG
 from flexarm.model.drives.linear import MPCParameters
@@ -92,7 +92,6 @@ class MPC(MPCParameters, LQG):
         return mine
 
     def report(self) -> dict[str, float]:
-        """See ``Controller.report``."""
         names = "limited", "inaccurate", "fallback"
         return super().report() | {f"mpc_{name}": getattr(self, name) for name in names}
 
@@ -103,7 +102,6 @@ class MPC(MPCParameters, LQG):
         return {**inputs, "forces_ahead": forces, "torques_ahead": torques}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {**super().initial_memory(readings, inputs), **self._first_plan()}
 
     def _first_plan(self) -> dict[str, Any]:
@@ -112,10 +110,7 @@ class MPC(MPCParameters, LQG):
         plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
         return {**plans, "limited": 0, "inaccurate": 0, "fallback": 0}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, torque = super().step(memory, readings, inputs)
         return {**after, "applied": torque}, torque
 

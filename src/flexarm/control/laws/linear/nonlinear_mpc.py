@@ -88,7 +88,6 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         self._now: tuple[FloatArray, FloatArray] | None = None
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
         torque: FloatArray = self.feedback(t, measurement, reference)
         self.prepare()
         return torque

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement
+from flexarm.control.contract.base import Arrays, Measurement, Step
 from flexarm.control.design.rigid_model import RigidParameters, parameter_names
 from flexarm.control.laws.uncertain.sliding_mode import SlidingController
 from flexarm.kernels.controller_terms.adaptation import adaptive_torque
@@ -67,13 +67,9 @@ class Adaptive(AdaptiveParameters, SlidingController):
         return dict(zip(self.parameters, now.tolist(), strict=True))
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"estimate": self._start, **super().initial_memory(readings, inputs)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._sliding.at(memory, readings, inputs)
         estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
         columns = self._model.regressor(

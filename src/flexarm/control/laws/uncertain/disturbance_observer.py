@@ -15,6 +15,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import default_cutoff
@@ -31,10 +32,6 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
 
     The observer uses the measured "torque" if an instrument reads it, and the requested torque
     otherwise.
-
-    Raises:
-        InputError: if a number is negative or not finite, ``compensation`` exceeds 1, or ``inner``
-            is not a controller.
     """
 
     inner: Controller
@@ -63,21 +60,16 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         self._taken = self._filtered()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._required(arm, reference, self.arm.joints)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
         nothing = 0.0 * now[0]
         # The first sample has no interval before it that the estimate could follow.
         own = {"momentum": now, "commanded": nothing, "estimate": nothing, "intervals": np.zeros(1)}
         return {**own, **super().initial_memory(readings, inputs)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
         # The trapezoidal rule is accurate, because the torque is constant over the sample and
         # the other terms are nearly linear.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.contract.base import Arrays, FloatArray, Measurement
+from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Step
 from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.control.laws.uncertain.sliding_mode import SlidingController
 from flexarm.kernels.controller_terms.adaptation import network_torque
@@ -56,13 +56,9 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         return np.array(self.memory.get("weights", self._start))
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"weights": self._start, **super().initial_memory(readings, inputs)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._sliding.at(memory, readings, inputs)
         weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs

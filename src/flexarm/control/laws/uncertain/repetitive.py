@@ -21,6 +21,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
     joints_of,
 )
 from flexarm.control.contract.parametrised import Parametrised
@@ -85,11 +86,9 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         self._history = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._required(arm, reference, joints_of(arm.joints, *self._per_joint()))
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
         now, followed = measurement.joint_angle, self._reference_or_rest(measurement, reference)
         if self._history is None:
             self._history = PeriodHistory(now.size, *self._samples(), self._filter())
@@ -259,12 +258,8 @@ class _LearningSignal(Controller):
         self.sample_time = repetitive.sample_time
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._repetitive.requirements(arm, reference)
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         torque: FloatArray = self._repetitive.proportional * readings.joint_angle
         return memory, -torque - self._repetitive.derivative * readings.joint_rate

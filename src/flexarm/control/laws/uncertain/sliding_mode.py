@@ -17,6 +17,7 @@ from flexarm.control.contract.base import (
     FloatArray,
     Measurement,
     Reference,
+    Step,
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import default_cutoff, slow_rate, typical_torque
@@ -124,11 +125,9 @@ class SlidingController(OfArm, Controller):
         self._sliding.reset(self.sample_time)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return self._sliding.initial_memory(readings)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._sliding.requirements(self.arm)
 
 
@@ -161,10 +160,7 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         self._errors = self._model.placed(np.concatenate([np.zeros(known), errors]))
         self._floor = self.disturbance + self.reaching
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._sliding.at(memory, readings, inputs)
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False

@@ -29,6 +29,7 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     SampledFeedforward,
+    Step,
     check_reference,
     is_law,
 )
@@ -97,6 +98,16 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
     converts them to a motion of the joints, which is added to the reference of ``inner``. Along a
     reference of the flexible arm the strains are its own; along others, and without a reference,
     those of the statically bent arm.
+
+    Raises:
+        InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
+            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
+            bending itself.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
+            ``modes``, grows around joints that follow exactly.
     """
 
     inner: Controller
@@ -172,7 +183,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         )
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         required = self._required(arm, reference, self.arm.joints)
         read = tuple(dict.fromkeys([*required.measured, "strain"]))
         return ControllerRequirements(required.joints, read, len(self.arm.gauges))
@@ -194,13 +204,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         }
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"state": np.zeros(len(self._A)), **super().initial_memory(readings, inputs)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
         motion = self._C.dot(state) + self._D.dot(strain)
         m = self.arm.joints
@@ -328,16 +334,6 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
     The design assumes that the joints follow their reference at the frequency of the mode. The
     inner controller must act on the joint angles of its reference. The arm needs one gauge for
     each mode.
-
-    Raises:
-        InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
-            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
-            bending itself.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-
-    Warns:
-        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
-            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"
@@ -368,16 +364,6 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
     inner controller must act on the joint angles of its reference. The arm needs one gauge for
     each mode. Around one link the law damps higher modes as well. With several links modes
     that are not damped can grow: compare ``modes`` up to the number of joints by `loop_margins`.
-
-    Raises:
-        InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
-            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
-            bending itself.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-
-    Warns:
-        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
-            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "AphaleEtAl2007 PereiraEtAl2011 NamavarEtAl2014"
@@ -409,22 +395,11 @@ class WaveBasedControl(WaveBasedControlParameters, StrainDamping):
     The design assumes that the joints follow their reference at the frequency of the mode. The
     inner controller must act on the joint angles of its reference. The arm needs one gauge for
     each mode.
-
-    Raises:
-        InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
-            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
-            bending itself.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-
-    Warns:
-        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
-            ``modes``, grows around joints that follow exactly.
     """
 
     references: ClassVar[str] = "OConnor2007"
 
     def _law(self, omega: FloatArray) -> ModalLaw:
-        """See `StrainDamping._law`."""
         one = np.eye(len(omega))
         gain, leak = np.diag(2.0 * self.damping_ratio * omega), np.diag(self.leakage * omega)
         return ModalLaw(-leak, -gain, np.vstack([one, -leak]), np.vstack([0.0 * one, -gain]))
@@ -464,7 +439,6 @@ class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
         return self._model.chords(np.asarray(self.posture)) @ shapes[:, self._model.elastic].T
 
     def _law(self, omega: FloatArray) -> ModalLaw:
-        """See `StrainDamping._law`."""
         one = np.eye(len(omega))
         hertz = 0.05 * self.frequency_hz[0] if self.cutoff is None else self.cutoff
         passed, share = 2.0 * np.pi * hertz * one, self.weight * one
