@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
+from flexarm.model.drives.base import ControllerParameters, SampleTime
 from flexarm.model.quantities import (
     Count,
     Finite,
@@ -162,6 +162,7 @@ class LoopShapingParameters(ControllerParameters):
     """H-infinity loop shaping: robust feedback of joint angles and rates."""
 
     name = "loop_shaping"
+    takes_feedforward = True
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
@@ -184,16 +185,11 @@ class LoopShapingParameters(ControllerParameters):
     sample_time: SampleTime = 0.001
 
 
-class LoopShapingKeys(LoopShapingParameters):
-    """Keys of the drive `loop_shaping`."""
-
-    feedforward: Feedforward = None
-
-
 class MuSynthesisParameters(ControllerParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
     name = "mu_synthesis"
+    takes_feedforward = True
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
@@ -212,9 +208,3 @@ class MuSynthesisParameters(ControllerParameters):
     scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = 1
     """Largest order of the fitted scalings, 0 to 2."""
     sample_time: SampleTime = 0.001
-
-
-class MuSynthesisKeys(MuSynthesisParameters):
-    """Keys of the drive `mu_synthesis`, which needs slycot (extra ``robust``)."""
-
-    feedforward: Feedforward = None

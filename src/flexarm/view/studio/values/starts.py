@@ -21,7 +21,7 @@ from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
 from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
 from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
 from flexarm.model.arm.spec import Friction, JointLimits, Winding
-from flexarm.model.checks import Record
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive
 from flexarm.model.environment import (
     PAYLOAD_MASS,
@@ -429,11 +429,14 @@ class _Design:
         """Natural frequency (rad/s) of the joint loop with the smallest rate gain."""
         return float(np.min(self.derivative / self.inertia)) / (2.0 * _DAMPING)
 
-    def usual(self, form: Form, unit: str) -> Any:
+    def usual(self, record: Any, name: str) -> Any:
         """Return a value of a required parameter: a number that is usual for its unit here."""
-        size = arm_scales(self.arm, self.slowest).size(unit)
+        field = record.model_fields[name]
+        form, unit = forms_of(field).given[0], unit_of(descriptions_of(record).get(name, ""))
+        size = arm_scales(self.arm, self.bandwidth).size(unit)
         fits = all(size > bound if below else size < bound for bound, below, _ in form.bounds())
-        return short(size) if unit and fits else _plain(self.scenario, form, 1)
+        value = short(size) if unit and fits else _plain(self.scenario, form, 1)
+        return self.each(value) if name in getattr(record, "per_joint", ()) else value
 
     def each(self, values: Any) -> list[float]:
         """Return values (joints,) with three digits."""
@@ -499,7 +502,7 @@ def drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
         starts = name in _GAIN_STARTS and (name != "damping" or field.is_required())
         value = _GAIN_STARTS[name](of, default) if starts else None
         if name not in _GAIN_STARTS and field.is_required():
-            value = of.usual(forms_of(field).given[0], unit_of(field.description or ""))
+            value = of.usual(records[kind], name)
         if value is not None:
             content[name] = value
     return content
