@@ -65,7 +65,6 @@ CONTROL = Area(
         ),
         Group(
             sources=(
-                "control/**/*adaptive.py",
                 "control/**/sliding*.py",
                 "control/**/rigid_model.py",
             ),

@@ -36,9 +36,9 @@ from .cases.studies.statistics import sensitivity_indices as sensitivity_indices
 from .cases.studies.statistics import study_statistics as study_statistics
 from .cases.studies.study import Study as Study
 from .cases.studies.study import read_study as read_study
-from .control.analysis.loop_models import SampledModel as SampledModel
-from .control.analysis.loop_models import loop_models as loop_models
 from .control.analysis.margins import loop_margins as loop_margins
+from .control.analysis.robustness import SampledModel as SampledModel
+from .control.analysis.robustness import loop_models as loop_models
 from .control.analysis.robustness import robustness as robustness
 from .control.contract.base import Controller as Controller
 from .control.contract.base import ControllerRequirements as ControllerRequirements

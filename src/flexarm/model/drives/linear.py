@@ -158,16 +158,21 @@ class CompositeParameters(LinearParameters):
     times the typical rate."""
 
 
-class LoopShapingParameters(ControllerParameters):
-    """H-infinity loop shaping: robust feedback of joint angles and rates."""
+class RobustParameters(ControllerParameters):
+    """Parameters of the robust controllers of joint angles and rates."""
 
-    name = "loop_shaping"
     takes_feedforward = True
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
     """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
     for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
+
+
+class LoopShapingParameters(RobustParameters):
+    """H-infinity loop shaping: robust feedback of joint angles and rates."""
+
+    name = "loop_shaping"
     _: KW_ONLY
     integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Frequency below which the feedback is integral, one for all joints or one for each; 0 for
@@ -185,16 +190,10 @@ class LoopShapingParameters(ControllerParameters):
     sample_time: SampleTime = 0.001
 
 
-class MuSynthesisParameters(ControllerParameters):
+class MuSynthesisParameters(RobustParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
     name = "mu_synthesis"
-    takes_feedforward = True
-    posture: Annotated[Any, ListPerJoint(Number)] | None = None
-    """Joint angles of the design; zero by default (rad)."""
-    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
-    """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
-    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
     rigidity_uncertainty: Fraction = 0.1
     """Relative change of the rigidity of all links, at most 1. A third of it is added to the

@@ -13,9 +13,9 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, shown
 from flexarm.control.analysis.linear_controller import linear_controller
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
     JOINTS,
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,

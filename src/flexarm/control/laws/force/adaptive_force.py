@@ -15,8 +15,7 @@ from flexarm.control.design.task_space import (
     TaskPlan,
     TaskReference,
 )
-from flexarm.control.laws.force.hybrid_force import HybridForce
-from flexarm.control.laws.force.task_controller import TaskSample, TipLaw
+from flexarm.control.laws.force.task_controller import HybridForce, TaskSample, TipLaw
 from flexarm.model.drives.controllers import AdaptiveForceParameters, NeuralForceParameters
 
 #: Largest coefficient of friction that is estimated.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Step
-from flexarm.control.laws.joint.joint_pd import JointFollower
+from flexarm.control.laws.joint.joint_laws import JointFollower
 from flexarm.model.drives.controllers import PrescribedPerformanceParameters
 
 #: Default decay rate of the bounds, relative to that of the errors.

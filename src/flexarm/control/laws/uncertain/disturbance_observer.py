@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,

@@ -13,8 +13,8 @@ from flexarm.base.arguments import check_kind, check_posture
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.control.analysis.margins import check_single_rate, loop_at, plants_of
 from flexarm.control.analysis.sampled_loop import ComplexArray
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,

@@ -20,8 +20,8 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.analysis.linear_controller import FrozenReference
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,

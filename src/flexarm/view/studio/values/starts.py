@@ -18,8 +18,15 @@ from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
-from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
-from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
+from flexarm.model.arm.links import (
+    Box,
+    Circle,
+    Gauge,
+    ModalDamping,
+    RayleighDamping,
+    Rectangle,
+    Tube,
+)
 from flexarm.model.arm.spec import Friction, JointLimits, Winding
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive

@@ -1,7 +1,8 @@
-"""Mixed-sensitivity H-infinity and mu synthesis for an arm with uncertain rigidity and payload."""
+"""Robust control of the joints: H-infinity loop shaping, (C.140) to (C.144), and mu synthesis."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import KW_ONLY
 from typing import ClassVar, NamedTuple
@@ -39,17 +40,138 @@ from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import (
     DAMPING,
     Matrices,
+    ShapedDesign,
     added_damping,
     bilinear,
     coprime_controller,
     sampled_growth,
+    shaped_design,
     shaping,
 )
-from flexarm.control.laws.joint.joint_pd import JointFollower
+from flexarm.control.design.nominal import Interpolated, PostureGrid
+from flexarm.control.laws.joint.joint_laws import JointFollower
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.model.drives.linear import MuSynthesisParameters
+from flexarm.model.drives.linear import (
+    LoopShapingParameters,
+    MuSynthesisParameters,
+    RobustParameters,
+)
+
+#: Growth in a sample time that is rounding.
+_STILL = 1e-9
+
+
+class RobustFollower(JointFollower, RobustParameters, OfArm):
+    """Base of controllers that are designed for a sample time, with joint readings alone."""
+
+    _: KW_ONLY
+    feedforward: Callable[[float], ArrayLike] | None = Field(default=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        joints = self.arm.joints
+        self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
+        # The property reads another attribute, which the design sets.
+        rate = typical_rate(self.arm, vars(self)["sample_time"])
+        self.bandwidth = (
+            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
+        )
+        # The constructor leaves the number in the dictionary of the object, under the property.
+        self._design_for(vars(self).pop("sample_time"))
+
+    @property  # type: ignore[misc]
+    def sample_time(self) -> float:
+        """Time between samples, s."""
+        return self._sample_time
+
+    @sample_time.setter
+    @public_call
+    def sample_time(self, value: float) -> None:
+        self._design_for(check_positive("sample_time", value))
+
+    @abstractmethod
+    def _design_for(self, sample_time: float) -> None:
+        """Design the controller for a sample time (s)."""
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        return ControllerRequirements(self.arm.joints, JOINTS)
+
+
+class LoopShaping(RobustFollower, LoopShapingParameters):
+    """H-infinity loop shaping: feedback of joint angles and rates with a guaranteed margin.
+
+    Weights with the mass matrix of the rigid arm shape the linear model of the flexible arm. The
+    controller is the most robust one against changes of the normalised coprime factors of this
+    shaped plant. Its states are those of an observer of the flexible arm, without gauges. Without a
+    reference the controller keeps the angles of its first measurement.
+
+    Attributes:
+        designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
+
+    Raises:
+        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist frequency
+            of ``sample_time``, or the Riccati equations have no solution.
+        EquilibriumError: if the arm has no equilibrium at a posture.
+
+    Warns:
+        UnstableLoopWarning: if the loop with the arm itself, without the damping that stands for
+            ``rigidity_uncertainty``, is unstable.
+    """
+
+    @property
+    def analytic(self) -> bool:  # type: ignore[override]
+        """Whether ``step`` accepts complex numbers, over which gains are not interpolated."""
+        return self.schedule is None
+
+    references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
+
+    def _design_for(self, sample_time: float) -> None:
+        self._grid = PostureGrid(np.asarray(self.posture), self.schedule)
+        self._sample_time = sample_time
+        with one_warning() as bent:
+            self.designs: tuple[ShapedDesign, ...] = tuple(
+                shaped_design(self.arm, posture, self, sample_time)
+                for posture in self._grid.postures
+            )
+        warn_of_first(bent)
+        worst = max(self.designs, key=lambda one: one.growth)
+        if worst.growth * sample_time > _STILL:
+            text = (
+                f"The loop with the arm itself is unstable at joint angles {few(worst.posture)}: "
+                f"deviations grow by {worst.growth:.3g} 1/s. The margin is that of the model with "
+                "the damping of rigidity_uncertainty. Reduce it, or give the links damping."
+            )
+            warn_caller(text, UnstableLoopWarning)
+        nodes = [[np.block([[one.A, one.B], [one.C, one.D]])] for one in self.designs]
+        self._arrays = Interpolated(self._grid, nodes)
+        self._states = len(self.designs[0].A)
+        self.reset()
+
+    @property
+    def margin(self) -> float:
+        """Least robust stability margin of the designs, between 0 and 1.
+
+        For the model with the damping that stands for ``rigidity_uncertainty``. Gains may change by
+        factors from (1 - margin) / (1 + margin) to the inverse at all joints together, or phases by
+        2 arcsin(margin).
+        """
+        return min(one.margin for one in self.designs)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        return {"state": np.zeros((*readings.joint_angle.shape[:-1], self._states))}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        angle = inputs["reference_angle"]
+        errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
+        known = np.concatenate([memory["state"], *errors], axis=-1)
+        result = applied(self._arrays.at(angle)[0], known)
+        state, torque = result[..., : self._states], result[..., self._states :]
+        if self.feedforward is not None:
+            torque = torque + inputs["feedforward"]
+        return {"state": state}, torque
+
 
 #: Growth in a sample time that is rounding.
 _ROUNDING = 1e-7
@@ -62,7 +184,7 @@ _LEAST_ANGLE, _LARGEST_ANGLE = 1e-5, 0.5
 _LOWEST, _LOW, _DENSE, _FASTEST = 1e-4, 0.05, 70, 100.0
 
 
-class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
+class MuSynthesis(RobustFollower, MuSynthesisParameters):
     """Mixed-sensitivity control of the joints by D-K iteration, for uncertain rigidity and payload.
 
     The differences between the arm and arms of `varied` are blocks of uncertainty. The controller
@@ -97,35 +219,6 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
     analytic = True
     references: ClassVar[str] = "SkogestadPostlethwaite2005 CollinsKingBernstein1992"
 
-    _: KW_ONLY
-    feedforward: Callable[[float], ArrayLike] | None = Field(default=None)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        joints = self.arm.joints
-        self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
-        # The property reads another attribute, which the design sets.
-        rate = typical_rate(self.arm, vars(self)["sample_time"])
-        self.bandwidth = (
-            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
-        )
-        # The constructor leaves the number in the dictionary of the object, under the property.
-        sample_time = vars(self).pop("sample_time")
-        self._check_bandwidth(sample_time)
-        self._warn_of_no_effect()
-        self._design_for(sample_time)
-
-    @property  # type: ignore[misc]
-    def sample_time(self) -> float:
-        """Time between samples, s."""
-        return self._sample_time
-
-    @sample_time.setter
-    @public_call
-    def sample_time(self, value: float) -> None:
-        self._check_bandwidth(check_positive("sample_time", value))
-        self._design_for(float(value))
-
     def _check_bandwidth(self, sample_time: float) -> None:
         """Raise if the bandwidth is too low or too high for a sample time (s)."""
         bandwidth = np.asarray(self.bandwidth)
@@ -139,7 +232,9 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
         raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
 
     def _design_for(self, sample_time: float) -> None:
-        """Design the controller for a sample time (s)."""
+        self._check_bandwidth(sample_time)
+        if not hasattr(self, "mu"):  # once, at the construction
+            self._warn_of_no_effect()
         self._sample_time = sample_time
         with one_warning() as bent:
             plant = uncertain_plant(
@@ -212,9 +307,6 @@ class MuSynthesis(JointFollower, MuSynthesisParameters, OfArm):
             near[(near > low) & (near < fast)],
         )
         return np.unique(np.concatenate(parts))
-
-    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        return ControllerRequirements(self.arm.joints, JOINTS)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         return {"state": np.zeros((*readings.joint_angle.shape[:-1], len(self.A)))}
