@@ -33,16 +33,19 @@ CONTROL = Area(
             tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
         ),
         Group(
-            sources=("control/**/loop_shaping.py",),
-            tests=("unit/control/test_loop_shaping.py",),
+            sources=("control/**/loop_shaping.py", "control/**/robust_laws.py"),
+            tests=("unit/control/test_loop_shaping.py", "unit/control/test_mu_synthesis.py"),
         ),
         Group(
             sources=("control/laws/vibration/*.py",),
             tests=("unit/control/test_strain_damping.py",),
         ),
         Group(
-            sources=("control/laws/**/repetitive.py",),
-            tests=("unit/control/test_repetitive.py",),
+            sources=("control/laws/**/compensation.py",),
+            tests=(
+                "unit/control/test_repetitive.py",
+                "unit/control/test_disturbance_observer.py",
+            ),
         ),
         Group(
             sources=("control/**/input_shaping.py",),
@@ -52,7 +55,6 @@ CONTROL = Area(
             sources=(
                 "control/**/lqg.py",
                 "control/**/mpc.py",
-                "control/**/composite.py",
                 "control/**/linear_design.py",
                 "control/**/nominal.py",
             ),
