@@ -37,7 +37,7 @@ CONTROL = Area(
             tests=("unit/control/test_loop_shaping.py", "unit/control/test_mu_synthesis.py"),
         ),
         Group(
-            sources=("control/laws/vibration/*.py",),
+            sources=("control/laws/strain_damping.py",),
             tests=("unit/control/test_strain_damping.py",),
         ),
         Group(

@@ -13,7 +13,7 @@ from flexarm.control.analysis.linear_controller import linear_controller
 from flexarm.control.analysis.margins import loop_at
 from flexarm.control.analysis.sampled_loop import instruments_of, model_at, signals_of
 from flexarm.control.contract.base import has_poles
-from flexarm.control.laws.linear.lqg import _least
+from flexarm.control.laws.lqg import _least
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links

@@ -12,7 +12,7 @@ from flexarm.control.analysis.sampled_loop import response
 from flexarm.control.analysis.structured import _diagonal, _magnitude, dk_iteration
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import added_damping, in_series, shaping
-from flexarm.control.laws.joint.robust_laws import uncertain_plant
+from flexarm.control.laws.robust_laws import uncertain_plant
 
 control = pytest.importorskip("control")
 pytest.importorskip("slycot", reason="it comes with the extra: pip install 'flexarm[robust]'")

@@ -40,8 +40,8 @@ from flexarm.control.laws import (
     EstimatorController,
     RepetitiveControl,
 )
-from flexarm.control.laws.force.task_controller import TaskController
-from flexarm.control.laws.vibration.strain_damping import StrainDamping
+from flexarm.control.laws.strain_damping import StrainDamping
+from flexarm.control.laws.task_controller import TaskController
 from flexarm.kernels.controller_terms.task_dynamics import tip_torque
 
 #: Coefficients of friction of the two references, where they are not given.

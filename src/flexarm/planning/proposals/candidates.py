@@ -30,7 +30,7 @@ from flexarm.control.analysis.margins import (
 )
 from flexarm.control.design.arm_scales import NOISE
 from flexarm.control.design.rigid_model import RigidModel
-from flexarm.control.laws.force.task_controller import HybridForce, Impedance
+from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import Scenario

@@ -49,7 +49,7 @@ from flexarm.control.design.loop_shaping import (
     shaping,
 )
 from flexarm.control.design.nominal import Interpolated, PostureGrid
-from flexarm.control.laws.joint.joint_laws import JointFollower
+from flexarm.control.laws.joint_laws import JointFollower
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
@@ -79,9 +79,10 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
             np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
         )
         # The constructor leaves the number in the dictionary of the object, under the property.
-        self._design_for(vars(self).pop("sample_time"))
+        self._sample_time: float = vars(self).pop("sample_time")
+        self._design_for(self._sample_time)
 
-    @property  # type: ignore[misc]
+    @property
     def sample_time(self) -> float:
         """Time between samples, s."""
         return self._sample_time

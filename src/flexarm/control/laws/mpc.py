@@ -14,7 +14,7 @@ from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
 from flexarm.control.design.linear_design import Design, preview_cost
 from flexarm.control.design.nominal import Nominal
-from flexarm.control.laws.linear.lqg import LQG
+from flexarm.control.laws.lqg import LQG
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
 from flexarm.model import Link, ModalDamping
 from flexarm.model.drives.linear import MPCParameters, NonlinearMPCParameters
