@@ -5,12 +5,15 @@ from __future__ import annotations
 import statistics
 import warnings
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 import flexarm as fa
+from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.contract.base import Controller
 from flexarm.control.laws import CONTROLLERS
+from flexarm.view.studio.values.starts import drive_of_kind, scenario_around
 
 #: Joint angles (rad) at the start and the end of the motion, and its duration (s).
 START, END, DURATION = [0.3, 1.2], [0.6, 1.5], 0.5
@@ -40,13 +43,10 @@ def _estimator(arm: fa.Arm, payload_deviation: float = 0.0) -> fa.EstimatorContr
 
 _PD = ([300.0, 80.0], [30.0, 8.0])
 _ADAPTED = ["payload.mass", "joint_1.viscous", "joint_2.viscous"]
-#: A function that creates each controller of the registry.
+#: Functions that create controllers whose starting values are not the usual ones: with limits,
+#: horizons or parameters that determine the time. Others have the starting values of the studio.
 MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
-    "joint_pd": lambda arm: fa.JointPD(*_PD),
     "joint_pid": lambda arm: fa.JointPID(*_PD, [50.0, 10.0], arm=arm),
-    "strain_feedback": lambda arm: fa.StrainFeedback(*_PD, 10.0, 0.1),
-    "computed_torque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.5),
-    "disturbance_observer": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(*_PD), 2.0),
     "repetitive": lambda arm: fa.RepetitiveControl(fa.JointPD(*_PD), 0.4, [100.0, 30.0]),
     "adaptive": lambda arm: fa.Adaptive(arm, 10.0, [30.0, 8.0], 0.5, _ADAPTED),
     "sliding_mode": lambda arm: fa.SlidingMode(
@@ -55,14 +55,7 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "rbf_adaptive": lambda arm: fa.RBFAdaptive(
         arm, 10.0, [30.0, 8.0], 2.0, [0.0, 1.0], [1.0, 2.0], centres=(1, 5)
     ),
-    "prescribed_performance": lambda arm: fa.PrescribedPerformance(10.0, [30.0, 8.0], 0.1, 2.0),
-    "hybrid_force": lambda arm: fa.HybridForce(arm, frequency=1.5),
-    "impedance": lambda arm: fa.Impedance(arm, posture_frequency=1.5),
-    "admittance": lambda arm: fa.Admittance(arm, frequency=1.5),
-    "adaptive_force": lambda arm: fa.AdaptiveForce(arm, frequency=1.5),
-    "neural_force": lambda arm: fa.NeuralForce(arm, frequency=1.5),
     "composite": lambda arm: fa.Composite(arm, torque_limit=_LIMIT),
-    "loop_shaping": lambda arm: fa.LoopShaping(arm),
     "lqg": lambda arm: fa.LQG(arm, torque_limit=_LIMIT),
     "mu_synthesis": lambda arm: fa.MuSynthesis(
         arm,
@@ -76,10 +69,6 @@ MAKERS: dict[str, Callable[[fa.Arm], Controller]] = {
     "mpc": lambda arm: fa.MPC(arm, torque_limit=_LIMIT, horizon=10),
     "nonlinear_mpc": lambda arm: fa.NonlinearMPC(arm, torque_limit=_LIMIT),
     "estimator": _estimator,
-    "positive_position_feedback": lambda arm: fa.PositivePositionFeedback(arm, fa.JointPD(*_PD)),
-    "integral_resonant_control": lambda arm: fa.IntegralResonantControl(arm, fa.JointPD(*_PD)),
-    "wave_based_control": lambda arm: fa.WaveBasedControl(arm, fa.JointPD(*_PD)),
-    "output_redefinition": lambda arm: fa.OutputRedefinition(arm, fa.JointPD(*_PD)),
 }
 #: Conditions in which controllers take longer. Without limits, LQG requests up to 28 and 9 N m.
 CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
@@ -96,11 +85,20 @@ CONDITIONS: dict[tuple[str, str], Callable[[fa.Arm], Controller]] = {
 }
 
 
+def _started(name: str, arm: fa.Arm) -> Controller:
+    """Return a controller with its starting values in the studio."""
+    scenario = scenario_around(arm.spec)
+    drive = drive_of_kind(scenario, name)
+    controller: Controller = prepare(scenario.replace(drive=drive)).options["controller"]
+    return controller
+
+
 def microseconds(repeats: int = 5, duration: float = DURATION) -> dict[tuple[str, str], float]:
     """Return the time of one ``update`` by name and condition: medians of alternating runs."""
     plant = arm()
     motion = fa.joint_motion(plant, START, END, DURATION)
-    makers = {(name, ""): MAKERS[name] for name in CONTROLLERS} | CONDITIONS
+    makers = {(name, ""): MAKERS.get(name, partial(_started, name)) for name in CONTROLLERS}
+    makers |= CONDITIONS
     controllers = {key: make(plant) for key, make in sorted(makers.items())}
     found: dict[tuple[str, str], list[float]] = {key: [] for key in controllers}
     for turn in range(repeats + 1):

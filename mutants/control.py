@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from mutants.groups import Area, Group
 
-_NOMINAL = "unit/control/test_nominal_motion.py"
-_LQG = "unit/control/test_lqg.py"
 _MARGINS = "unit/control/test_loop_margins.py"
 
 CONTROL = Area(
@@ -35,27 +33,19 @@ CONTROL = Area(
             tests=("simulate/test_hardware.py", "simulate/test_loop_check.py"),
         ),
         Group(
-            sources=("control/**/posture_grid.py",),
-            tests=(
-                f"{_NOMINAL}::test_grid_interpolates_linear_functions_exactly_and_is_constant_outside",
-                f"{_LQG}::test_scheduled_gains_at_a_node_equal_those_of_its_posture",
-            ),
+            sources=("control/**/loop_shaping.py", "control/**/robust_laws.py"),
+            tests=("unit/control/test_loop_shaping.py", "unit/control/test_mu_synthesis.py"),
         ),
         Group(
-            sources=("control/**/loop_shaping.py",),
-            tests=("unit/control/test_loop_shaping.py",),
-        ),
-        Group(
-            sources=("control/laws/vibration/*.py",),
+            sources=("control/laws/strain_damping.py",),
             tests=("unit/control/test_strain_damping.py",),
         ),
         Group(
-            sources=("control/laws/**/repetitive.py",),
-            tests=("unit/control/test_repetitive.py",),
-        ),
-        Group(
-            sources=("control/**/gravity_compensation.py",),
-            tests=("unit/control/test_position_laws.py",),
+            sources=("control/laws/**/compensation.py",),
+            tests=(
+                "unit/control/test_repetitive.py",
+                "unit/control/test_disturbance_observer.py",
+            ),
         ),
         Group(
             sources=("control/**/input_shaping.py",),
@@ -65,28 +55,26 @@ CONTROL = Area(
             sources=(
                 "control/**/lqg.py",
                 "control/**/mpc.py",
-                "control/**/composite.py",
                 "control/**/linear_design.py",
                 "control/**/nominal.py",
-                "control/**/flexible_model.py",
             ),
             tests=(
                 "unit/control/test_lqg.py",
-                _NOMINAL,
+                "unit/control/test_nominal_motion.py",
                 "unit/control/test_mpc_and_composite.py",
                 f"{_MARGINS}::test_recovery_restores_the_margins_of_state_feedback",
             ),
         ),
         Group(
             sources=(
-                "control/**/*adaptive.py",
                 "control/**/sliding*.py",
-                "control/**/rigid_parameters.py",
+                "control/**/rigid_model.py",
             ),
             tests=(
                 "unit/control/test_adaptive.py",
                 "unit/control/test_rbf_adaptive.py",
                 "unit/control/test_sliding_mode.py",
+                "unit/control/test_position_laws.py",
             ),
         ),
         Group(

@@ -76,7 +76,8 @@ class WithConditions(OwnController):
         return after, 8.0 * after["angle"] + turned - rate
 
 
-#: Controllers whose law can be exported, by a name for the test.
+#: Controllers whose law can be exported, by a name for the test; those without an entry have that
+#: of the conformance tests.
 LAWS = {
     "joint_pd": lambda: joint_pd(),
     "joint_pd_feedforward": lambda: fa.JointPD(*PD, SAMPLE_TIME, feedforward),
@@ -86,7 +87,6 @@ LAWS = {
     "joint_pid_sag": lambda: fa.JointPID(
         *PD, [2.0, 1.0], arm=heavy(), sag=True, sample_time=SAMPLE_TIME
     ),
-    "strain_feedback": EXAMPLES["strain_feedback"],
     "computed_torque": lambda: fa.ComputedTorque(heavy(), 0.3, 0.5, sample_time=SAMPLE_TIME),
     "computed_torque_feedforward": lambda: fa.ComputedTorque(
         heavy(), 0.3, 0.5, feedforward=feedforward, sample_time=SAMPLE_TIME
@@ -187,6 +187,9 @@ LAWS = {
     "own": OwnController,
     "own_with_conditions": WithConditions,
 }
+#: Controllers of the registry that are refused.
+REFUSED = ("estimator", "mpc", "nonlinear_mpc", "repetitive")
+LAWS |= {name: EXAMPLES[name] for name in EXAMPLES if name not in {*LAWS, *REFUSED}}
 #: Those that damp vibration around a joint controller.
 DAMPING = [
     "integral_resonant_control",

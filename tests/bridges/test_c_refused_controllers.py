@@ -4,23 +4,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from bridges.test_c_controllers import LAWS, OwnController, heavy
+from bridges.test_c_controllers import LAWS, REFUSED, OwnController, heavy
 from conformance.controller_examples import EXAMPLES, two_links
-from flexarm.control.laws import CONTROLLERS
-
-REFUSED = {
-    "estimator",
-    "mpc",
-    "nonlinear_mpc",
-    "repetitive",
-}
-
-
-@pytest.mark.thorough
-def test_every_controller_is_exported_or_refused():
-    names = {type(make_one()).name for key, make_one in LAWS.items() if key[:3] != "own"}
-    assert names | REFUSED == set(CONTROLLERS)
-    assert not names & REFUSED
 
 
 def test_refusal_of_a_filter_names_the_parts_to_export(tmp_path):

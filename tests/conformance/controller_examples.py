@@ -1,7 +1,7 @@
 """Every controller of the registry for an arm of two joints, in Python and as drives of a file.
 
-A new controller has one entry in `ARGUMENTS`, and one in `DIFFERENT` if a file cannot have the same
-values.
+A controller without an entry has its starting values of the studio. It has one in `ARGUMENTS` if
+its loop needs others, and one in `DIFFERENT` if a file cannot have the same values.
 """
 
 from functools import partial
@@ -13,6 +13,7 @@ import pytest
 import flexarm as fa
 from arms import chain
 from flexarm.control.laws import CONTROLLERS
+from flexarm.view.studio.values.starts import drive_of_kind, scenario_around
 
 SAMPLE_TIME = 0.004
 
@@ -104,6 +105,16 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "wave_based_control": {"inner": joint_pd},
 }
 
+
+def usual(name: str) -> dict[str, Any]:
+    """Return the arguments of a controller without an entry."""
+    drive = drive_of_kind(scenario_around(two_links().spec), name)
+    content = {key: drive[key] for key in drive if key not in ("kind", "sample_time")}
+    return {**content, "inner": joint_pd} if "inner" in content else content
+
+
+ARGUMENTS |= {name: usual(name) for name in sorted(CONTROLLERS) if name not in ARGUMENTS}
+
 _WITHOUT_SLYCOT = "MuSynthesis was not tried, it needs: pip install 'flexarm[robust]'"
 
 
@@ -131,15 +142,13 @@ _PD = {"kind": "joint_pd", **_GAINS, "sample_time": SAMPLE_TIME}
 _READ = [{"signal": "joint_angle", "noise": 1e-4}, {"signal": "strain", "noise": 1e-6}]
 #: Drives of a file whose keys differ from the arguments.
 DIFFERENT: dict[str, dict[str, Any]] = {
-    "disturbance_observer": {"inner": _PD, "cutoff": 0.2},
     "estimator": {"inner": _PD, "estimator": {"instruments": _READ}},
-    "integral_resonant_control": {"inner": _PD},
     "joint_pid": {**_GAINS, "integral": [2.0, 1.0], "gravity": "sag"},
-    "output_redefinition": {"inner": _PD, "weight": -0.5},
-    "positive_position_feedback": {"inner": _PD, "damping_ratio": 0.2},
-    "repetitive": {"inner": _PD, "period": 0.4, "proportional": [2.0, 0.8], "derivative": 0.1},
     "strain_feedback": {**_GAINS, "strain": [100.0, 50.0], "strain_rate": [0.1, 0.0]},
-    "wave_based_control": {"inner": _PD},
 }
+_INNER = {"inner": _PD}
 #: The same controllers as drives of a scenario, without kind and sample time.
-DRIVES = {**ARGUMENTS, **DIFFERENT}
+DRIVES = {
+    name: DIFFERENT.get(name) or {**given, **(_INNER if "inner" in given else {})}
+    for name, given in ARGUMENTS.items()
+}

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links
+from controller_examples import DRIVES, EXAMPLES, SAMPLE_TIME, example, two_links, usual
 
 import flexarm as fa
 from flexarm.cases.scenario.scenario import FILTERS
@@ -26,8 +26,19 @@ pytestmark = [
 every = pytest.mark.parametrize("name", EXAMPLES)
 
 
-def test_every_controller_has_an_example():
-    assert set(EXAMPLES) == set(CONTROLLERS), "add it to ARGUMENTS of controller_examples.py"
+def test_every_example_is_of_a_controller():
+    assert set(EXAMPLES) == set(CONTROLLERS)
+
+
+@pytest.mark.parametrize("name", ["joint_pd", "adaptive", "hybrid_force", "lqg", "repetitive"])
+def test_controller_without_an_entry_has_its_starting_values(name, arm):
+    """A controller that is added gets such an example."""
+    given = {**usual(name), "sample_time": SAMPLE_TIME}
+    wanted = inspect.signature(CONTROLLERS[name]).parameters
+    given |= {"arm": arm} if "arm" in wanted and name != "joint_pid" else {}
+    values = {key: v() if callable(v) else v for key, v in given.items() if key in wanted}
+    controller = CONTROLLERS[name](**values)
+    assert np.isfinite(fa.simulate(arm, 0.02, controller=controller).torque).all()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexarm.model import MATERIALS, Box, Circle, Link, Rectangle, Tube
-from flexarm.model.arm.sections import Section
+from flexarm.model.arm.links import Section
 from unit.model.model_strategies import SECTIONS
 
 #: Kinds of the sections of files.

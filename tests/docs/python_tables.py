@@ -8,6 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import flexarm as fa
+from flexarm.control.laws import CONTROLLERS
+from flexarm.model.drives import CONTROLLED
 
 #: Parts of the page and their public names, in the order of the page.
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -45,17 +47,11 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "controllers": (
         *("Controller", "ControllerRequirements", "Measurement"),
         *("Hardware", "Instrument", "Motors"),
-        *("JointPD", "JointPID", "StrainFeedback", "ComputedTorque", "Composite", "LQG", "MPC"),
-        "NonlinearMPC",
-        *("SlidingMode", "Adaptive", "RBFAdaptive", "PrescribedPerformance", "DisturbanceObserver"),
-        *("PositivePositionFeedback", "IntegralResonantControl", "WaveBasedControl"),
-        "OutputRedefinition",
-        "RepetitiveControl",
-        *("HybridForce", "Impedance", "Admittance", "AdaptiveForce", "NeuralForce"),
-        *("ExtendedKalmanFilter", "UnscentedKalmanFilter", "EstimatorController", "compare"),
+        *(CONTROLLERS[kind].__name__ for kind in CONTROLLED),
+        *("ExtendedKalmanFilter", "UnscentedKalmanFilter", "compare"),
         "loop_margins",
         *("iterative_learning", "LearnedMotion"),
-        *("LoopShaping", "MuSynthesis", "loop_models", "SampledModel", "robustness"),
+        *("loop_models", "SampledModel", "robustness"),
         *("design", "ControllerDesign", "InstrumentFault", "MovingHorizonEstimator"),
     ),
     "linear": (

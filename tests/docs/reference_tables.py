@@ -6,20 +6,26 @@ Run this file to write them into the pages: ``python tests/docs/reference_tables
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 from docs_pages import ROOT
 from python_tables import python_tables
 
+from flexarm.control.laws import CONTROLLERS
 from flexarm.model import json_schema
+from flexarm.model.drives import CONTROLLED
 from flexarm.model.units import unit_of
 from flexarm.simulation.run.channels import CHANNELS, LIMITS, Channel
 
 FILE_FORMAT = "docs/reference/file-format.md"
 PYTHON = "docs/reference/python-api.md"
 RESULT = "docs/reference/channels.md"
+STUB = "src/flexarm/__init__.pyi"
 
 _SHORT = {word.lower(): word for word in ("PD", "PID", "LQG", "MPC", "RBF")}
 
@@ -167,22 +173,57 @@ def table_rows(page: str, name: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found[1].splitlines()[2:]]
 
 
-def missing_sections() -> str:
-    """Return the text of the sections that the page of the file format lacks; empty if none."""
+def missing_sections() -> dict[str, str]:
+    """Return the sections that the page of the file format lacks, by the name of the mapping."""
     page = (ROOT / FILE_FORMAT).read_text(encoding="utf-8")
     names = [name for name, definition in _definitions().items() if _has_keys(definition)]
-    lacking = [name for name in names if not part_pattern(name).search(page)]
-    return "\n".join(
-        f"### {_words(name)[0].upper()}{_words(name)[1:]}\n\n"
+    return {
+        name: f"### {_words(name)[0].upper()}{_words(name)[1:]}\n\n"
         f"<!-- begin {name} -->\n<!-- end {name} -->\n"
-        for name in lacking
+        for name in names
+        if not part_pattern(name).search(page)
+    }
+
+
+def with_drives(page: str, sections: dict[str, str]) -> str:
+    """Return the page of the file format with the missing sections of controllers.
+
+    Each follows that of the controller before it in the registry; ``sections`` loses them.
+    """
+    drives = [record.__name__ for record in CONTROLLED.values()]
+    for before, name in pairwise(drives):
+        if name in sections:
+            end = page.index(f"<!-- end {before} -->")
+            at = min(page.index(mark, end) for mark in ("\n## ", "\n### ") if mark in page[end:])
+            page = f"{page[: at + 1]}{sections.pop(name)}{page[at:]}"
+    return page
+
+
+def stub() -> str:
+    """Return the stub of the package, with the public names of all controllers of the registry."""
+    names = sorted(
+        (kind.__name__ for kind in CONTROLLERS.values()), key=lambda n: (not n.isupper(), n)
     )
+    laws = "".join(f"from .control.laws import {name} as {name}\n" for name in names)
+    parts = re.split(r"(?:^from \.control\.laws import .*\n)+", _stub_now(), flags=re.MULTILINE)
+    return laws.join(parts)
+
+
+def _stub_now() -> str:
+    return (ROOT / STUB).read_text(encoding="utf-8")
 
 
 def rewrite() -> None:
-    """Write every generated part into its page."""
-    if lacking := missing_sections():
-        raise SystemExit(f"Paste into {FILE_FORMAT}, where it belongs, and run again:\n\n{lacking}")
+    """Write the stub, and every generated part into its page."""
+    if stub() != _stub_now():
+        (ROOT / STUB).write_text(stub(), encoding="utf-8")
+        os.execv(sys.executable, [sys.executable, __file__])  # with the new public names
+    page = (ROOT / FILE_FORMAT).read_text(encoding="utf-8")
+    lacking = missing_sections()
+    (ROOT / FILE_FORMAT).write_text(with_drives(page, lacking), encoding="utf-8")
+    if lacking:
+        text = "\n".join(lacking.values())
+        raise SystemExit(f"Paste into {FILE_FORMAT}, where it belongs, and run again:\n\n{text}")
     for (page, name), text in generated().items():
         path = ROOT / page
         filled = f"<!-- begin {name} -->\n\n{text}\n\n<!-- end {name} -->"

@@ -10,7 +10,7 @@ import pytest
 import typer
 from docs_pages import ROOT, blocks, pages, text_of
 from python_tables import GROUPS
-from reference_tables import generated, missing_sections, part_pattern
+from reference_tables import STUB, generated, missing_sections, part_pattern, stub
 
 import flexarm as fa
 from flexarm.cli.main import app
@@ -44,10 +44,15 @@ def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
     assert found == [generated()[key]], f"{page}: {name} does not say what the code says; {again}"
 
 
+def test_stub_has_the_controllers_of_the_registry() -> None:
+    again = "run `python tests/docs/reference_tables.py`"
+    assert text_of(STUB) == stub(), f"{STUB} lacks a controller, or has one too many; {again}"
+
+
 def test_every_kind_of_mapping_has_a_section() -> None:
     """Parts are found by name above; here the page must not have further ones."""
     lacking = missing_sections()
-    assert not lacking, f"docs/reference/file-format.md lacks:\n\n{lacking}"
+    assert not lacking, f"docs/reference/file-format.md lacks sections: {', '.join(lacking)}"
     on_page = re.findall(r"<!-- begin (\w+) -->", text_of("docs/reference/file-format.md"))
     mappings = json_schema("study")["$defs"] | json_schema()["$defs"]
     with_keys = [n for n, d in mappings.items() if d["properties"].keys() - {"kind"}]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, problems_of, shown
-from flexarm.control.design.arm_scales import size_of_zero
-from flexarm.control.design.default_requirements import typical_rate
+from flexarm.control.design.arm_scales import size_of_zero, typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Motors

@@ -37,8 +37,7 @@ from flexarm.base.errors import (
 )
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.linear.vibration.lowest import lowest_frequency
-from flexarm.linear.vibration.modal import modes
+from flexarm.linear.vibration.modal import lowest_frequency, modes
 from flexarm.model.quantities import NonNegative, Positive
 from flexarm.motion.dynamics.dynamics_along import MotionTorque, TipConstraint, dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian

@@ -3,17 +3,17 @@
 This package imports no numerics and no NumPy.
 """
 
+from flexarm.model.arm.links import MATERIALS as MATERIALS
+from flexarm.model.arm.links import Box as Box
+from flexarm.model.arm.links import Circle as Circle
 from flexarm.model.arm.links import Gauge as Gauge
 from flexarm.model.arm.links import Link as Link
+from flexarm.model.arm.links import Material as Material
 from flexarm.model.arm.links import ModalDamping as ModalDamping
 from flexarm.model.arm.links import RayleighDamping as RayleighDamping
-from flexarm.model.arm.sections import MATERIALS as MATERIALS
-from flexarm.model.arm.sections import Box as Box
-from flexarm.model.arm.sections import Circle as Circle
-from flexarm.model.arm.sections import Material as Material
-from flexarm.model.arm.sections import Rectangle as Rectangle
-from flexarm.model.arm.sections import SectionTable as SectionTable
-from flexarm.model.arm.sections import Tube as Tube
+from flexarm.model.arm.links import Rectangle as Rectangle
+from flexarm.model.arm.links import SectionTable as SectionTable
+from flexarm.model.arm.links import Tube as Tube
 from flexarm.model.arm.spec import ArmSpec as ArmSpec
 from flexarm.model.arm.spec import Friction as Friction
 from flexarm.model.arm.spec import Joint as Joint

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from flexarm.base.arguments import about_degrees
 from flexarm.base.errors import ImplausibleValueWarning, warn_caller
-from flexarm.model.arm.links import Link
-from flexarm.model.arm.sections import Material, Section
+from flexarm.model.arm.links import Link, Material, Section
 from flexarm.model.arm.spec import ArmSpec, Joint, Payload
 
 #: Earth's standard gravity, m/s^2.

@@ -6,7 +6,7 @@ from rigid_loops import Swing, errors, rigid_arm
 from scipy.optimize import least_squares
 
 import flexarm as fa
-from flexarm.control.design.rigid_parameters import RigidParameters, parameter_names
+from flexarm.control.design.rigid_model import RigidParameters, parameter_names
 from oracles.rigid_double_pendulum import ABSOLUTE
 
 ANGLE, RATE = np.array([0.4, -0.9]), np.array([1.3, -2.1])

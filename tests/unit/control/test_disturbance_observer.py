@@ -5,7 +5,7 @@ import pytest
 from rigid_loops import Swing, rigid_arm
 
 import flexarm as fa
-from flexarm.control.design.rigid_parameters import RigidParameters
+from flexarm.control.design.rigid_model import RigidParameters
 
 
 def test_momentum_and_its_flow_equal_derivatives_of_energy():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.control.contract.feedforward import SampledFeedforward
+from flexarm.control.contract.base import SampledFeedforward
 
 
 class Waves:

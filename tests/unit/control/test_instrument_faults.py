@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.control.hardware.instruments import Readings
+from flexarm.control.hardware.measurement import Readings
 from flexarm.model import locate_study
 
 TICK = 0.1

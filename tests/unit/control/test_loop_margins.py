@@ -10,10 +10,10 @@ import flexarm as fa
 from arms import chain, laboratory_arm
 from controllers import Plain
 from flexarm.control.analysis.linear_controller import linear_controller
-from flexarm.control.analysis.margin_design import _least
 from flexarm.control.analysis.margins import loop_at
-from flexarm.control.analysis.plant_model import instruments_of, model_at, signals_of
+from flexarm.control.analysis.sampled_loop import instruments_of, model_at, signals_of
 from flexarm.control.contract.base import has_poles
+from flexarm.control.laws.lqg import _least
 
 sys.path.append(str(Path(__file__).parents[2] / "conformance"))
 from controller_examples import EXAMPLES, SAMPLE_TIME, two_links

@@ -9,7 +9,7 @@ from linear_arm import POSTURE, arm_with_gauges
 from scipy.optimize import lsq_linear, minimize
 
 import flexarm as fa
-from flexarm.control.laws.linear import mpc as mpc_module
+from flexarm.control.laws import mpc as mpc_module
 
 WISHES = {
     "acceptable": {"tip": 0.002, "joint_rate": 0.3},

@@ -8,11 +8,11 @@ from linear_arm import POSTURE
 from test_loop_margins import robust_arm
 
 import flexarm as fa
-from flexarm.control.analysis.dk_iteration import _diagonal, _magnitude, dk_iteration
 from flexarm.control.analysis.sampled_loop import response
+from flexarm.control.analysis.structured import _diagonal, _magnitude, dk_iteration
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import added_damping, in_series, shaping
-from flexarm.control.design.uncertain_plant import uncertain_plant
+from flexarm.control.laws.robust_laws import uncertain_plant
 
 control = pytest.importorskip("control")
 pytest.importorskip("slycot", reason="it comes with the extra: pip install 'flexarm[robust]'")
@@ -186,7 +186,7 @@ def test_uncertainties_without_effect_give_a_warning():
 
 
 def test_numerical_failures_are_reported_as_such(monkeypatch):
-    monkeypatch.setattr("flexarm.control.analysis.dk_iteration._TRUSTED", 0.0)
+    monkeypatch.setattr("flexarm.control.analysis.structured._TRUSTED", 0.0)
     with pytest.raises(fa.InputError, match=r"arm does not permit .* synthesis: rounding errors"):
         fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=1, scaling_order=0)
 

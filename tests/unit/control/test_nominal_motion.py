@@ -4,7 +4,7 @@ import numpy as np
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
-from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.control.design.nominal import Interpolated, PostureGrid
 
 SAMPLE_TIME = 0.002
 

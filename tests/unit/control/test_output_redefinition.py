@@ -8,7 +8,7 @@ import flexarm as fa
 from arms import chain
 from controllers import Law
 from flexarm.control.analysis.margins import loop_at
-from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.nominal import FlexibleModel
 from flexarm.control.hardware.measurement import Measurement
 
 ROD = {"flexural_rigidity": 20.0, "mass_per_length": 0.5}

@@ -3,7 +3,7 @@
 import pytest
 
 from flexarm.base.errors import InputError
-from flexarm.model.arm.sections import SectionTable
+from flexarm.model.arm.links import SectionTable
 from flexarm.model.drives import TorqueDrive
 from flexarm.model.environment import AccelerationTable, SurfaceTable
 from flexarm.model.scenarios.motions import ViaPointMotionSpec

@@ -20,8 +20,8 @@ from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.control.laws.force.task_controller import TaskController
-from flexarm.control.laws.vibration.strain_damping import StrainDamping
+from flexarm.control.laws.strain_damping import StrainDamping
+from flexarm.control.laws.task_controller import TaskController
 from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian
 from flexarm.motion import Motion, joint_motion
 from flexarm.simulation.calls.run import simulate

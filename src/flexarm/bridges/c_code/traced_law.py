@@ -24,11 +24,14 @@ from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, branched, make_symbolic, symbol_array
 from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
-from flexarm.control.design.nominal import Nominal
-from flexarm.control.design.posture_grid import Interpolated
-from flexarm.control.design.surface_plan import SurfaceMotion, SurfacePlan
-from flexarm.control.design.task_plan import TaskPlan
-from flexarm.control.design.task_space import TaskSpace, TaskState
+from flexarm.control.design.nominal import Interpolated, Nominal
+from flexarm.control.design.task_space import (
+    SurfaceMotion,
+    SurfacePlan,
+    TaskPlan,
+    TaskSpace,
+    TaskState,
+)
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import (
     LQG,
@@ -37,8 +40,8 @@ from flexarm.control.laws import (
     EstimatorController,
     RepetitiveControl,
 )
-from flexarm.control.laws.force.task_controller import TaskController
-from flexarm.control.laws.vibration.strain_damping import StrainDamping
+from flexarm.control.laws.strain_damping import StrainDamping
+from flexarm.control.laws.task_controller import TaskController
 from flexarm.kernels.controller_terms.task_dynamics import tip_torque
 
 #: Coefficients of friction of the two references, where they are not given.

@@ -105,7 +105,7 @@ def _about_vibration(
     arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
 ) -> Rows:
     """Return the frequencies with locked joints at ``angles``, rad, and suitable sample times."""
-    from flexarm.control.analysis.sample_time import (
+    from flexarm.control.analysis.margins import (
         PHASE,
         controlled_modes,
         recommended_sample_time,

@@ -138,7 +138,7 @@ def _height(gravity: bool) -> float:
 
 def _inertias(links: int, gravity: bool) -> list[float]:
     """Return the inertia of the straight arm about each joint, kg m^2, for its gains."""
-    from flexarm.model.arm.sections import MATERIALS
+    from flexarm.model.arm.links import MATERIALS
 
     length = _length(links)
     mass = MATERIALS[_MATERIAL].density * _WIDTH * _height(gravity) * length

@@ -1,17 +1,177 @@
-"""Sampled loop of a linear controller and a linear arm: poles and sensitivity."""
+"""Linear models of an arm between the samples of a loop, and loops with them."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexarm.control.analysis.linear_controller import LinearController
-from flexarm.control.analysis.sampled_plant import SampledPlant
-from flexarm.control.hardware.measurement import FloatArray
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem
+from flexarm.control.analysis.linear_controller import (
+    FrozenReference,
+    LinearController,
+    linear_controller,
+)
+from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.design.linear_design import held
+from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.models.state_space import OutputName
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Motors, Sensor
+
+#: Largest number of states, and largest period (samples) after which all instruments repeat.
+_MOST_STATES, _MOST_SAMPLES = 1000, 300
+
+#: Tolerance for delays of whole samples, because decimal fractions are rounded.
+_GRID = 1e-9
+
+
+class Reading(NamedTuple):
+    """Instrument and its reading of the linear model without errors: C x + D (acting torque).
+
+    ``components`` are the ends of the names of its components; empty if unused.
+    """
+
+    instrument: Instrument
+    C: FloatArray
+    D: FloatArray
+    components: tuple[str, ...] = ()
+
+
+class SampledPlant(NamedTuple):
+    """Sampled linear system X+ = A X + B u, y = C X, with u the torque of the controller.
+
+    The state X consists of the states of the arm, the motors and the instruments. A and C are
+    periodic sequences of matrices; they have one entry unless an instrument has its own sample
+    time. ``outputs`` are the names of the components of y.
+    """
+
+    A: list[FloatArray]
+    B: FloatArray
+    C: list[FloatArray]
+    sample_time: float
+    outputs: tuple[str, ...] = ()
+
+
+def sampled_plant(
+    A: FloatArray,
+    B: FloatArray,
+    readings: Sequence[Reading],
+    motors: Motors | None,
+    sample_time: float,
+) -> SampledPlant:
+    """Sample a linear arm x' = A x + B (acting torque) exactly, with its hardware.
+
+    The model includes delays, the motors' lag, and the frames and filtered rates of instruments. It
+    excludes nonlinear effects (limits, resolution) and noise.
+
+    Raises:
+        InputError: if the period of the frames is too long, or delays require too many states.
+    """
+    motors = motors or Motors()
+    m, lag = B.shape[1], motors.time_constant
+    if lag > 0.0:  # the acting torque is a state that follows the requested one
+        rows = np.hstack([np.zeros((m, len(A))), -np.eye(m) / lag])
+        A, B = np.vstack([np.hstack([A, B]), rows]), np.vstack([np.zeros_like(B), np.eye(m) / lag])
+    late, part = _delay(motors.delay, sample_time)
+    before, push_before = held(A, B, part * sample_time)
+    after, push_after = held(A, B, (1.0 - part) * sample_time)
+    past = late + 1  # torques requested before this sample
+    slots = [_slots(reading, sample_time) for reading in readings]
+    n = len(A)
+    starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
+    size = int(starts[-1])
+    period = math.lcm(*(stride_and_delay(item.instrument, sample_time)[0] for item in readings))
+    if size > _MOST_STATES or period > _MOST_SAMPLES:
+        rule = f"repeat within {_MOST_SAMPLES} samples and have at most {_MOST_STATES} states"
+        value = f"{period} samples and {size} states"
+        hint = "Use sample times with a smaller common multiple, or shorter delays."
+        raise InputError(Problem("the sampled plant", rule, value, hint))
+    # Entry j selects the torque requested j samples ago. That of the current sample is the input.
+    commands = [np.zeros((m, size)), *(_places(m, n + m * j, size) for j in range(past))]
+    step, push = np.zeros((size, size)), np.zeros((size, m))
+    step[:n, :n] = after @ before
+    step[:n] += after @ push_before @ commands[late + 1] + push_after @ commands[late]
+    if late == 0:
+        push[:n] = push_after
+    push[n : n + m] = np.eye(m)
+    for j in range(1, past):
+        step[n + m * j : n + m * (j + 1)] = commands[j]
+    acting = _places(m, n - m, size) if lag > 0.0 else commands[late + 1]
+    steps, outputs = [], []
+    for k in range(period):
+        now, shown = step.copy(), []
+        for reading, start, (count, width) in zip(readings, starts, slots, strict=False):
+            exact = reading.D @ acting
+            exact[:, : reading.C.shape[1]] += reading.C
+            shown.append(_read(reading, exact, now, int(start), count, width, k, sample_time))
+        steps.append(now)
+        outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
+    names = tuple(
+        label + end
+        for reading in readings
+        for label in reading.instrument.labels
+        for end in reading.components
+    )
+    return SampledPlant(steps, push, outputs, sample_time, names)
+
+
+def _delay(delay: float, sample_time: float) -> tuple[int, float]:
+    """Return the whole samples of a delay, and the remaining fraction of a sample."""
+    late = math.floor(delay / sample_time + _GRID)
+    part = delay / sample_time - late
+    return late, part if part > _GRID else 0.0
+
+
+def _places(count: int, start: int, size: int) -> FloatArray:
+    """Return rows that select ``count`` numbers of a state of length ``size``."""
+    return np.eye(size)[start : start + count]
+
+
+def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
+    """Return the number of earlier frames that an instrument stores, and the size of each."""
+    every, late = stride_and_delay(reading.instrument, sample_time)
+    filtered = reading.instrument.rate_cutoff is not None
+    count = max(late, 1) if filtered or every > 1 else late
+    return count, len(reading.C) * (1 + filtered)
+
+
+def _read(
+    reading: Reading,
+    exact: FloatArray,
+    step: FloatArray,
+    start: int,
+    count: int,
+    width: int,
+    tick: int,
+    sample_time: float,
+) -> FloatArray:
+    """Return the rows of a reading over the state; write its memory into ``step``."""
+    every, late = stride_and_delay(reading.instrument, sample_time)
+    p, size = len(exact), exact.shape[1]
+    if tick % every:  # without a new frame, the last one remains
+        frame = _places(width, start, size)
+    elif reading.instrument.rate_cutoff is None:
+        frame = exact
+    else:
+        forget, per_change = filter_of(reading.instrument.rate_cutoff, every * sample_time)
+        last, rate = _places(p, start, size), _places(p, start + p, size)
+        frame = np.vstack([exact, forget * rate + per_change * (exact - last)])
+    if count:
+        step[start : start + width] = frame
+        for j in range(1, count):
+            step[start + j * width : start + (j + 1) * width] = _places(
+                width, start + (j - 1) * width, size
+            )
+    return frame if late == 0 else _places(width, start + (late - 1) * width, size)
+
 
 ComplexArray = NDArray[Any]
 #: Multipliers below this are zero except for rounding.
@@ -84,3 +244,194 @@ def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> Co
     shifted = z[:, None, None] * np.eye(len(A)) - A
     response: ComplexArray = C @ np.linalg.solve(shifted, B.astype(complex))
     return response
+
+
+#: Factors on the rate, and weights of a mean that cancels terms of first to third order.
+_RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
+
+
+class Signal(NamedTuple):
+    """Linear signal of an arm: value + C x + D (acting torque).
+
+    ``components`` are the ends of the names of its components, such as ``[1]``; empty if unused.
+    """
+
+    value: FloatArray
+    C: FloatArray
+    D: FloatArray
+    components: tuple[str, ...] = ()
+
+
+class PlantModel(NamedTuple):
+    """Linear model of deviations x of (q, qd), x' = A x + B (acting torque), and its signals."""
+
+    A: FloatArray
+    B: FloatArray
+    signals: dict[OutputName, Signal]
+
+
+class Sliding(NamedTuple):
+    """Conditions of sliding joints for the analysis of a loop.
+
+    Linearised at zero rate, regularised dry friction is a viscous damper of about a hundred times
+    its torque per rad/s, which moving joints do not have. Therefore the arms have no dry friction,
+    and a controller that compensates friction is linearised at joint rates where dry friction is
+    constant.
+
+    Attributes:
+        rate: joint rate (rad/s) at which the controller is linearised, zero if its model has no dry
+            friction.
+        arms: as given, without Coulomb and static friction.
+    """
+
+    rate: float
+    arms: tuple[Arm, ...]
+
+
+def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
+    """Remove dry friction, unless the controller models it and there is no ``reference``."""
+    believed, inner = [], controller
+    while inner is not None:
+        believed.append(getattr(inner, "arm", None))
+        inner = getattr(inner, "inner", None)
+    rate = max([0.0, *(_sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
+    if rate > 0.0 and reference is None:
+        return Sliding(0.0, arms)
+    free = {id(arm): _without_dry_friction(arm) for arm in arms}
+    return Sliding(rate, tuple(free[id(arm)] for arm in arms))
+
+
+def _sliding_rate(arm: Arm) -> float:
+    """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
+    every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
+    rates = [(10.0 * one.model_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    return max((max(pair) for pair in rates), default=0.0)
+
+
+def _is_dry(friction: Friction) -> bool:
+    return any((friction.coulomb, friction.static, friction.coulomb_negative))
+
+
+def _without_dry_friction(arm: Arm) -> Arm:
+    """Return an arm with viscous friction only; the same object if there is no dry friction."""
+    if not _sliding_rate(arm):
+        return arm
+    dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
+    dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
+    joints = [
+        joint.replace(friction=joint.friction.replace(**dry))
+        if joint.friction is not None
+        else joint
+        for joint in arm.spec.joints
+    ]
+    return Arm(arm.spec.replace(joints=joints))
+
+
+def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
+    """Return the instruments of a run: those of ``hardware``, or exact ones without it."""
+    if hardware is not None and hardware.instruments is not None:
+        return list(hardware.instruments)
+    names = ["joint_angle", "joint_rate"]
+    names += ["strain"] * bool(arm.gauges) + ["contact_force"] * (contacts > 0)
+    return [Instrument(signal=name) for name in names]
+
+
+def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
+    """Return the signals of instruments without duplicates."""
+    return list(dict.fromkeys(item.output for item in instruments))
+
+
+def model_at(
+    arm: Arm,
+    posture: ArrayLike,
+    signals: Sequence[OutputName],
+    contacts: Sequence[Contact] = (),
+) -> PlantModel:
+    """Linearise an arm at rest in a posture (joints,) rad.
+
+    Raises:
+        InputError: if the arm does not have a signal.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+    """
+    rest = equilibrium(arm, posture, contacts=contacts)
+    model = linearize(arm, rest, outputs=signals)
+    found: dict[OutputName, Signal] = {}
+    for signal in signals:
+        names = signal.labels() if isinstance(signal, Sensor) else [signal]
+        rows = [
+            k
+            for k, label in enumerate(model.outputs)
+            if any(label == name or label.startswith(f"{name}[") for name in names)
+        ]
+        ends = tuple("".join(model.outputs[k].rpartition("[")[1:]) for k in rows)
+        found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows], ends)
+    return PlantModel(model.A, model.B, found)
+
+
+def loop_of(
+    controller: Controller,
+    model: PlantModel,
+    instruments: Sequence[Instrument],
+    hardware: Hardware | None,
+    reference: Reference | None = None,
+    t: float = 0.0,
+    believed: PlantModel | None = None,
+    rate: float = 0.0,
+) -> SampledLoop:
+    """Close the loop of a law around a linear arm.
+
+    The controller is linearised about the readings of its own model ``believed``, by default
+    ``model``, and about the force that the ``reference`` requests. Errors are zero there, and no
+    limit of torques or integrals is active. Gain faults and frozen readings of instruments, from
+    the start of a run to its end, are factors of the readings of ``model``.
+
+    Args:
+        rate: rate of all joints (rad/s), see `Sliding`. The derivatives of Coriolis and centrifugal
+            torques, proportional to the rate and its square, cancel in a mean over several rates.
+    """
+    about = model if believed is None else believed
+    measured: dict[str, FloatArray] = {}
+    names: dict[str, OutputName] = {}
+    for item in instruments:
+        value = about.signals[item.output].value
+        if item.signal == "contact_force":
+            value = value.reshape(-1, 2).copy()
+            requested: Any = reference
+            if hasattr(requested, "contact_force"):
+                value[0] = requested.contact_force(t) * requested.normal(t)
+        labels = item.labels
+        measured[labels[0]], names[labels[0]] = value, item.output
+        if len(labels) > 1:
+            measured[labels[1]], names[labels[1]] = np.zeros_like(value), f"{item.signal}_rate"
+    motors = hardware.motors if hardware is not None else None
+    readings = [_reading(item, model.signals[item.output]) for item in instruments]
+    plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
+    if rate == 0.0 or reference is None:
+        return SampledLoop(plant, linear_controller(controller, measured, reference, t, names))
+    turning = {item.labels[-1] for item in instruments if _is_rate(item)}
+    terms = []
+    for factor, weight in _RATES:
+        now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
+        moving = FrozenReference(reference, t, factor * rate)
+        slopes = linear_controller(controller, now, moving, t, names)
+        terms.append([weight * slope for slope in slopes])
+    mean = LinearController(*(np.sum(slope, axis=0) for slope in zip(*terms, strict=True)))
+    return SampledLoop(plant, mean)
+
+
+def _reading(item: Instrument, signal: Signal) -> Reading:
+    """Return the reading of a signal, with the gains that faults give it during the whole run."""
+    gains = [
+        one if one.kind == "gain" else InstrumentFault("gain", 0.0, channel=one.channel)
+        for one in item.faults
+        if one.kind in ("gain", "frozen") and one.start == 0.0 and one.end is None
+    ]
+    shape = (-1, 2) if item.signal == "contact_force" else (-1,)
+    factor = faulty(np.ones(len(signal.C)).reshape(shape), gains, 0.0).reshape(-1, 1)
+    return Reading(item, factor * signal.C, factor * signal.D, signal.components)
+
+
+def _is_rate(item: Instrument) -> bool:
+    """Return whether the last reading of an instrument is a joint rate."""
+    filtered = item.signal == "joint_angle" and len(item.labels) > 1
+    return filtered or item.signal == "joint_rate"

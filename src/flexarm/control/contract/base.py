@@ -1,4 +1,4 @@
-"""Base class of controllers, and checks of objects that act as one."""
+"""Base class of controllers, their requirements, and checks of objects that act as one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from abc import ABC
 from collections.abc import Callable, Mapping
 from functools import wraps
 from types import MethodType
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -22,8 +22,32 @@ from flexarm.base.errors import (
     shown,
     warn_deprecated,
 )
-from flexarm.control.contract.requirements import ControllerRequirements
 from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.model.quantities import length_of
+
+#: Readings that nearly every controller uses.
+JOINTS = ("joint_angle", "joint_rate")
+
+
+class ControllerRequirements(NamedTuple):
+    """Requirements of a controller; None and empty entries are not checked.
+
+    Attributes:
+        joints: number of joints of the controller's arm.
+        measured: names that it reads from every measurement.
+        gauges: length of the strain reading.
+    """
+
+    joints: int | None = None
+    measured: tuple[str, ...] = ()
+    gauges: int | None = None
+
+
+def joints_of(expected: int, *numbers: FloatArray) -> int:
+    """Return the number of joints of lists: the first length other than ``expected``, if any."""
+    lengths = [len(value) for value in numbers if np.ndim(value)]
+    return next((length for length in lengths if length != expected), expected)
+
 
 __all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
 
@@ -109,6 +133,8 @@ class Rest:
 
 #: Named arrays: the memory of a law, or its planned inputs.
 Arrays = Mapping[str, Any]
+#: The result of a step: the next memory, and torques (joints,) N m.
+Step = tuple[Arrays, Any]
 
 
 class Controller(ABC):
@@ -178,7 +204,7 @@ class Controller(ABC):
         """Return the memory before the first step, by name; empty by default."""
         return {}
 
-    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         """Return the next memory, and the torques (joints,) N m of a sample."""
         raise NotImplementedError(f"{type(self).__name__} has no step")
 
@@ -248,8 +274,7 @@ class UpdateLaw(Controller):
         """Return the time and the reference itself."""
         return {"time": t, "reference": reference}
 
-    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Any]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         reference = inputs["reference"]
         if "reference_angle" in inputs:
             reference = ShiftedReference(inputs, reference)
@@ -413,3 +438,129 @@ def check_controller(name: str, value: object) -> None:
             raise InputError(Problem(name, f"have the method {method}", shown(value)))
     if not hasattr(value, "sample_time"):
         raise InputError(Problem(name, "have a sample_time", shown(value)))
+
+
+#: Number of sample times evaluated in one call.
+_AHEAD = 512
+
+
+class SampledFeedforward:
+    """Feedforward torque of a controller at its sample times.
+
+    Vectorized functions, such as those from ``rigid_torque``, are evaluated for ``_AHEAD`` sample
+    times at once, because one call per sample takes a thousand times as long. Other functions are
+    called directly, and so are vectorized functions at other times.
+
+    Args:
+        function: function of time (s) that returns torques (joints,) N m; if its attribute
+            ``vectorized`` is true, it also takes times (T,) and returns (T, joints).
+        sample_time: s.
+        later: s, offset that is added to the sample time before the function is evaluated.
+    """
+
+    def __init__(
+        self, function: Callable[[float], ArrayLike], sample_time: float, later: float = 0.0
+    ) -> None:
+        self._function = function
+        self._sample_time = sample_time
+        self._later = later
+        self._many = bool(getattr(function, "vectorized", False))
+        self._first = 0
+        self._values: FloatArray = np.zeros((0, 0))
+
+    def __call__(self, t: float) -> FloatArray:
+        """Return the torques (joints,) N m at time t (s)."""
+        k = round(t / self._sample_time)
+        if not self._many or k < 0 or k * self._sample_time != t:
+            return np.asarray(self._function(t + self._later), dtype=np.float64)
+        if not self._first <= k < self._first + len(self._values):
+            self._first = k
+            times = np.arange(k, k + _AHEAD) * self._sample_time + self._later
+            self._values = np.asarray(self._function(times))  # type: ignore[arg-type]
+        now: FloatArray = self._values[k - self._first]
+        return now
+
+
+def joint_problems(joints: int, given: Mapping[str, object]) -> list[Problem]:
+    """Return a problem for each list that does not have one value for each joint."""
+    rule = f"have length {joints}, one value for each joint"
+    lengths = {name: length_of(value) for name, value in given.items()}
+    wrong = {name: length for name, length in lengths.items() if length not in (None, joints)}
+    return [Problem(name, rule, str(length)) for name, length in wrong.items()]
+
+
+def applied(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return ``matrix @ vectors`` for a vector (k,), or for each of (runs, k) on its own.
+
+    The matrix may be one for each run, (runs, j, k). A product of two matrices would be rounded
+    differently for other numbers of runs.
+    """
+    found: FloatArray
+    if vectors.ndim == 1:
+        found = matrix.dot(vectors)  # half the time of ``@`` on small arrays
+    else:
+        found = np.matmul(matrix, vectors[..., None])[..., 0]
+    return found
+
+
+#: Start of the names of the inner controller's memory.
+_INNER = "inner."
+
+
+class Around(Controller):
+    """Base of controllers around an ``inner`` one, whose memory and inputs are among their own."""
+
+    inner: Any
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the inner controller, s."""
+        found: float = self.inner.sample_time
+        return found
+
+    @sample_time.setter
+    def sample_time(self, value: float) -> None:
+        self.inner.sample_time = value
+
+    def reset(self) -> None:
+        """Clear the state of the previous run, including the inner controller."""
+        super().reset()
+        self.inner.reset()
+
+    def report(self) -> dict[str, float]:
+        """Return the report of the inner controller."""
+        return report_of(self.inner)
+
+    def _keep(self, memory: Arrays) -> None:
+        """Store the memory after an update; that of the inner controller also in this one."""
+        super()._keep(memory)
+        law_of(self.inner)._keep(self._inside(memory))
+
+    def planned(self, t: float, reference: Reference) -> Arrays:
+        """Return the inputs of the inner controller."""
+        return law_of(self.inner).planned(t, reference)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        """Return the memory of the inner controller, with its names here."""
+        inside = law_of(self.inner).initial_memory(readings, inputs)
+        return {_INNER + name: value for name, value in inside.items()}
+
+    def _inner_step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        """Return the next memory of the inner controller, with its names here, and its torque."""
+        after, torque = law_of(self.inner).step(self._inside(memory), readings, inputs)
+        return {_INNER + name: value for name, value in after.items()}, torque
+
+    def _inside(self, memory: Arrays) -> Arrays:
+        start = len(_INNER)
+        return {name[start:]: memory[name] for name in memory if name.startswith(_INNER)}
+
+    def _required(
+        self, arm: Arm, reference: Reference | None, joints: int
+    ) -> ControllerRequirements:
+        """Return the requirements of the inner controller and those of ``joints`` joints."""
+        inner = requirements_of(self.inner, arm, reference)
+        return ControllerRequirements(
+            joints if joints != arm.joints else inner.joints,
+            tuple(dict.fromkeys([*JOINTS, *inner.measured])),
+            inner.gauges,
+        )

@@ -13,8 +13,7 @@ from pydantic import Field, ValidationError
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, check_positive
 from flexarm.base.errors import InputError, Problem, problems_of, public_call, unknown_arguments
-from flexarm.control.contract.base import Controller, check_controller
-from flexarm.control.contract.gains import joint_problems
+from flexarm.control.contract.base import Controller, check_controller, joint_problems
 from flexarm.model.checks import TypeText, args_text, faults_of, type_text
 from flexarm.model.drives.base import Declared, Parameters, parameters_of, record_of
 from flexarm.model.quantities import ListPerJoint
@@ -156,14 +155,27 @@ def _without_self(kind: Any) -> Signature:
     return whole.replace(parameters=list(whole.parameters.values())[1:])
 
 
+#: Errors of every constructor; a class with others writes its own section.
+_RAISES = """
+Raises:
+    InputError: if a parameter has the wrong type or is outside its bounds, or a list does not have
+        one value for each joint.
+"""
+
+
 class _Documented:
-    """Docstring of a class; the arguments of its constructor are added when it is read."""
+    """Docstring of a class; arguments and errors of its constructor are added when it is read."""
 
     def __init__(self, text: str) -> None:
-        self._text = text
+        self.text = text
 
     def __get__(self, instance: object, kind: Any) -> str:
-        text = self._text
+        bases = [vars(base).get("__doc__") for base in kind.__mro__]
+        texts = [base.text for base in bases if isinstance(base, _Documented)]
+        text = self.text
+        if "\nRaises:\n" not in text:
+            errors = (part.partition("\nRaises:\n")[1:] for part in texts)
+            text += "\n" + next(("".join(part) for part in errors if part[0]), _RAISES)
         entries = {name: item.description for name, item in _parameters(kind).items()}
         if not entries:
             return text

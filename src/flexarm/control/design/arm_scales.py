@@ -1,4 +1,4 @@
-"""Units of length, time and force of an arm, which default parameters are relative to."""
+"""Units of length, time and force of an arm, and the default requirements made from them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,113 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.control.design.default_requirements import RIGID, typical_torque
-from flexarm.linear.vibration.lowest import lowest_frequency
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirements, check_names
+from flexarm.control.design.rigid_model import RigidModel
+from flexarm.control.hardware.measurement import FloatArray
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
+from flexarm.linear.vibration.modal import lowest_frequency
 from flexarm.model.checks import Record
 from flexarm.model.drives.base import parameters_of
+from flexarm.model.drives.linear import LQGParameters
 from flexarm.model.paths import unit_at
 from flexarm.model.units import unit_of
+
+#: Outputs that can be measured, because their nominal values are computed.
+MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
+#: Default acceptable deviations: of angles (rad), of the tip relative to the reach, of rates
+#: relative to `typical_rate`. They are those of docs/performance/measure_robustness.py, for
+#: whose arm they are round numbers: 10 mrad, 10 mm and 0.2 rad/s.
+_ANGLE, TIP, _RATE = 0.01, 0.004, 0.032
+#: Outputs that can be integrated, and their default acceptable integrals times `typical_rate`: rad,
+#: and a fraction of the reach.
+_INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026}
+#: Outputs that can have acceptable deviations: all except contacts, which a design excludes.
+_ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
+#: Angular acceleration of the rigid model under `typical_torque`, relative to the square of
+#: `typical_rate`.
+_BRISK = 0.25
+#: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
+#: scale is that of its loop.
+_FASTEST, RIGID = 0.08, 0.0064
+#: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
+BANDWIDTH = 1.25
+#: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
+NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
+
+
+def typical_rate(arm: Arm, sample_time: float) -> float:
+    """Return the joint rate (rad/s) that default requirements of controllers are relative to.
+
+    It is `lowest_frequency`, but at most 0.08 rad in a ``sample_time`` (s), so that the default
+    requirements suit the loop; 0.0064 rad in a sample time for a rigid arm.
+    """
+    lowest = lowest_frequency(arm)
+    return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else RIGID / sample_time
+
+
+def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:
+    """Return the torques (joints,) N m that accelerate each joint at ``typical_rate`` (rad/s).
+
+    By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default.
+    """
+    at = np.zeros(arm.joints) if posture is None else np.asarray(posture, dtype=np.float64)
+    torque: FloatArray = _BRISK * rate**2 * np.diag(RigidModel(arm).mass_matrix(at))
+    return torque
+
+
+def design_requirements(
+    arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None, rate: float
+) -> DesignRequirements:
+    """Return the requirements of a linear controller, with default values for missing ones.
+
+    Args:
+        arm: model of the arm.
+        given: the controller, with its parameters as attributes.
+        acceptable: acceptable deviations in place of those of ``given``.
+        rate: of `typical_rate`, rad/s.
+
+    Raises:
+        InputError: if a name or number is wrong, several outputs are integrated, or the tip is
+            integrated but not measured.
+    """
+    measured, disturbance, integral = given.measured, given.disturbance, given.integral
+    reach = float(np.sum(arm.lengths))
+    if acceptable is None:
+        acceptable = {"joint_angle": _ANGLE, "tip": TIP * reach, "joint_rate": _RATE * rate}
+    torque = given.acceptable_torque
+    if torque is None:
+        torque = typical_torque(arm, given.posture, rate)
+    if measured is None:
+        measured = {name: noise for name, noise in NOISE.items() if name != "strain" or arm.gauges}
+    if disturbance is None:
+        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
+    if integral is None or integral is False:
+        integral = {}
+    elif integral is True or isinstance(integral, str):
+        name = "joint_angle" if integral is True else integral
+        size = {"tip": reach}.get(name, 1.0) / rate
+        integral = {name: size * _INTEGRATED.get(name, np.nan)}
+    checked = check_names("integral", integral, tuple(_INTEGRATED), arm)
+    if len(checked) > 1:
+        raise InputError(Problem("integral", "name a single output", shown(integral)))
+    seen = check_names("measured", measured, MEASURED, arm)
+    if "tip" in checked and "tip" not in seen:
+        raise InputError(Problem("measured", "must contain the tip to integrate it"))
+    return DesignRequirements(
+        check_names("acceptable", acceptable, _ACCEPTABLE, arm),
+        torque,
+        seen,
+        check_names("disturbance", disturbance, DISTURBANCES, arm),
+        checked,
+        rate,
+        given.recovery,
+        given.rigidity_uncertainty,
+    )
+
 
 #: Exponents of rate, length and force in each unit. Electrical units have no scale in an arm.
 _UNITS = {

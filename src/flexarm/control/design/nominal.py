@@ -1,18 +1,206 @@
-"""Nominal motion of linear controllers: coordinates, rates and torques over time."""
+"""Nominal motion of the flexible arm along a reference, and designs on a grid of postures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.arm.assembly.coordinates import modal_size
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.base.arguments import as_list
+from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.control.contract.base import Reference
-from flexarm.control.design.flexible_model import FlexibleModel
-from flexarm.control.design.posture_grid import Interpolated
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.kernels.observation.observables import poses
+from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
+
+#: Step of central differences by elastic coordinates, relative to ``modal_size``. It rotates links
+#: by less than 1e-3 rad, so the error is below a millionth.
+_STEP = 1e-5
+
+
+class FlexibleModel:
+    """Inverse dynamics of a flexible arm with moving joints and constant bending.
+
+    The elastic forces are those that no actuator applies, -r in (D.3). Joint angles, rates
+    and accelerations are in rad, rad/s, rad/s^2. Arguments are not checked.
+
+    Attributes:
+        arm: the arm. elastic: (dof - joints,) indices in q of the elastic coordinates.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        assembly = arm.assembly
+        self.elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        self._kernels = KernelView(assembly.constants)
+        self._state = self._kernels.zeros(2)
+        self._bodies = assembly.joint_body
+        self._joint_places = assembly.coordinates[arm.joint_index]
+        self._elastic_places = assembly.coordinates[self.elastic]
+        self._poses, self._tip = self._kernels.pose_arrays()
+
+    def forces_many(
+        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the torques (T, joints) N m and elastic forces (T, dof - joints) of a motion.
+
+        The elastic forces are those that would have to act to keep the bending constant. ``bend``
+        (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
+        """
+        joints, elastic = self._joint_places, self._elastic_places
+        kernels, count = self._kernels, len(angle)
+        states, accelerations = kernels.zeros(count, 2), kernels.zeros(count)
+        forces = np.empty_like(accelerations)
+        flat = states.reshape(count, 2, -1)
+        flat[:, 0, joints], flat[:, 1, joints] = angle, rate
+        flat[:, 0, elastic] = bend
+        accelerations.reshape(count, -1)[:, joints] = acceleration
+        kernels.call(
+            inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
+        )
+        found = forces.reshape(count, -1)
+        return found[:, joints], found[:, elastic]
+
+    def chords(self, angle: FloatArray) -> FloatArray:
+        """Return the rotations (joints, dof - joints) of the chords of the links by the bending.
+
+        A chord connects a joint with the next one, or with the tip; its rotation, in rad, is
+        relative to the joint before, like the joint angle. It does not depend on the posture.
+        Between joints without a kink, rigid links with these rotations have the same ends.
+        """
+        straight = np.diff(self._joints_and_tip(angle, np.zeros(self.elastic.size)), axis=0)
+        lengths = np.sum(straight**2, axis=1)
+        columns = []
+        step = _STEP * modal_size(self.arm)
+        for small in step * np.eye(self.elastic.size):
+            apart = self._joints_and_tip(angle, small) - self._joints_and_tip(angle, -small)
+            x, y = np.diff(apart / (2.0 * step), axis=0).T
+            columns.append((straight[:, 0] * y - straight[:, 1] * x) / lengths)
+        return np.diff(np.array(columns).T, axis=0, prepend=0.0)
+
+    def _joints_and_tip(self, angle: FloatArray, bend: FloatArray) -> FloatArray:
+        """Return the positions (joints + 1, 2) of the joints and of the tip, m."""
+        tip = self.tip(angle, bend)
+        return np.vstack([self._poses[self._bodies, :2], tip])
+
+    def tip(self, angle: FloatArray, bend: FloatArray) -> FloatArray:
+        """Return the position (2,) of the tip, m."""
+        # A flat view has one index for each coordinate in the arrays of the kernels.
+        q = self._state[0].reshape(-1)
+        q[self._joint_places], q[self._elastic_places] = angle, bend
+        self._kernels.call(poses, self._state, self._poses, self._tip)
+        return self._tip[:2].copy()
+
+
+class PostureGrid:
+    """Grid over some of the joint angles; the others are constant.
+
+    Args:
+        posture: (joints,) rad, of the angles that are constant.
+        schedule: for each joint None, or its increasing angles in the grid; None for one posture.
+
+    Attributes:
+        postures: (k, joints) rad of all nodes.
+
+    Raises:
+        InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
+    """
+
+    def __init__(self, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None) -> None:
+        joints = len(posture)
+        listed = [None] * joints if schedule is None else as_list(schedule)
+        axes = listed or []
+        if listed is None or len(axes) != joints:
+            rule = f"have one entry for each of the {joints} joints"
+            raise InputError(Problem("schedule", rule, shown(schedule)))
+        values: list[list[float]] = []
+        for k, axis in enumerate(axes):
+            angles = posture[k : k + 1] if axis is None else axis
+            found = check_array(f"schedule[{k}]", angles, (-1,))
+            if found.size == 0 or np.any(np.diff(found) <= 0.0):
+                rule = "be one or more angles in increasing order"
+                raise InputError(Problem(f"schedule[{k}]", rule, shown(axis)))
+            values.append(found.tolist())
+        self.postures = np.array(list(product(*values)))
+        strides = np.cumprod([1, *(len(v) for v in values[:0:-1])])[::-1]
+        self._axes = [
+            (k, v, int(stride))
+            for k, (v, stride) in enumerate(zip(values, strides, strict=True))
+            if len(v) > 1
+        ]
+
+    def weights(self, angle: FloatArray) -> list[tuple[int, float]]:
+        """Return nodes and their weights: linear in each angle, constant outside the grid."""
+        corners = [(0, 1.0)]
+        for k, values, stride in self._axes:
+            a = float(angle[k])
+            i = min(max(bisect_right(values, a) - 1, 0), len(values) - 2)
+            part = min(max((a - values[i]) / (values[i + 1] - values[i]), 0.0), 1.0)
+            corners = [
+                (node + (i + step) * stride, weight * share)
+                for node, weight in corners
+                for step, share in ((0, 1.0 - part), (1, part))
+                if share > 0.0
+            ]
+        return corners
+
+
+class Interpolated:
+    """Arrays that are given at the nodes of a grid and interpolated together.
+
+    Args:
+        grid: the grid. nodes: the arrays of each node, of equal shapes.
+    """
+
+    def __init__(self, grid: PostureGrid, nodes: Sequence[Sequence[FloatArray]]) -> None:
+        self._grid = grid
+        self._values = np.array([np.concatenate([a.ravel() for a in node]) for node in nodes])
+        self._shapes = [array.shape for array in nodes[0]]
+        self._begin()
+
+    def _begin(self) -> None:
+        self._now = self._values[0].copy()
+        self._at: list[tuple[int, float]] | None = None
+        self.arrays: list[FloatArray] = []
+        start = 0
+        for shape in self._shapes:
+            size = math.prod(shape)
+            self.arrays.append(self._now[start : start + size].reshape(shape))
+            start += size
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        return self._grid, self._values, self._shapes
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        # Rebuild the arrays, because copies of them would not be views of the buffer of ``move``.
+        self._grid, self._values, self._shapes = state
+        self._begin()
+
+    def at(self, angle: FloatArray) -> list[FloatArray]:
+        """Return the arrays at a posture, which the next call overwrites."""
+        corners = self._grid.weights(angle)
+        if corners != self._at:
+            self._at = corners
+            first, weight = corners[0]
+            np.multiply(self._values[first], weight, out=self._now)
+            for node, weight in corners[1:]:
+                self._now += weight * self._values[node]
+        return self.arrays
+
+    def first_at(self, angles: FloatArray) -> FloatArray:
+        """Return the first array at postures (T, joints), with shape (T, ...)."""
+        if len(self._values) == 1:
+            return np.broadcast_to(self.arrays[0], (len(angles), *self.arrays[0].shape))
+        return np.array([self.at(angle)[0].copy() for angle in angles])
+
 
 #: Number of sample times computed in one call.
 _AHEAD = 64

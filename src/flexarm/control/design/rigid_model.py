@@ -1,14 +1,23 @@
-"""Rigid model of an arm, fast enough for every sample of a controller."""
+"""Dynamics of the rigid model of an arm, for controllers: torques, parameters and gravity."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.kernels.columns import HAS_JOINT_LAWS
+from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS, momentum, regressor
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
+from flexarm.model.wording import nearest
 
 
 class RigidModel:
@@ -65,3 +74,248 @@ class RigidModel:
         self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
         found: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
         return found.copy()  # in the layout of that of several, for the same rounding of products
+
+
+#: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
+#: of sag to length, for example to a tenth if links sag by a tenth of their length.
+_FIRST_CORRECTIONS = 12
+
+
+class SaggingArm:
+    """Static torques of a flexible arm at given joint angles, with sagging links.
+
+    Each call corrects the sag of the previous call once. This is sufficient, because the sag
+    changes little between two sample times, and a correction leaves a small fraction of the error.
+
+    Attributes:
+        arm: the flexible arm.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+        assembly = arm.assembly
+        self._kernels = KernelView(assembly.constants)
+        self._state, self._still = self._kernels.zeros(2), self._kernels.zeros()
+        self._bodies = assembly.joint_body
+        elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        self._places = np.unravel_index(assembly.coordinates[elastic], self._still.shape)
+        weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
+        stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
+        self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
+
+    def first_sag(self, angle: FloatArray) -> FloatArray:
+        """Return the sag, in elastic coordinates, at the first joint angles."""
+        sag = np.zeros(len(self._compliance))
+        for _ in range(_FIRST_CORRECTIONS):
+            _, sag = self.gravity_torque(angle, sag)
+        return sag
+
+    def gravity_torque(self, angle: FloatArray, sag: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the torque (joints,) N m at rest, joint springs included, and the next sag."""
+        self._state[0, self._bodies, 0] = angle
+        self._state[0][self._places] = sag
+        force = self._kernels.inverse_dynamics(self._state, self._still)
+        torque: FloatArray = force[self._bodies, 0]
+        return torque, sag - self._compliance @ force[self._places]
+
+
+#: Column of a set for each parameter of a link and of a joint; the derivative is 1 there.
+_LINK = {"mass": 0, "first_moment": 1, "inertia": 3}
+_JOINT = {"viscous": 7, "coulomb": 9}
+_PAYLOAD = ("mass", "inertia")
+#: Columns of joint torques without inertia: damping, stiffness, friction and limits.
+_PASSIVE = slice(7, SET_COLUMNS)
+_NAME = re.compile(r"(link|joint)_(\d+)\.(\w+)")
+
+
+class RigidParameters:
+    """Regressor of the rigid model's torque, theory page "control under uncertainty", (C.41).
+
+    Args:
+        arm: an arm, whose rigid model is used.
+        names: parameters of the regressor: "payload.mass" (kg, at the payload's offset),
+            "payload.inertia" (kg m^2), "link_1.mass" (kg), "link_1.first_moment" (kg m,
+            about the joint), "link_1.inertia" (kg m^2, about the joint, its hub included),
+            "joint_1.viscous" (N m s/rad), "joint_1.coulomb" (N m).
+        smoothing_rate: (joints,) rad/s, of adapted friction at joints without friction in the arm.
+
+    Attributes:
+        names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
+            that belong to no parameter. joints: number of joints.
+
+    Raises:
+        InputError: if a parameter does not exist or is named twice.
+
+    Arguments of methods are not checked. Results are buffers that the next call overwrites.
+    """
+
+    def __init__(
+        self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
+    ) -> None:
+        self.names, self.joints = tuple(names), arm.joints
+        rigid = arm.rigid()
+        exact = rigid.assembly.constants
+        self._bodies = rigid.assembly.joint_body
+        directions = _directions(rigid, self.names)
+        whole = _whole(exact)
+        self.values = np.array([_share(whole, d) for d in directions])
+        passive = np.zeros_like(whole)
+        passive[:, _PASSIVE] = whole[:, _PASSIVE]
+        self._split = np.stack([whole - passive, passive])
+        rest = whole - sum((v * d for v, d in zip(self.values, directions, strict=True)), 0.0)
+        nominal = np.zeros((2, *rest.shape))
+        nominal[1, :, _PASSIVE] = rest[:, _PASSIVE]
+        nominal[0] = rest - nominal[1]
+        turning = [d for d in directions if not d[:, _PASSIVE].any()]
+        others = [d for d in directions if d[:, _PASSIVE].any()]
+        # The kernel requires the inertial sets first. ``_order`` restores the order of the names.
+        self._sets = np.stack([nominal[0], *turning, nominal[1], *others])
+        self._inertial = 1 + len(turning)
+        self._order = _order(directions)
+        self.known = 2
+        constants = _writable(exact)
+        if smoothing_rate is not None:
+            for joint, number in enumerate(arm.joint_numbers):
+                if arm.spec.joints[number - 1].friction is None:
+                    constants.friction[self._bodies[joint], 3] = smoothing_rate[joint]
+        self._kernels = kernels = KernelView(constants)
+        self._state, self._acceleration = kernels.zeros(2), kernels.zeros()
+        self._motion = np.zeros((4, self.joints))
+        self._angle, self._rate = np.zeros(self.joints), np.zeros(self.joints)
+        self._columns = np.zeros((len(self._sets), self.joints))
+        self._unit, self._found = np.zeros(self.joints), np.zeros((2, self.joints))
+
+    def regressor(
+        self,
+        angle: FloatArray,
+        rate: FloatArray,
+        reference_rate: FloatArray,
+        reference_acceleration: FloatArray,
+        ordered: bool = True,
+    ) -> FloatArray:
+        """Return rows (known + p, joints) of M qdd_r + C(q, qd) qd_r + g + losses(qd_r).
+
+        The sum of the first ``known`` rows is the torque that does not depend on a parameter; each
+        other row is the torque per unit of its parameter. Without ``ordered`` the rows have the
+        order of ``placed``, which is faster.
+        """
+        motion = self._motion
+        motion[0], motion[1] = angle, rate
+        motion[2], motion[3] = reference_rate, reference_acceleration
+        self._kernels.call(
+            regressor,
+            self._kernels.loads,
+            self._kernels.work,
+            self._sets,
+            self._inertial,
+            self._bodies,
+            motion,
+            self._state,
+            self._acceleration,
+            self._columns,
+        )
+        return self._columns[self._order] if ordered else self._columns
+
+    def placed(self, numbers: FloatArray) -> FloatArray:
+        """Return numbers (known + p,) in the order of the rows of the unordered ``regressor``."""
+        found = np.empty_like(numbers)
+        found[self._order] = numbers
+        return found
+
+    def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return M qd and its rate without motors, C' qd - g - losses, (2, joints)."""
+        self._angle[:], self._rate[:] = angle, rate
+        self._kernels.call(
+            momentum,
+            self._kernels.loads,
+            self._kernels.work,
+            self._split,
+            self._bodies,
+            self._angle,
+            self._rate,
+            self._unit,
+            self._state,
+            self._acceleration,
+            self._found,
+        )
+        return self._found
+
+
+def _directions(rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
+    """Return the derivative of the whole set (n, SET_COLUMNS) by each parameter."""
+    known = parameter_names(rigid)
+    problems = []
+    for i, name in enumerate(names):
+        if not isinstance(name, str) or name not in known:
+            rule = f"be names from {', '.join(known)}"
+            problems.append(Problem("parameters", rule, shown(name), nearest(name, known)))
+        elif name in names[:i]:
+            problems.append(Problem("parameters", f"repeats {name!r}"))
+    if problems:
+        raise InputError(*problems)
+    return [_direction(rigid, name) for name in names]
+
+
+def parameter_names(arm: Arm) -> tuple[str, ...]:
+    """Return the names of all parameters of an arm for ``RigidParameters``."""
+    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in _LINK]
+    joints = [f"joint_{i}.{name}" for i in arm.joint_numbers for name in _JOINT]
+    return (*links, *joints, *(f"payload.{name}" for name in _PAYLOAD))
+
+
+def _direction(rigid: Arm, name: str) -> FloatArray:
+    assembly = rigid.assembly
+    direction = np.zeros((assembly.bodies, SET_COLUMNS))
+    found = _NAME.fullmatch(name)
+    if found is not None:
+        number, kind = int(found[2]), found[3]
+        if found[1] == "link":
+            direction[assembly.link_body[number - 1], _LINK[kind]] = 1.0
+        else:
+            joint = list(rigid.joint_numbers).index(number)
+            direction[assembly.joint_body[joint], _JOINT[kind]] = 1.0
+        return direction
+    payload = rigid.spec.payload
+    x, y = payload.offset
+    if name == "payload.inertia":
+        direction[-1, 3 if payload.mass > 0.0 and (x or y) else 5] = 1.0
+    elif payload.mass > 0.0 and (x or y):  # the payload is a separate body
+        direction[-1, :4] = 1.0, x, y, x * x + y * y
+    else:
+        direction[-1, 4] = 1.0
+    return direction
+
+
+def _whole(constants: ArmConstants) -> FloatArray:
+    """Return the set of all constants of the rigid model, (n, SET_COLUMNS)."""
+    c = constants
+    columns = [c.mass, c.first_moment_x, c.first_moment_y, c.inertia, c.tip_mass, c.tip_inertia]
+    columns += [c.rotor[:, 0], c.joint_damping, c.joint_stiffness]
+    columns += [c.friction[:, 0], c.friction[:, 1], c.friction[:, 4], c.limits[:, 2]]
+    columns += [c.friction[:, 5], c.friction[:, 6]]
+    return np.stack(columns, axis=1)
+
+
+def _share(whole: FloatArray, direction: FloatArray) -> float:
+    """Return the value of a parameter of the arm."""
+    first = np.unravel_index(np.argmax(direction != 0.0), direction.shape)
+    return float(whole[first] / direction[first])
+
+
+def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
+    """Return the indices of the kernel's rows: the two known ones, then the parameters."""
+    passive = [bool(d[:, _PASSIVE].any()) for d in directions]
+    turning = passive.count(False)
+    places = [0, 1 + turning]
+    seen = [0, 0]
+    for is_passive in passive:
+        places.append((2 + turning if is_passive else 1) + seen[is_passive])
+        seen[is_passive] += 1
+    return np.array(places, dtype=np.intp)
+
+
+def _writable(constants: ArmConstants) -> ArmConstants:
+    """Return writable copies of the constants, with joint laws enabled."""
+    copies = ArmConstants(*(array.copy() for array in constants))
+    copies.arm[HAS_JOINT_LAWS] = 1.0
+    return copies

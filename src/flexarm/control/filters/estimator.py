@@ -20,7 +20,7 @@ from flexarm.base.arguments import (
 )
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.default_requirements import typical_rate, typical_torque
+from flexarm.control.design.arm_scales import typical_rate, typical_torque
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.filters.estimates import Estimates, Layout
 from flexarm.control.filters.first_estimate import first_variance, sag

@@ -13,8 +13,7 @@ import numpy as np
 
 from flexarm.control.filters.innovation_test import InnovationTest
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.control.hardware.instruments import stride_and_delay
-from flexarm.control.hardware.measurement import FloatArray
+from flexarm.control.hardware.measurement import FloatArray, stride_and_delay
 
 
 @dataclass

@@ -1,13 +1,17 @@
-"""Readings of the instruments at one sample time, by name."""
+"""Readings at one sample time, and instruments with resolution, noise, bias, range and delay."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.model import Instrument, InstrumentFault
 from flexarm.model.wording import nearest
 
 FloatArray = NDArray[np.float64]
@@ -104,3 +108,177 @@ def _hint(name: str) -> str:
 def _measurement(values: dict[str, FloatArray]) -> Measurement:
     """Create a measurement from its values, for unpickling."""
     return Measurement(**values)
+
+
+#: Numbers of each run that `NoiseOfRuns` draws at once.
+_AHEAD = 64
+#: Tolerance for whole multiples of the sample time, because decimal fractions are rounded.
+_GRID = 1e-9
+
+
+def stride_and_delay(instrument: Instrument, tick: float) -> tuple[int, int]:
+    """Return the stride of the frames and the delay of the readings, in samples.
+
+    Raises:
+        InputError: if the frames are not at sample times, ``tick`` (s) apart.
+    """
+    every = (instrument.sample_time or tick) / tick
+    if abs(every - round(every)) > _GRID * every:
+        rule = f"be a multiple of the controller's sample time ({tick:g} s)"
+        name = f"sample_time of {instrument.label!r}"
+        raise InputError(Problem(name, rule, shown(instrument.sample_time)))
+    return round(every), math.ceil(instrument.delay / tick - _GRID)
+
+
+def filter_of(cutoff: float, frame: float) -> tuple[float, float]:
+    """Return the coefficients of the previous rate and of the change in a filtered difference.
+
+    Tustin's rule for ``s / (1 + s / (2 pi cutoff))``, ``cutoff`` in Hz, over ``frame`` (s).
+    """
+    lag = 1.0 / (2.0 * math.pi * cutoff)
+    return (2.0 * lag - frame) / (2.0 * lag + frame), 2.0 / (2.0 * lag + frame)
+
+
+class Noise(Protocol):
+    """Source of noise, such as a ``numpy.random.Generator``."""
+
+    def normal(self, loc: float, scale: float, size: tuple[int, ...]) -> FloatArray:
+        """Return normally distributed numbers of shape ``size``."""
+
+
+class NoiseOfRuns:
+    """Noise of several runs, each with the numbers of its own generator."""
+
+    def __init__(self, generators: Sequence[np.random.Generator]) -> None:
+        self._generators = generators
+        self._ahead: FloatArray = np.zeros((0, 0))
+        self._next = 0
+
+    def normal(self, loc: float, scale: float, size: tuple[int, ...]) -> FloatArray:
+        """Return numbers of shape ``size``, (runs, k), with the same arguments at every call."""
+        if self._next == len(self._ahead):
+            shape = _AHEAD, *size[1:]
+            drawn = [one.normal(loc, scale, shape) for one in self._generators]
+            self._ahead, self._next = np.stack(drawn, axis=1), 0
+        self._next += 1
+        found: FloatArray = self._ahead[self._next - 1]
+        return found
+
+
+class Readings:
+    """State of an instrument during a run: frames, delays and the filtered difference.
+
+    The values, of shape (k,), may be those of several runs, (runs, k).
+
+    Attributes:
+        labels: of the readings. signal: that of the instrument.
+        exact: whether the reading is the value at each sample time, so that no state is needed.
+        limited: whether readings have a limit.
+    """
+
+    def __init__(self, instrument: Instrument, tick: float, generator: Noise) -> None:
+        self._instrument, self._tick = instrument, tick
+        self.labels, self.signal = instrument.labels, instrument.signal
+        self._generator = generator
+        self._every, self._late = stride_and_delay(instrument, tick)
+        self._frames: deque[tuple[int, FloatArray, FloatArray | None]] = deque()
+        self._known: tuple[FloatArray, FloatArray | None] | None = None
+        self._last: FloatArray | None = None
+        self._frozen: FloatArray | None = None  # the previous reading, which a fault may keep
+        self._rate: FloatArray | None = None
+        cutoff = instrument.rate_cutoff
+        immediate = self._every == 1 and self._late == 0 and cutoff is None
+        errors = instrument.bias, instrument.noise, instrument.resolution, instrument.faults
+        self.limited = instrument.limit < math.inf
+        self.exact = immediate and not any(errors) and not self.limited
+        self._frames_taken = 0
+        self._at_limit: Any = 0.0  # frames of each number, all and in a row
+        self._in_a_row: Any = 0.0
+        self._longest: Any = 0.0
+        if cutoff is not None:
+            self._forget, self._per_change = filter_of(cutoff, self._every * tick)
+
+    def wants(self, k: int) -> bool:
+        """Return whether sample k is a frame of the instrument."""
+        return k % self._every == 0
+
+    def take(self, k: int, value: FloatArray) -> None:
+        """Take the frame at sample k."""
+        acting = [one for one in self._instrument.faults if one.acts(k * self._tick)]
+        if acting:
+            value = faulty(value, acting, k * self._tick)
+        read = self._read(value)
+        for fault in acting:
+            if fault.kind == "frozen" and self._frozen is not None:
+                read[..., _channel(fault)] = self._frozen[..., _channel(fault)]
+        self._frozen = read
+        rate = self._difference(read)
+        if self._known is None:
+            self._known = read, rate
+        self._frames.append((k + self._late, read, rate))
+
+    def write_available(self, k: int, values: dict[str, FloatArray]) -> None:
+        """Write copies of the readings that are available at sample k into ``values``."""
+        while self._frames and self._frames[0][0] <= k:
+            self._known = self._frames.popleft()[1:]
+        assert self._known is not None
+        for label, value in zip(self.labels, self._known, strict=False):
+            assert value is not None
+            values[label] = value.copy()
+
+    def _read(self, value: FloatArray) -> FloatArray:
+        it = self._instrument
+        read = value + it.bias
+        if it.noise > 0.0:
+            read += self._generator.normal(0.0, it.noise, read.shape)
+        if it.resolution > 0.0:
+            read = it.resolution * np.round(read / it.resolution)
+        if not self.limited:
+            return read
+        beyond = np.abs(read) >= it.limit
+        self._frames_taken += 1
+        self._at_limit = self._at_limit + beyond
+        self._in_a_row = (self._in_a_row + 1.0) * beyond
+        self._longest = np.maximum(self._longest, self._in_a_row)
+        return np.clip(read, -it.limit, it.limit)
+
+    def saturation(self) -> tuple[FloatArray, FloatArray]:
+        """Return the share of the frames at the limit, and the longest time there (s).
+
+        Of the number with the largest ones, () or (runs,).
+        """
+        share = np.atleast_1d(self._at_limit) / max(self._frames_taken, 1)
+        longest = np.atleast_1d(self._longest) * (self._every * self._tick)
+        return share.max(axis=-1), longest.max(axis=-1)
+
+    def _difference(self, read: FloatArray) -> FloatArray | None:
+        if self._instrument.rate_cutoff is None:
+            return None
+        if self._last is None or self._rate is None:
+            self._rate = np.zeros_like(read)  # the first frame gives no difference
+        else:
+            self._rate = self._forget * self._rate + self._per_change * (read - self._last)
+        self._last = read
+        return self._rate
+
+
+def faulty(value: FloatArray, faults: Sequence[InstrumentFault], t: float) -> FloatArray:
+    """Return a value (k,) or (runs, k) with the faults that act at time t (s)."""
+    found = value.copy()
+    for fault in faults:
+        at = _channel(fault)
+        match fault.kind, fault.size:
+            case "bias", float(size):
+                found[..., at] += size
+            case "drift", float(size):
+                found[..., at] += size * (t - fault.start)
+            case "gain", float(size):
+                found[..., at] *= size
+    return found
+
+
+def _channel(fault: InstrumentFault) -> slice:
+    """Return the columns of the readings that a fault changes."""
+    if fault.channel is None:
+        return slice(None)
+    return slice(fault.channel - 1, fault.channel)

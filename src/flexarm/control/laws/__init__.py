@@ -1,113 +1,43 @@
-"""Built-in controllers, one per file, and the registry of their names."""
+"""Built-in controllers, and the registry of their names: one import is one entry."""
 
 from __future__ import annotations
 
-from flexarm.control.analysis.margins import loop_margins
-from flexarm.control.contract.base import Controller, Measurement, Reference
-from flexarm.control.contract.requirements import ControllerRequirements
-from flexarm.control.design.input_shaping import shaped
-from flexarm.control.filters.estimator_controller import EstimatorController
-from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
-from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
-from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
-from flexarm.control.laws.force.adaptive_force import AdaptiveForce
-from flexarm.control.laws.force.admittance import Admittance
-from flexarm.control.laws.force.hybrid_force import HybridForce
-from flexarm.control.laws.force.impedance import Impedance
-from flexarm.control.laws.force.neural_force import NeuralForce
-from flexarm.control.laws.joint.computed_torque import ComputedTorque
-from flexarm.control.laws.joint.joint_pd import JointPD
-from flexarm.control.laws.joint.joint_pid import JointPID
-from flexarm.control.laws.joint.loop_shaping import LoopShaping
-from flexarm.control.laws.joint.mu_synthesis import MuSynthesis
-from flexarm.control.laws.joint.prescribed_performance import PrescribedPerformance
-from flexarm.control.laws.joint.strain_feedback import StrainFeedback
-from flexarm.control.laws.linear.composite import Composite
-from flexarm.control.laws.linear.lqg import LQG
-from flexarm.control.laws.linear.mpc import MPC
-from flexarm.control.laws.linear.nonlinear_mpc import NonlinearMPC
-from flexarm.control.laws.uncertain.adaptive import Adaptive
-from flexarm.control.laws.uncertain.disturbance_observer import DisturbanceObserver
-from flexarm.control.laws.uncertain.rbf_adaptive import RBFAdaptive
-from flexarm.control.laws.uncertain.repetitive import RepetitiveControl
-from flexarm.control.laws.uncertain.sliding_mode import SlidingMode
-from flexarm.control.laws.vibration.integral_resonant import IntegralResonantControl
-from flexarm.control.laws.vibration.output_redefinition import OutputRedefinition
-from flexarm.control.laws.vibration.positive_position import PositivePositionFeedback
-from flexarm.control.laws.vibration.wave_based import WaveBasedControl
-from flexarm.model import Hardware, Instrument, Motors
+from typing import Any
+
+from flexarm.control.contract.base import Controller as Controller
+from flexarm.control.filters.estimator_controller import EstimatorController as EstimatorController
+from flexarm.control.laws.compensation import DisturbanceObserver as DisturbanceObserver
+from flexarm.control.laws.compensation import RepetitiveControl as RepetitiveControl
+from flexarm.control.laws.joint_laws import ComputedTorque as ComputedTorque
+from flexarm.control.laws.joint_laws import JointPD as JointPD
+from flexarm.control.laws.joint_laws import JointPID as JointPID
+from flexarm.control.laws.joint_laws import PrescribedPerformance as PrescribedPerformance
+from flexarm.control.laws.joint_laws import StrainFeedback as StrainFeedback
+from flexarm.control.laws.lqg import LQG as LQG
+from flexarm.control.laws.lqg import Composite as Composite
+from flexarm.control.laws.mpc import MPC as MPC
+from flexarm.control.laws.mpc import NonlinearMPC as NonlinearMPC
+from flexarm.control.laws.robust_laws import LoopShaping as LoopShaping
+from flexarm.control.laws.robust_laws import MuSynthesis as MuSynthesis
+from flexarm.control.laws.sliding_laws import Adaptive as Adaptive
+from flexarm.control.laws.sliding_laws import RBFAdaptive as RBFAdaptive
+from flexarm.control.laws.sliding_laws import SlidingMode as SlidingMode
+from flexarm.control.laws.strain_damping import IntegralResonantControl as IntegralResonantControl
+from flexarm.control.laws.strain_damping import OutputRedefinition as OutputRedefinition
+from flexarm.control.laws.strain_damping import PositivePositionFeedback as PositivePositionFeedback
+from flexarm.control.laws.strain_damping import WaveBasedControl as WaveBasedControl
+from flexarm.control.laws.task_controller import AdaptiveForce as AdaptiveForce
+from flexarm.control.laws.task_controller import Admittance as Admittance
+from flexarm.control.laws.task_controller import HybridForce as HybridForce
+from flexarm.control.laws.task_controller import Impedance as Impedance
+from flexarm.control.laws.task_controller import NeuralForce as NeuralForce
+
+
+def _is_built_in(value: Any) -> bool:
+    return isinstance(value, type) and issubclass(value, Controller) and value is not Controller
+
 
 #: Controllers by name. The drives of files have the same names as kinds.
 CONTROLLERS: dict[str, type[Controller]] = {
-    controller.name: controller
-    for controller in (
-        Adaptive,
-        AdaptiveForce,
-        Admittance,
-        Composite,
-        ComputedTorque,
-        DisturbanceObserver,
-        EstimatorController,
-        HybridForce,
-        Impedance,
-        IntegralResonantControl,
-        JointPD,
-        JointPID,
-        LQG,
-        LoopShaping,
-        MPC,
-        MuSynthesis,
-        OutputRedefinition,
-        NonlinearMPC,
-        NeuralForce,
-        PositivePositionFeedback,
-        PrescribedPerformance,
-        RBFAdaptive,
-        RepetitiveControl,
-        SlidingMode,
-        StrainFeedback,
-        WaveBasedControl,
-    )
+    kind.name: kind for kind in filter(_is_built_in, [*globals().values()])
 }
-
-__all__ = [
-    "CONTROLLERS",
-    "LQG",
-    "MPC",
-    "Adaptive",
-    "AdaptiveForce",
-    "Admittance",
-    "Composite",
-    "ComputedTorque",
-    "Controller",
-    "ControllerRequirements",
-    "DisturbanceObserver",
-    "EstimatorController",
-    "ExtendedKalmanFilter",
-    "Hardware",
-    "HybridForce",
-    "Impedance",
-    "Instrument",
-    "IntegralResonantControl",
-    "JointPD",
-    "JointPID",
-    "LoopShaping",
-    "Measurement",
-    "Motors",
-    "MovingHorizonEstimator",
-    "MuSynthesis",
-    "NeuralForce",
-    "NonlinearMPC",
-    "OutputRedefinition",
-    "PositivePositionFeedback",
-    "PrescribedPerformance",
-    "RBFAdaptive",
-    "Reference",
-    "RepetitiveControl",
-    "SlidingMode",
-    "StrainFeedback",
-    "UnscentedKalmanFilter",
-    "WaveBasedControl",
-    "loop_margins",
-    "shaped",
-]

@@ -1,4 +1,4 @@
-"""Natural frequencies, damping ratios and mode shapes of an arm at a posture."""
+"""Natural frequencies and mode shapes of an arm at an equilibrium."""
 
 from __future__ import annotations
 
@@ -466,3 +466,20 @@ def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.i
     pairs = np.take_along_axis(pairs, slower, axis=1)
     first[left], second[left] = pairs.T
     return first, second
+
+
+def lowest_frequency(arm: Arm) -> float:
+    """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
+
+    Without gravity and nonlinear springs. Infinite for a rigid arm.
+    """
+    from scipy.linalg import eigh
+
+    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    if not elastic.size:
+        return np.inf
+    constants = arm.assembly.constants
+    springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
+    mass = arm.mass_matrix(arm.rest(np.zeros(arm.joints)))[np.ix_(elastic, elastic)]
+    square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
+    return float(np.sqrt(square[0]))

@@ -166,6 +166,8 @@ class ControllerParameters(Parameters):
     name: ClassVar[str]
     plans_bending: ClassVar[bool] = False
     """Whether the controller computes the bending along a motion of the rigid arm itself."""
+    takes_feedforward: ClassVar[bool] = False
+    """Whether files have the key `feedforward`; in Python it is a function."""
 
     @classmethod
     def _file_faults(cls, given: Given) -> Iterator[Fault]:
@@ -224,6 +226,9 @@ class ControllerDrive(Record):
 def drive_of(parameters: type[ControllerParameters]) -> Any:
     """Return the class of the drives that describe a controller in a file."""
     keys = parameters_of(parameters)
+    if parameters.takes_feedforward and "feedforward" not in keys:
+        key = Declared("feedforward", Feedforward, "Feedforward", None, True, parameters, None)
+        keys[key.name] = key
     if "sample_time" in keys:  # last in every file
         keys["sample_time"] = keys.pop("sample_time")
     named = next(base for base in parameters.__mro__ if "name" in vars(base))

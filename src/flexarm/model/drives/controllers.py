@@ -18,7 +18,6 @@ from flexarm.model.drives.base import (
     ControllerDrive,
     ControllerParameters,
     Derivative,
-    Feedforward,
     FeedforwardKind,
     Proportional,
     SampleTime,
@@ -26,10 +25,10 @@ from flexarm.model.drives.base import (
 )
 from flexarm.model.drives.linear import (
     CompositeParameters,
-    LoopShapingKeys,
+    LoopShapingParameters,
     LQGParameters,
     MPCParameters,
-    MuSynthesisKeys,
+    MuSynthesisParameters,
     NonlinearMPCParameters,
 )
 from flexarm.model.quantities import (
@@ -55,21 +54,17 @@ class JointPDParameters(ControllerParameters):
     """Joint PD control: a proportional-derivative controller at each joint along the motion."""
 
     name = "joint_pd"
+    takes_feedforward = True
     proportional: Proportional
     derivative: Derivative
     sample_time: SampleTime = 0.001
-
-
-class JointPDKeys(JointPDParameters):
-    """Keys of the drive `joint_pd`."""
-
-    feedforward: Feedforward = None
 
 
 class JointPIDParameters(ControllerParameters):
     """Joint PID control along the motion, with optional gravity compensation."""
 
     name = "joint_pid"
+    takes_feedforward = True
     proportional: Proportional
     derivative: Derivative
     integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
@@ -86,7 +81,6 @@ class JointPIDKeys(JointPIDParameters):
     links."""
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
     """Torque limit (N m), one for all joints or one for each; no limit by default."""
-    feedforward: Feedforward = None
 
     @classmethod
     def _file_faults(cls, given: Given) -> Iterator[Fault]:
@@ -127,6 +121,7 @@ class StrainFeedbackParameters(ControllerParameters):
     """Joint PD control with feedback of the strain at one gauge per joint."""
 
     name = "strain_feedback"
+    takes_feedforward = True
     proportional: Proportional
     derivative: Derivative
     strain: Annotated[Any, PerJoint(Number)]
@@ -138,12 +133,6 @@ class StrainFeedbackParameters(ControllerParameters):
     """Cutoff of the filter that differentiates strains (Hz); by default a tenth of the sampling
     frequency."""
     sample_time: SampleTime = 0.001
-
-
-class StrainFeedbackKeys(StrainFeedbackParameters):
-    """Keys of the drive `strain_feedback`."""
-
-    feedforward: Feedforward = None
 
 
 #: Numbers that the controller derives from its arm if they are None.
@@ -387,6 +376,7 @@ class PrescribedPerformanceParameters(ControllerParameters):
     """
 
     name = "prescribed_performance"
+    takes_feedforward = True
     bandwidth: Bandwidth
     damping: Damping
     bound: Annotated[Any, PerJoint(Positive)]
@@ -406,27 +396,26 @@ class PrescribedPerformanceParameters(ControllerParameters):
     sample_time: SampleTime = 0.001
 
 
-class PrescribedPerformanceKeys(PrescribedPerformanceParameters):
-    """Keys of the drive `prescribed_performance`."""
-
-    feedforward: Feedforward = None
-
-
 _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
-    "joint control": (JointPDKeys, JointPIDKeys, ComputedTorqueKeys, StrainFeedbackKeys),
+    "joint control": (
+        JointPDParameters,
+        JointPIDKeys,
+        ComputedTorqueKeys,
+        StrainFeedbackParameters,
+    ),
     "linear models of the flexible arm": (
         LQGParameters,
         MPCParameters,
         NonlinearMPCParameters,
         CompositeParameters,
-        LoopShapingKeys,
-        MuSynthesisKeys,
+        LoopShapingParameters,
+        MuSynthesisParameters,
     ),
     "uncertain arms": (
         AdaptiveParameters,
         SlidingModeParameters,
         RBFAdaptiveParameters,
-        PrescribedPerformanceKeys,
+        PrescribedPerformanceParameters,
     ),
     "tip position and contact force": (
         HybridForceParameters,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from flexarm.model.drives.base import ControllerParameters, Feedforward, SampleTime
+from flexarm.model.drives.base import ControllerParameters, SampleTime
 from flexarm.model.quantities import (
     Count,
     Finite,
@@ -158,15 +158,21 @@ class CompositeParameters(LinearParameters):
     times the typical rate."""
 
 
-class LoopShapingParameters(ControllerParameters):
-    """H-infinity loop shaping: robust feedback of joint angles and rates."""
+class RobustParameters(ControllerParameters):
+    """Parameters of the robust controllers of joint angles and rates."""
 
-    name = "loop_shaping"
+    takes_feedforward = True
     posture: Annotated[Any, ListPerJoint(Number)] | None = None
     """Joint angles of the design; zero by default (rad)."""
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
     """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
     for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
+
+
+class LoopShapingParameters(RobustParameters):
+    """H-infinity loop shaping: robust feedback of joint angles and rates."""
+
+    name = "loop_shaping"
     _: KW_ONLY
     integral: Annotated[Any, PerJoint(NonNegative)] = 0.0
     """Frequency below which the feedback is integral, one for all joints or one for each; 0 for
@@ -184,21 +190,10 @@ class LoopShapingParameters(ControllerParameters):
     sample_time: SampleTime = 0.001
 
 
-class LoopShapingKeys(LoopShapingParameters):
-    """Keys of the drive `loop_shaping`."""
-
-    feedforward: Feedforward = None
-
-
-class MuSynthesisParameters(ControllerParameters):
+class MuSynthesisParameters(RobustParameters):
     """mu synthesis: feedback of joint angles and rates for uncertain rigidity and payload."""
 
     name = "mu_synthesis"
-    posture: Annotated[Any, ListPerJoint(Number)] | None = None
-    """Joint angles of the design; zero by default (rad)."""
-    bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
-    """Crossover frequency of the loops of the rigid arm, approximately, one for all joints or one
-    for each (rad/s); by default 1.25 times the typical rate of `lqg`."""
     _: KW_ONLY
     rigidity_uncertainty: Fraction = 0.1
     """Relative change of the rigidity of all links, at most 1. A third of it is added to the
@@ -212,9 +207,3 @@ class MuSynthesisParameters(ControllerParameters):
     scaling_order: Annotated[int, Field(strict=True, ge=0, le=2), BeforeValidator(plain)] = 1
     """Largest order of the fitted scalings, 0 to 2."""
     sample_time: SampleTime = 0.001
-
-
-class MuSynthesisKeys(MuSynthesisParameters):
-    """Keys of the drive `mu_synthesis`, which needs slycot (extra ``robust``)."""
-
-    feedforward: Feedforward = None

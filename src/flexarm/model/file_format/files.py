@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import ModelError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, write_text
-from flexarm.model.arm.sections import MATERIALS, Material
+from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml

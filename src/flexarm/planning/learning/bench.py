@@ -13,8 +13,9 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, shown
 from flexarm.control.analysis.linear_controller import linear_controller
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    JOINTS,
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,
@@ -23,7 +24,6 @@ from flexarm.control.contract.base import (
     has_poles,
     requirements_of,
 )
-from flexarm.control.contract.requirements import JOINTS
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.small_deviations.along import held_step_maps

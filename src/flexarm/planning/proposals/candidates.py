@@ -22,12 +22,15 @@ from flexarm.base.arguments import (
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
 from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
-from flexarm.control.analysis.sample_time import recommended_sample_time
-from flexarm.control.design.default_requirements import NOISE
+from flexarm.control.analysis.margins import (
+    loop_at,
+    loop_margins,
+    recommended_sample_time,
+    without_friction,
+)
+from flexarm.control.design.arm_scales import NOISE
 from flexarm.control.design.rigid_model import RigidModel
-from flexarm.control.laws.force.hybrid_force import HybridForce
-from flexarm.control.laws.force.impedance import Impedance
+from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import Scenario

@@ -17,8 +17,7 @@ from flexarm.arm.assembly.kernel_view import as_slice
 from flexarm.arm.observe import channels_of
 from flexarm.base.errors import FlexarmError, InputError, SimulationError, check_array
 from flexarm.control.contract.base import Controller, Reference, declares, report_of
-from flexarm.control.hardware.instruments import NoiseOfRuns, Readings
-from flexarm.control.hardware.measurement import Measurement
+from flexarm.control.hardware.measurement import Measurement, NoiseOfRuns, Readings
 from flexarm.integrate.base import FloatArray, Status, Tolerance
 from flexarm.integrate.lanes.data import LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method

@@ -13,7 +13,7 @@ from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.control.hardware.instruments import Readings
+from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import CURVATURE, GAP
 from flexarm.kernels.layout import Contacts

@@ -18,8 +18,7 @@ import numpy as np
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.analysis.linear_controller import LinearController, StepMap
 from flexarm.control.contract.base import Controller, Reference, Rest, has_poles
-from flexarm.control.hardware.instruments import Readings
-from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.control.hardware.measurement import FloatArray, Measurement, Readings
 from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.model import Hardware, Instrument

@@ -25,7 +25,7 @@ from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate.base import FloatArray
 from flexarm.integrate.torque import slope_at
 from flexarm.kernels.compilation.duals import DIRECTIONS, DualArray
-from flexarm.linear.vibration.lowest import lowest_frequency
+from flexarm.linear.vibration.modal import lowest_frequency
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of

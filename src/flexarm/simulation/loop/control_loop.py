@@ -23,8 +23,12 @@ from flexarm.control.contract.base import (
     requirements_of,
     update_of,
 )
-from flexarm.control.hardware.instruments import Readings, stride_and_delay
-from flexarm.control.hardware.measurement import Measurement, readings_by_name
+from flexarm.control.hardware.measurement import (
+    Measurement,
+    Readings,
+    readings_by_name,
+    stride_and_delay,
+)
 from flexarm.integrate.base import FloatArray, System
 from flexarm.model import Hardware
 from flexarm.model.hardware import channel_faults

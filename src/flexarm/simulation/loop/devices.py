@@ -15,8 +15,8 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.contract.gains import joint_problems
-from flexarm.control.hardware.instruments import Readings
+from flexarm.control.contract.base import joint_problems
+from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
 from flexarm.kernels.compilation.cache import Entry

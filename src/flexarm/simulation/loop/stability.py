@@ -14,7 +14,7 @@ from flexarm.arm.bending import one_warning
 from flexarm.arm.observe import channels_of, contact_forces
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
-from flexarm.control.analysis.plant_model import (
+from flexarm.control.analysis.sampled_loop import (
     PlantModel,
     Signal,
     instruments_of,

@@ -20,7 +20,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.places import AnyPath
 from flexarm.model import ArmSpec, Link, PlantSpec, Scenario, StudySpec, file_text
-from flexarm.model.arm.sections import MATERIALS, Material
+from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.file_format.files import content_of, load_any, record_of_bytes
 from flexarm.model.file_format.yaml_text import Change, changed, parse

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import Link, StudySpec
-from flexarm.model.arm.sections import MATERIALS, Material
+from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.arm.spec import Joint
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES

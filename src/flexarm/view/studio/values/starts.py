@@ -15,12 +15,20 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.references import motion_of
+from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
-from flexarm.model.arm.links import Gauge, ModalDamping, RayleighDamping
-from flexarm.model.arm.sections import Box, Circle, Rectangle, Tube
+from flexarm.model.arm.links import (
+    Box,
+    Circle,
+    Gauge,
+    ModalDamping,
+    RayleighDamping,
+    Rectangle,
+    Tube,
+)
 from flexarm.model.arm.spec import Friction, JointLimits, Winding
-from flexarm.model.checks import Record
+from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive
 from flexarm.model.environment import (
     PAYLOAD_MASS,
@@ -43,6 +51,7 @@ from flexarm.model.scenarios.scenario import (
     TabulatedJoint,
     TipEvent,
 )
+from flexarm.model.units import unit_of
 from flexarm.model.wording import Path
 from flexarm.motion import Motion, rigid_torque
 from flexarm.view.studio.values.forms import Form, Forms, forms_of, kind_of
@@ -140,7 +149,7 @@ def new_value(
     if kind is None:
         return _plain(scenario, forms.given[0], 1, old)
     if path[:1] == ("drive",):
-        return _drive_of_kind(scenario, kind)
+        return drive_of_kind(scenario, kind)
     if path[:1] == ("motion",):
         return motion_of_kind(scenario, kind)
     form = next((form for form in forms.kinds if form.kind == kind), None)
@@ -427,6 +436,15 @@ class _Design:
         """Natural frequency (rad/s) of the joint loop with the smallest rate gain."""
         return float(np.min(self.derivative / self.inertia)) / (2.0 * _DAMPING)
 
+    def usual(self, record: Any, name: str) -> Any:
+        """Return a value of a required parameter: a number that is usual for its unit here."""
+        field = record.model_fields[name]
+        form, unit = forms_of(field).given[0], unit_of(descriptions_of(record).get(name, ""))
+        size = arm_scales(self.arm, self.bandwidth).size(unit)
+        fits = all(size > bound if below else size < bound for bound, below, _ in form.bounds())
+        value = short(size) if unit and fits else _plain(self.scenario, form, 1)
+        return self.each(value) if name in getattr(record, "per_joint", ()) else value
+
     def each(self, values: Any) -> list[float]:
         """Return values (joints,) with three digits."""
         return [short(value) for value in np.broadcast_to(values, self.inertia.shape)]
@@ -445,8 +463,8 @@ def _at_most(start: Callable[[_Design], float]) -> _Start:
     return lambda of, default: short(min(start(of), math.inf if default is None else default))
 
 
-#: Starting values by the name of a parameter. A controller with other names starts with its
-#: defaults.
+#: Starting values by the name of a parameter. Others start with their default, or a number that is
+#: usual for their unit.
 _GAIN_STARTS: dict[str, _Start] = {
     "proportional": lambda of, _: of.each(of.derivative * of.bandwidth / (2.0 * _DAMPING)),
     "derivative": lambda of, _: of.each(of.derivative),
@@ -471,12 +489,12 @@ _GAIN_STARTS: dict[str, _Start] = {
     # leaves the loop of the arm itself unstable.
     "payload_uncertainty": lambda of, _: None if of.arm.spec.payload.mass else 0.0,
     "rigidity_uncertainty": lambda of, _: 0.0,
-    "inner": lambda of, _: _drive_of_kind(of.scenario, "joint_pd"),
+    "inner": lambda of, _: drive_of_kind(of.scenario, "joint_pd"),
     "estimator": lambda of, _: None if of.instruments else {"instruments": _instruments(of.arm)},
 }
 
 
-def _drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
+def drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
     """Return a drive with gains well below the vibration of the arm; of unknown kind, alone."""
     records = {form.model_fields["kind"].default: form for form in chain(*DRIVES.values())}
     content: dict[str, Any] = {"kind": kind}
@@ -490,6 +508,8 @@ def _drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
         # A controller derives its own damping from the arm if it is not required.
         starts = name in _GAIN_STARTS and (name != "damping" or field.is_required())
         value = _GAIN_STARTS[name](of, default) if starts else None
+        if name not in _GAIN_STARTS and field.is_required():
+            value = of.usual(records[kind], name)
         if value is not None:
             content[name] = value
     return content

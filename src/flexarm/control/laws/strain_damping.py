@@ -1,9 +1,9 @@
-"""Base of controllers that damp vibration by moving the reference of an inner joint loop."""
+"""Damping of vibration by feedback of modal strains around a joint loop."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,26 +20,38 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.analysis.linear_controller import FrozenReference
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    SampledFeedforward,
+    Step,
     check_reference,
     is_law,
 )
-from flexarm.control.contract.feedforward import SampledFeedforward
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.flexible_model import FlexibleModel
-from flexarm.control.design.nominal import PreviewedReference, strain_matrix
-from flexarm.control.design.posture_grid import Interpolated, PostureGrid
+from flexarm.control.design.nominal import (
+    FlexibleModel,
+    Interpolated,
+    PostureGrid,
+    PreviewedReference,
+    strain_matrix,
+)
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import modes
-from flexarm.model.drives.around import JOINT_CONTROLLERS, StrainDampingParameters
+from flexarm.model.drives.around import (
+    JOINT_CONTROLLERS,
+    IntegralResonantControlParameters,
+    OutputRedefinitionParameters,
+    PositivePositionFeedbackParameters,
+    StrainDampingParameters,
+    WaveBasedControlParameters,
+)
 from flexarm.model.drives.base import ControllerParameters
 
 #: Smallest singular value, relative to the largest one, at which strains distinguish modes and
@@ -86,6 +98,16 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
     converts them to a motion of the joints, which is added to the reference of ``inner``. Along a
     reference of the flexible arm the strains are its own; along others, and without a reference,
     those of the statically bent arm.
+
+    Raises:
+        InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
+            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
+            bending itself.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+
+    Warns:
+        UnstableLoopWarning: if a mode that is not damped, up to the one above the largest possible
+            ``modes``, grows around joints that follow exactly.
     """
 
     inner: Controller
@@ -161,7 +183,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         )
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         required = self._required(arm, reference, self.arm.joints)
         read = tuple(dict.fromkeys([*required.measured, "strain"]))
         return ControllerRequirements(required.joints, read, len(self.arm.gauges))
@@ -183,13 +204,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         }
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         return {"state": np.zeros(len(self._A)), **super().initial_memory(readings, inputs)}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
         motion = self._C.dot(state) + self._D.dot(strain)
         m = self.arm.joints
@@ -304,3 +321,150 @@ def _inverse(matrix: FloatArray, rule: str, count: int) -> Any:
     if sizes[-1] <= _DISTINCT * sizes[0]:
         raise InputError(Problem("modes", rule, str(count)))
     return np.linalg.pinv(matrix)
+
+
+class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping):
+    """Positive position feedback: a resonant filter for each mode moves the joints.
+
+    Each filter has the frequency of its mode and twice the requested damping ratio; its gain makes
+    both poles of mode and filter equal, (C.18). The filter attenuates strains above its
+    frequency, so higher modes are hardly affected. The reference is moved by the filtered strain
+    and its rate.
+
+    The design assumes that the joints follow their reference at the frequency of the mode. The
+    inner controller must act on the joint angles of its reference. The arm needs one gauge for
+    each mode.
+    """
+
+    references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"
+
+    def _law(self, omega: FloatArray) -> ModalLaw:
+        """See `StrainDamping._law`; (C.18)."""
+        count = len(omega)
+        one, zero = np.eye(count), np.zeros((count, count))
+        ratio = 2.0 * self.damping_ratio
+        stiffness, damping = np.diag(omega**2), np.diag(2.0 * ratio * omega)
+        return ModalLaw(
+            np.block([[zero, one], [-stiffness, -damping]]),
+            np.vstack([zero, stiffness]),
+            -(ratio**2) * np.eye(2 * count),
+            np.zeros((2 * count, count)),
+        )
+
+
+class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
+    """Integral resonant control: the integral of the strain of each mode moves the joints.
+
+    A feedthrough from the motion of the joints to the integrated signal places a zero below each
+    mode, at the frequency of the mode divided by 1 + 2 ``damping_ratio``. The gain is that of the
+    largest damping, (C.19). The feedthrough returns the joints to the reference, so
+    constant strains that the model does not explain do not accumulate.
+
+    The design assumes that the joints follow their reference at the frequency of the mode. The
+    inner controller must act on the joint angles of its reference. The arm needs one gauge for
+    each mode. Around one link the law damps higher modes as well. With several links modes
+    that are not damped can grow: compare ``modes`` up to the number of joints by `loop_margins`.
+    """
+
+    references: ClassVar[str] = "AphaleEtAl2007 PereiraEtAl2011 NamavarEtAl2014"
+
+    def _law(self, omega: FloatArray) -> ModalLaw:
+        """See `StrainDamping._law`; (C.19)."""
+        count = len(omega)
+        ratio = 1.0 + 2.0 * self.damping_ratio  # of the frequencies of pole and zero
+        through = 1.0 / (ratio**2 - 1.0)
+        gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
+        one = np.eye(count)
+        return ModalLaw(
+            -through * gain,
+            -gain,
+            np.vstack([one, -through * gain]),
+            np.vstack([0.0 * one, -gain]),
+        )
+
+
+class WaveBasedControl(WaveBasedControlParameters, StrainDamping):
+    """Wave-based control: the joints launch the reference as a wave and absorb what returns.
+
+    Half of the reference is launched, and the returning wave, measured by the strains, is added.
+    The moment of the links then moves the joints as a damper would. A damping ratio of 0.5 is the
+    matched impedance. Theory page "position control", section 7. Without ``leakage``, as in the
+    source, the joints return to the reference after a motion from rest to rest, but constant
+    strains that the model does not explain turn them without limit.
+
+    The design assumes that the joints follow their reference at the frequency of the mode. The
+    inner controller must act on the joint angles of its reference. The arm needs one gauge for
+    each mode.
+    """
+
+    references: ClassVar[str] = "OConnor2007"
+
+    def _law(self, omega: FloatArray) -> ModalLaw:
+        one = np.eye(len(omega))
+        gain, leak = np.diag(2.0 * self.damping_ratio * omega), np.diag(self.leakage * omega)
+        return ModalLaw(-leak, -gain, np.vstack([one, -leak]), np.vstack([0.0 * one, -gain]))
+
+
+#: Vibrations of the arm with free joints have at least this frequency, relative to the highest one.
+_RIGID = 1e-5
+
+
+class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
+    """Joint angles plus a fraction of the bending, as the angles that an inner loop controls.
+
+    The chord of a link connects its joint with the next one, or with the tip. Bending rotates it,
+    and ``weight`` times this rotation, from the strains, is added to the joint angle, through a
+    low-pass filter. Weights near one return the tip to its reference under loads and payloads that
+    the model does not explain; the filter keeps vibration out of this feedback.
+
+    With a cutoff far above the modes, weights between 0 and 1 are the output of Madhavan and Singh
+    and of Damaren, and -1 is the reflected tip of Wang and Vidyasagar. `damping_weights` returns
+    the range in which small gains damp every mode. Such feedback rarely damps more than the inner
+    loop alone: compare by `loop_margins`, and see `IntegralResonantControl` for damping.
+
+    Raises:
+        InputError: if a number is out of range, ``modes`` exceeds the number of gauges or bending
+            coordinates, the gauges do not distinguish the modes, or ``inner`` plans the bending
+            itself.
+        EquilibriumError: if the arm has no equilibrium at the posture.
+    """
+
+    references: ClassVar[str] = "WangVidyasagar1992 MadhavanSingh1991 Damaren1995"
+
+    def _most_modes(self) -> dict[str, int]:
+        return {"gauge": len(self.arm.gauges), "bending coordinate": self.arm.dof - self.arm.joints}
+
+    def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the rotations (joints, modes) of the chords relative to each other, rad."""
+        return self._model.chords(np.asarray(self.posture)) @ shapes[:, self._model.elastic].T
+
+    def _law(self, omega: FloatArray) -> ModalLaw:
+        one = np.eye(len(omega))
+        hertz = 0.05 * self.frequency_hz[0] if self.cutoff is None else self.cutoff
+        passed, share = 2.0 * np.pi * hertz * one, self.weight * one
+        change = share @ passed
+        outputs = np.vstack([share, -change]), np.vstack([0.0 * one, change])
+        return ModalLaw(-passed, passed, *outputs)
+
+    def _warn_of_growth(self, highest: float) -> None:
+        """Do nothing: a loop that does not follow exactly provides the damping."""
+
+    @public_call
+    def damping_weights(self) -> tuple[float, float]:
+        """Return the range of weights for which small rate gains at any joint damp every mode.
+
+        For one joint this is the range in which the redefined rate is a passive output of the
+        torque. Zero is within it. The bending is that which the gauges determine, without a filter.
+        """
+        from scipy.linalg import eigh
+
+        model = self._linear
+        stiffness, shapes = eigh(model.stiffness, model.mass)
+        shapes = shapes[:, stiffness > _RIGID**2 * stiffness[-1]]
+        turned = shapes[self.arm.joint_index]
+        bent = self._driven @ self._observed @ self._strains @ shapes
+        # The joint loses energy in a mode if turned * (turned + weight * bent) is positive.
+        product = turned * bent
+        limits = -(turned[product != 0.0] ** 2) / product[product != 0.0]
+        lowest = np.max(limits[limits < 0.0], initial=-np.inf)
+        return float(lowest), float(np.min(limits[limits > 0.0], initial=np.inf))

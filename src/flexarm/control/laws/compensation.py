@@ -1,4 +1,4 @@
-"""Repetitive control around any controller, for periodic motions and disturbances."""
+"""Compensation of disturbances around any controller: by an observer, or learned over periods."""
 
 from __future__ import annotations
 
@@ -13,19 +13,84 @@ from flexarm.base.arguments import check_kind, check_posture
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.control.analysis.margins import check_single_rate, loop_at, plants_of
 from flexarm.control.analysis.sampled_loop import ComplexArray
-from flexarm.control.contract.around import Around
 from flexarm.control.contract.base import (
+    Around,
     Arrays,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
+    Step,
+    joints_of,
 )
-from flexarm.control.contract.parametrised import Parametrised
-from flexarm.control.contract.requirements import joints_of
+from flexarm.control.contract.parametrised import OfArm, Parametrised
+from flexarm.control.design.arm_scales import default_cutoff
+from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.model import Hardware
-from flexarm.model.drives.around import RepetitiveParameters
+from flexarm.model.drives.around import DisturbanceObserverParameters, RepetitiveParameters
+
+
+class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
+    """Generalised-momentum observer that compensates disturbance torques at the joints.
+
+    De Luca and Mattone, Actuator failure detection and isolation using generalized momenta, ICRA
+    2003; (C.52) to (C.54). The estimate is the torque that the rigid model does not explain, passed
+    through a first-order filter. It needs neither accelerations nor the inverse mass matrix.
+
+    The observer uses the measured "torque" if an instrument reads it, and the requested torque
+    otherwise.
+    """
+
+    inner: Controller
+
+    def __post_init__(self) -> None:
+        if self.cutoff is None:
+            hertz = default_cutoff(self.arm, self.sample_time)
+            self.cutoff = np.full(self.arm.joints, hertz)
+        self._model = RigidParameters(self.arm)
+        self._taken = self._filtered()
+
+    def _filtered(self) -> FloatArray:
+        """Return the part of the new estimate that a sample takes over, (joints,)."""
+        # One by one, because the vector function rounds differently.
+        turns = [-2.0 * math.pi * hertz * self.sample_time for hertz in np.asarray(self.cutoff)]
+        return np.array([1.0 - math.exp(angle) for angle in turns])
+
+    @property
+    def estimate(self) -> FloatArray:
+        """Estimated disturbance torque at the joints, (joints,) N m."""
+        return np.array(self.memory.get("estimate", np.zeros(self.arm.joints)))
+
+    def reset(self) -> None:
+        """Clear the state of the previous run, including the inner controller."""
+        super().reset()
+        self._taken = self._filtered()
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        return self._required(arm, reference, self.arm.joints)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
+        nothing = 0.0 * now[0]
+        # The first sample has no interval before it that the estimate could follow.
+        own = {"momentum": now, "commanded": nothing, "estimate": nothing, "intervals": np.zeros(1)}
+        return {**own, **super().initial_memory(readings, inputs)}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
+        # The trapezoidal rule is accurate, because the torque is constant over the sample and
+        # the other terms are nearly linear.
+        pushed = (now[0] - memory["momentum"][0]) / self.sample_time
+        pushed -= readings.get("torque", memory["commanded"])
+        pushed -= 0.5 * (now[1] + memory["momentum"][1])
+        pushed -= memory["estimate"]
+        estimate = memory["estimate"] + memory["intervals"] * (self._taken * pushed)
+        inside, torque = self._inner_step(memory, readings, inputs)
+        torque = torque - self.compensation * estimate
+        own = {"momentum": now, "commanded": torque, "estimate": estimate, "intervals": np.ones(1)}
+        return {**own, **inside}, torque
+
 
 #: Half of the length of the filter, times the cutoff. A Hamming window of this length passes half
 #: of the cutoff and stops one and a half of it.
@@ -85,11 +150,9 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         self._history = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._required(arm, reference, joints_of(arm.joints, *self._per_joint()))
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
         now, followed = measurement.joint_angle, self._reference_or_rest(measurement, reference)
         if self._history is None:
             self._history = PeriodHistory(now.size, *self._samples(), self._filter())
@@ -259,12 +322,8 @@ class _LearningSignal(Controller):
         self.sample_time = repetitive.sample_time
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         return self._repetitive.requirements(arm, reference)
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         torque: FloatArray = self._repetitive.proportional * readings.joint_angle
         return memory, -torque - self._repetitive.derivative * readings.joint_rate

@@ -1,22 +1,22 @@
-"""Linear-quadratic regulator with a Kalman filter, about a motion: (C.20) to (C.28)."""
+"""LQG about a motion, (C.20) to (C.28), and composite control with its filter, (C.32) to (C.38)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import KW_ONLY
-from typing import Any, ClassVar, Self
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.bending import one_warning, warn_of_first
-from flexarm.base.arguments import check_kind, check_positive
+from flexarm.base.arguments import check_kind, check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, public_call
-from flexarm.control.analysis.margin_design import for_margin
-from flexarm.control.analysis.margins import loop_at
+from flexarm.control.analysis.margins import loop_at, loop_margins, named_arms
 from flexarm.control.contract.base import (
     Arrays,
     Controller,
@@ -25,19 +25,35 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     Rest,
+    Step,
+    applied,
 )
-from flexarm.control.contract.gains import applied
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.default_requirements import design_requirements, typical_rate
-from flexarm.control.design.flexible_model import FlexibleModel
+from flexarm.control.design.arm_scales import TIP, design_requirements, typical_rate
 from flexarm.control.design.linear_design import (
     Design,
+    bend_weight,
+    bending,
+    check_names,
     design,
+    held,
     preview_gain,
+    regulator,
+    rows_of,
+    sizes_of,
 )
-from flexarm.control.design.nominal import Nominal, PreviewedReference, RecordedRun, strain_matrix
-from flexarm.control.design.posture_grid import Interpolated, PostureGrid
-from flexarm.model.drives.linear import LQGParameters
+from flexarm.control.design.nominal import (
+    FlexibleModel,
+    Interpolated,
+    Nominal,
+    PostureGrid,
+    PreviewedReference,
+    RecordedRun,
+    strain_matrix,
+)
+from flexarm.linear.models.linearize import linearize
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.model.drives.linear import CompositeParameters, LQGParameters
 
 #: Number of intervals of the preview, its most samples, which take a minute to compute, and its
 #: default span times `typical_rate` (rad).
@@ -167,7 +183,6 @@ class LQG(LQGParameters, OfArm, Controller):
         self._motion.reset()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         first = () if self.nominal is not None else ("joint_angle",)
         read = tuple(
             dict.fromkeys(
@@ -204,16 +219,12 @@ class LQG(LQGParameters, OfArm, Controller):
         return inputs
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        """See ``Controller.initial_memory``."""
         first = readings[next(iter(self.design_requirements.measured))]
         start = np.zeros((*first.shape[:-1], self._states + self._integrals))
         state, integral = start[..., : self._states], start[..., self._states :]
         return {"prediction": state, "estimate": state, "integral": integral}
 
-    def step(
-        self, memory: Arrays, readings: Measurement, inputs: Arrays
-    ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])
         correct, gain, predict = arrays[:3]
         shown = [readings[name] for name in self.design_requirements.measured]
@@ -359,3 +370,206 @@ def _dots(left: FloatArray, right: FloatArray) -> Any:
     if left.ndim == 1:
         return left @ right
     return np.matmul(left[:, None], right[..., None])[:, 0]
+
+
+C = TypeVar("C", bound=Controller)
+
+#: Pairs of rigidity uncertainty and recovery, in increasing order of lost performance.
+_TRIED = tuple(
+    (unsure, recovery) for unsure in (0.0, 0.1, 0.3, 0.6, 1.0) for recovery in (0.0, 0.3, 1.0, 3.0)
+)
+
+
+def for_margin(
+    kind: type[C],
+    arm: Arm,
+    posture: ArrayLike | None,
+    plants: Arm | Sequence[Arm] | Mapping[str, Arm],
+    disk_margin: float,
+    postures: ArrayLike | None,
+    options: dict[str, Any],
+) -> C:
+    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
+
+    Raises:
+        InputError: if no controller has the margin, an argument is wrong, or ``options`` has
+            ``rigidity_uncertainty`` or ``recovery``.
+    """
+    rule = "be greater than 0 and less than 2"
+    required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
+    for name in ("rigidity_uncertainty", "recovery"):
+        if name in options:
+            raise InputError(Problem(name, "is not supported, because the design searches for it"))
+    arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
+    make: Any = kind
+    best, found = -1.0, (0.0, 0.0)
+    for unsure, recovery in _TRIED:
+        made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
+        margin = _least(made.at_rest(), arms, postures, best)  # type: ignore[attr-defined]
+        if margin >= required:
+            return made
+        if margin > best:
+            best, found = margin, (unsure, recovery)
+    hint = (
+        f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
+        "deviations or less torque, or add gauges."
+    )
+    rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
+    raise InputError(Problem("disk_margin", rule, hint=hint))
+
+
+def _least(
+    controller: Controller, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
+) -> float:
+    """Return the least disk margin of several arms; stop early once it is at most ``enough``."""
+    least = 2.0
+    for arm in arms:
+        least = min(least, float(loop_margins(controller, arm, postures).disk_margin.min()))
+        if least <= enough:
+            break
+    return least
+
+
+#: Default bandwidth, and acceptable rate of a deflection relative to the deflection, relative to
+#: `typical_rate`.
+_BANDWIDTH, _SPEED = 0.64, 1.6
+#: Outputs that the fast part may weight: those that depend on the bending of the links only.
+BENDING = (
+    "strain",
+    "link_tip_deflection",
+    "link_tip_slope",
+    "link_tip_deflection_rate",
+    "link_tip_slope_rate",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FastDesign:
+    """Fast part of a `Composite` controller at one posture, with k elastic coordinates.
+
+    Attributes:
+        frequency: (k,) of the boundary layer, rad/s, lowest first.
+        flexibility: (k, k) elastic coordinates per elastic force.
+        A, B: sampled boundary layer, (2 k, 2 k) and (2 k, joints).
+        gain: (joints, 2 k) of the fast part. cost: (2 k, 2 k), its minimum cost.
+    """
+
+    frequency: FloatArray
+    flexibility: FloatArray
+    A: FloatArray
+    B: FloatArray
+    gain: FloatArray
+    cost: FloatArray
+
+
+class Composite(CompositeParameters, LQG):
+    """Singular-perturbation control: computed torque for the joints, damping for the links.
+
+    The slow part gives the joint errors of the rigid model a bandwidth and a damping ratio. The
+    fast part returns the links to the slow manifold with the linear-quadratic gain of the boundary
+    layer. Both use the state that the Kalman filter of `LQG` estimates.
+
+    Attributes:
+        fast_designs: the `FastDesign` of each posture of the grid.
+
+    Raises:
+        InputError: as for `LQG`, or if the links of the arm are rigid.
+
+    Siciliano and Book 1988.
+    """
+
+    references: ClassVar[str] = "SicilianoBook1988"
+
+    integral: ClassVar[None] = None  # type: ignore[misc]
+    preview: ClassVar[float] = 0.0  # type: ignore[misc]
+    nominal: ClassVar[None] = None  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        arm = self.arm
+        if arm.dof == arm.joints:
+            raise InputError(Problem("arm", "has no flexible links"))
+        super().__post_init__()
+
+    def _scale_defaults(self, rate: float) -> None:
+        """See `LQG`."""
+        if self.bandwidth is None:
+            self.bandwidth = np.full(self.arm.joints, _BANDWIDTH * rate)
+        bend = TIP * float(np.sum(self.arm.lengths))
+        usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": _SPEED * bend * rate}
+        self.acceptable = check_names("acceptable", self.acceptable or usual, BENDING, self.arm)
+
+    def _regulated(self) -> None:
+        """See `LQG`; the regulator of both parts replaces that of `LQG`."""
+
+    @property
+    def epsilon(self) -> float:
+        """Largest bandwidth over the lowest frequency of the boundary layer; (C.33)."""
+        largest = np.max(np.asarray(self.bandwidth))
+        return float(largest / min(item.frequency[0] for item in self.fast_designs))
+
+    def _design_all(self) -> tuple[Design, ...]:
+        pairs = [self._both(item) for item in super()._design_all()]
+        self.fast_designs = tuple(fast for fast, _ in pairs)
+        return tuple(item for _, item in pairs)
+
+    def _both(self, item: Design) -> tuple[FastDesign, Design]:
+        """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
+        from scipy.linalg import eigvals
+
+        weighted = self.acceptable or {}
+        arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
+        rest = equilibrium(arm, item.posture)
+        model = linearize(arm, rest, outputs=tuple(weighted))
+        M, k = model.mass, elastic.size
+        K = model.stiffness[np.ix_(elastic, elastic)]
+        flexibility = np.asarray(np.linalg.inv(K), dtype=np.float64)
+        inverse = np.linalg.inv(M)[np.ix_(elastic, elastic)]
+        pull = inverse @ K
+        drag = inverse @ model.damping[np.ix_(elastic, elastic)]
+        moved = np.append(elastic, arm.dof + elastic)
+        A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
+        A, B = held(A, model.B[moved], self.sample_time)
+        size = sizes_of("acceptable", model, weighted)
+        rows = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
+        price = np.diag(self.design_requirements.acceptable_torque**-2.0)
+        weighed = rows.T @ rows
+        stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
+        weighed[:k, :k] += bend_weight(
+            self.design_requirements.rigidity_uncertainty, stiffness, energy
+        )
+        sizes = np.append(
+            coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm)
+        )
+        gain, cost = regulator(A, B, weighed, price, sizes[moved])
+        frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
+        fast = FastDesign(frequency, flexibility, A, B, gain, cost)
+        rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
+        # Gravity adds a stiffness, as the sag of the links depends on the joint angles: (C.38).
+        whole = model.stiffness
+        sag = -flexibility @ whole[np.ix_(elastic, joints)]
+        weight = whole[np.ix_(joints, joints)] + whole[np.ix_(joints, elastic)] @ sag
+        # Slow angles as a function of the state, without the bending due to acceleration: (C.35).
+        carried = np.linalg.solve(rigid, coupling)
+        alone = np.linalg.inv(np.eye(arm.joints) + carried @ sag)
+        slow, rate = np.zeros((2, arm.joints, 2 * arm.dof))
+        slow[:, joints], slow[:, elastic] = alone, alone @ carried
+        rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
+        # The acceleration that the slow part requests bends the links, and this bending changes the
+        # slow angles. Solve for both.
+        bandwidth = np.asarray(self.bandwidth)
+        stiff, damped = bandwidth**2, 2.0 * self.damping_ratio * bandwidth
+        bend = -flexibility @ coupling.T
+        moves = alone @ carried @ bend
+        request = -stiff[:, None] * slow - damped[:, None] * rate
+        request = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff[:, None] * moves, request))
+        slow -= moves @ request
+        swing = np.zeros((2 * k, 2 * arm.dof))
+        swing[np.arange(2 * k), moved] = 1.0
+        swing[:k] -= bend @ request + sag @ slow
+        return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
+
+    def _known_force_gain(self, item: Design) -> FloatArray:
+        """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""
+        at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
+        bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
+        return -bent[:, None, :]

@@ -1,1 +1,0 @@
-"""Controllers of the tip and its contact force."""

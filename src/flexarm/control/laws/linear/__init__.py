@@ -1,1 +1,0 @@
-"""Controllers designed with linear models."""

@@ -1,0 +1,365 @@
+"""Sliding-mode and adaptive control: controllers with a sliding variable of joint errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_each
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.contract.base import (
+    JOINTS,
+    Arrays,
+    Controller,
+    ControllerRequirements,
+    FloatArray,
+    Measurement,
+    Reference,
+    Step,
+)
+from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.arm_scales import default_cutoff, slow_rate, typical_torque
+from flexarm.control.design.rigid_model import RigidParameters, parameter_names
+from flexarm.kernels.controller_terms.adaptation import adaptive_torque, network_torque
+from flexarm.model.drives.controllers import (
+    AdaptiveParameters,
+    RBFAdaptiveParameters,
+    SlidingModeParameters,
+)
+from flexarm.model.wording import nearest
+
+#: Smoothing rate of adapted friction, relative to the bandwidth (rad).
+_SMOOTHED = 0.001
+#: Cutoff of the low-pass filter of the curvature, which limits noise in its rate, relative to the
+#: sampling frequency.
+_NOISE_CUTOFF = 0.1
+
+
+class Sliding(NamedTuple):
+    """Sliding variable of a sample and the motion that it belongs to, (joints,) each."""
+
+    angle: FloatArray
+    rate: FloatArray
+    reference_rate: FloatArray
+    reference_acceleration: FloatArray
+    s: FloatArray
+
+
+class SlidingVariable:
+    """Reference rates and s = qd - qd_r, theory page "control under uncertainty", (C.40).
+
+    The reference rate is the rate of the motion, plus ``bandwidth`` times the angle error, plus
+    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link.
+    """
+
+    def __init__(
+        self, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
+    ) -> None:
+        self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
+        self.smoothing_rate = _SMOOTHED * bandwidth
+        self._gauge = np.zeros(arm.joints, dtype=np.intp)
+        self._per_strain = np.zeros(arm.joints)
+        self._fed = bool(np.any(self.strain_gain > 0.0))
+        for joint in np.flatnonzero(self.strain_gain > 0.0):
+            self._find_gauge(arm, int(joint))
+        self.reset(1.0)
+
+    def _find_gauge(self, arm: Arm, joint: int) -> None:
+        """Select the gauge nearest to the root of the joint's link."""
+        link = arm.joint_numbers[joint] - 1
+        own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
+        if not own:
+            rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
+            raise InputError(Problem("strain_gain", rule, shown(float(self.strain_gain[joint]))))
+        self._gauge[joint] = min(own)[1]
+        self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
+
+    def requirements(self, arm: Arm) -> ControllerRequirements:
+        """Return the requirements of a controller of ``arm``."""
+        if self._fed:
+            return ControllerRequirements(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
+        return ControllerRequirements(arm.joints, JOINTS)
+
+    def reset(self, sample_time: float) -> None:
+        """Set the sample time (s)."""
+        self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self.washout * sample_time)
+        self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF)
+        self._sample_time = sample_time
+
+    def initial_memory(self, readings: Measurement) -> Arrays:
+        """Return the low-pass and the high-pass filtered curvature at the first sample."""
+        if not self._fed:
+            return {}
+        bent = self._per_strain * readings.strain[self._gauge]
+        return {"slow": bent, "fast": 0.0 * bent}
+
+    def at(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Sliding]:
+        """Return the next memory, and the sliding variable of a sample."""
+        angle, rate = readings.joint_angle, readings.joint_rate
+        desired = inputs["reference_rate"]
+        reference_rate = desired + self.bandwidth * (inputs["reference_angle"] - angle)
+        change = self.bandwidth * (desired - rate)
+        acceleration = inputs["reference_acceleration"] + change
+        after = {}
+        if self._fed:
+            bent = self._per_strain * readings.strain[self._gauge]
+            step = self._rise_fast * (bent - memory["slow"] - memory["fast"])
+            after["slow"] = memory["slow"] + self._forget_slow * (bent - memory["slow"])
+            after["fast"] = memory["fast"] + step
+            reference_rate = reference_rate + after["fast"]
+            acceleration = acceleration + step / self._sample_time
+        return after, Sliding(angle, rate, reference_rate, acceleration, rate - reference_rate)
+
+
+class SlidingController(OfArm, Controller):
+    """Base of controllers with a `SlidingVariable`.
+
+    A subclass has the parameters ``bandwidth``, ``strain_gain`` and ``washout``, in its own order.
+    """
+
+    def __post_init__(self) -> None:
+        own: Any = self
+        if own.washout is None:
+            own.washout = default_cutoff(self.arm, self.sample_time)
+        self._sliding = SlidingVariable(self.arm, own.bandwidth, own.strain_gain, own.washout)
+
+    def reset(self) -> None:
+        """Clear the state of the previous run."""
+        super().reset()
+        self._sliding.reset(self.sample_time)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        return self._sliding.initial_memory(readings)
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        return self._sliding.requirements(self.arm)
+
+
+#: Default excess of the switching torque, relative to typical torques.
+_REACHING = 0.01
+
+
+class SlidingMode(SlidingModeParameters, SlidingController):
+    """Torque of the rigid model plus a switching torque that exceeds its errors; (C.47), (C.48).
+
+    Slotine and Li, Applied Nonlinear Control, 1991, chapter 7. The switching gain is computed at
+    every sample from the largest errors of the parameters. Within the boundary layer the switching
+    torque is linear in s.
+
+    Raises:
+        InputError: if a name is unknown, or a number is negative or not finite.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        named = self.uncertainty or {}
+        if self.reaching is None:
+            rate = slow_rate(self.arm, self.sample_time)
+            self.reaching = _REACHING * typical_torque(self.arm, None, rate)
+        self._model = RigidParameters(self.arm, tuple(named), self._sliding.smoothing_rate)
+        # Nominal value and largest error of each row of the regressor.
+        known = self._model.known
+        self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))
+        errors = np.array([*named.values()])
+        self._errors = self._model.placed(np.concatenate([np.zeros(known), errors]))
+        self._floor = self.disturbance + self.reaching
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        after, now = self._sliding.at(memory, readings, inputs)
+        rows = self._model.regressor(
+            now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False
+        )
+        switching = self._errors.dot(abs(rows))
+        switching += self._floor
+        # ``minimum`` and ``maximum`` take half the time of ``clip``.
+        switching *= np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
+        torque: FloatArray = self._believed.dot(rows)
+        torque -= self.damping * now.s
+        torque -= switching
+        return after, torque
+
+
+class Adaptive(AdaptiveParameters, SlidingController):
+    """Computed torque of a rigid model with adapted parameters; (C.40) to (C.46).
+
+    Slotine and Li, On the adaptive control of robot manipulators, Int. J. Robotics Research 6(3),
+    1987. ``torque = Y a - damping s``, with Y the regressor of the rigid model, and
+    ``a' = -adaptation Y' s - leakage (a - initial)``, clipped to the bounds.
+
+    Raises:
+        InputError: if a name is unknown, a number is negative or not finite, or a lower bound
+            exceeds the upper one.
+    """
+
+    _law = staticmethod(adaptive_torque)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.parameters = _listed(self.arm, self.parameters)
+        self._model = RigidParameters(self.arm, self.parameters, self._sliding.smoothing_rate)
+        if not self.parameters:
+            raise InputError(Problem("parameters", "name at least one", "[]"))
+        bounds, initial = self.bounds or {}, self.initial or {}
+        self._check_names(bounds=bounds, initial=initial)
+        count = len(self.parameters)
+        gains = check_each("adaptation", self.adaptation, count)
+        self.adaptation = np.full(count, gains)
+        own = dict(zip(self.parameters, self._model.values, strict=True))
+        start = [initial.get(name, own[name]) for name in self.parameters]
+        limits = np.array([bounds.get(name, (0.0, np.inf)) for name in self.parameters])
+        self._lower, self._upper = limits.T.copy()
+        self._start = np.clip(start, self._lower, self._upper)
+
+    def _check_names(self, **given: Mapping[str, Any]) -> None:
+        rule = f"be names from {', '.join(self.parameters)}"
+        problems = [
+            Problem(argument, rule, shown(name), nearest(name, self.parameters))
+            for argument, named in given.items()
+            for name in named
+            if name not in self.parameters
+        ]
+        if problems:
+            raise InputError(*problems)
+
+    @property
+    def estimate(self) -> dict[str, float]:
+        """Current estimate of each parameter."""
+        now = self.memory.get("estimate", self._start)
+        return dict(zip(self.parameters, now.tolist(), strict=True))
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        return {"estimate": self._start, **super().initial_memory(readings, inputs)}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        after, now = self._sliding.at(memory, readings, inputs)
+        estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
+        columns = self._model.regressor(
+            now.angle, now.rate, now.reference_rate, now.reference_acceleration
+        )
+        self._law(
+            columns,
+            self._model.known,
+            now.s,
+            self.damping,
+            self.adaptation,
+            self.leakage,
+            self.dead_zone,
+            self._start,
+            self._lower,
+            self._upper,
+            self.sample_time,
+            estimate,
+            torque,
+        )
+        return {"estimate": estimate, **after}, torque
+
+
+def _listed(arm: Arm, parameters: str | Sequence[str]) -> tuple[str, ...]:
+    groups = {
+        "payload": ("payload.mass",),
+        "links": tuple(n for n in parameter_names(arm) if n.startswith("link_")),
+        "friction": tuple(n for n in parameter_names(arm) if n.startswith("joint_")),
+    }
+    listed = [parameters] if isinstance(parameters, str) else parameters
+    return tuple(name for item in listed for name in groups.get(item, (item,)))
+
+
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+_SIGN = 0.01
+#: Largest number of Gaussians; more of them take longer than a sample time.
+_MOST_CENTRES = 10_000
+
+
+class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
+    """Adaptive control with a neural network that learns the inverse dynamics; (C.49) to (C.51).
+
+    Ge, Lee and Harris, Adaptive Neural Network Control of Robotic Manipulators, 1998; Lewis,
+    Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996. Gaussians of the joint
+    angles multiply the signals in which the dynamics are linear: accelerations, products of rates,
+    a constant for gravity, rates and signs of rates.
+
+    Raises:
+        InputError: if a number is negative or not finite, ``upper`` is less than ``lower``, or
+            there are too many Gaussians.
+    """
+
+    linearizable = False
+    _law = staticmethod(network_torque)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        joints = self.arm.joints
+        if np.any(self.upper < self.lower):
+            raise InputError(Problem("upper", "be at least lower", shown(self.upper)))
+        counts = self.centres.tolist()
+        if math.prod(counts) > _MOST_CENTRES:
+            rule = f"have a product of at most {_MOST_CENTRES}"
+            raise InputError(Problem("centres", rule, shown(counts)))
+        self.centres = tuple(counts)
+        self._model = RigidParameters(self.arm) if self.prior else None
+        self._centres, self._sharpness = _grid(self.lower, self.upper, self.centres)
+        self._pairs = np.triu_indices(joints)
+        self._start = np.zeros((joints, len(self._centres), 1 + 3 * joints + len(self._pairs[0])))
+
+    @property
+    def weights(self) -> FloatArray:
+        """Current weights (joints, Gaussians, signals)."""
+        return np.array(self.memory.get("weights", self._start))
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        return {"weights": self._start, **super().initial_memory(readings, inputs)}
+
+    def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
+        after, now = self._sliding.at(memory, readings, inputs)
+        weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
+        first, second = self._pairs
+        signals = np.concatenate(
+            [
+                np.ones(1),
+                now.reference_acceleration,
+                now.reference_rate,
+                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
+                now.rate[first] * now.reference_rate[second],
+            ]
+        )
+        self._law(
+            now.angle,
+            signals,
+            now.s,
+            self._centres,
+            self._sharpness,
+            self.damping,
+            self.adaptation,
+            self.leakage,
+            self.e_modification,
+            self.sample_time,
+            weights,
+            torque,
+        )
+        after = {"weights": weights, **after}
+        if self._model is None:
+            return after, torque
+        rows = self._model.regressor(
+            now.angle, now.rate, now.reference_rate, now.reference_acceleration
+        )
+        return after, torque + rows[0] + rows[1]
+
+
+def _grid(
+    lower: FloatArray, upper: FloatArray, counts: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return centres (c, joints) on a grid, and the inverse widths of the Gaussians (joints,)."""
+    axes = [
+        np.linspace(a, b, k) if k > 1 else np.array([0.5 * (a + b)])
+        for a, b, k in zip(lower, upper, counts, strict=True)
+    ]
+    many = np.array(counts) > 1
+    spacing = np.where(many, (upper - lower) / np.maximum(np.array(counts) - 1, 1), 1.0)
+    # Angles (rad) have no scale; spacings below 1e-9 are rounding.
+    sharpness = np.where(many & (spacing > 0.0), 1.0 / np.maximum(spacing, 1e-9), 0.0)
+    mesh = np.meshgrid(*axes, indexing="ij")
+    return np.stack([axis.ravel() for axis in mesh], axis=1), sharpness

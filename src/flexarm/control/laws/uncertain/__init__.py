@@ -1,1 +1,0 @@
-"""Controllers for uncertain arms: adaptive, sliding-mode, disturbance observer."""

@@ -1,1 +1,0 @@
-"""Controllers that damp vibration around another controller."""
