@@ -44,13 +44,12 @@ from flexarm.simulation.calls.limits import (
     motor_numbers,
     motor_warning,
 )
-from flexarm.simulation.calls.preparation import start_of
+from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
-from flexarm.simulation.run.new_run import UNBOUNDED
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
 from flexarm.simulation.run.tolerance import (

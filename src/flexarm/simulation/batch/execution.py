@@ -31,13 +31,18 @@ from flexarm.model.paths import number_at, with_numbers
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
-from flexarm.simulation.calls.preparation import Situation, Torque, start_of, torque_history
+from flexarm.simulation.calls.preparation import (
+    Situation,
+    Torque,
+    restarted,
+    start_of,
+    torque_history,
+)
 from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
-from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately

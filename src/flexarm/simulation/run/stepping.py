@@ -31,8 +31,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import DefaultStep, default_step
-from flexarm.simulation.run.event_search import Watch
-from flexarm.simulation.run.events import Found
+from flexarm.simulation.run.events import Found, Watch
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.tolerance import for_arm
