@@ -444,9 +444,14 @@ class Watch:
         if not times.size:
             return None
         values, failure = self._values(times, states)
-        points = _Points(self._last, times, states, values)
-        for k in points.crossings():
-            ended = self._between(system, step, points[k], points[k + 1])
+        if self._last is not None:
+            times = np.append(self._last.time, times)
+            states = np.concatenate([self._last.state[None], states])
+            values = np.vstack([self._last.values, values])
+        crossed = np.any(_crossed(values[:-1], values[1:]), axis=1)
+        for k in np.flatnonzero(crossed).tolist():
+            ends = (_Point(float(times[i]), states[i], values[i]) for i in (k, k + 1))
+            ended = self._between(system, step, *ends)
             if ended is not None:
                 return ended
         if failure is not None:
@@ -557,28 +562,6 @@ class Watch:
             placed = error.at(f"event {name!r}")
             reason = f"the event returned an unusable value: {placed}"
             raise SimulationError(t, reason, "", (q, qd)) from None
-
-
-class _Points:
-    """Samples of a search as points, preceded by the last point of the search before."""
-
-    def __init__(
-        self, last: _Point | None, times: FloatArray, states: FloatArray, values: FloatArray
-    ) -> None:
-        self._before = [] if last is None else [last]
-        self._times, self._states, self._values = times, states, values
-
-    def __getitem__(self, k: int) -> _Point:
-        if k < len(self._before):
-            return self._before[k]
-        k -= len(self._before)
-        return _Point(float(self._times[k]), self._states[k], self._values[k])
-
-    def crossings(self) -> list[int]:
-        """Return the indices of the points after which a value changes its sign."""
-        values = np.vstack([*(point.values for point in self._before), self._values])
-        crossed = np.any(_crossed(values[:-1], values[1:]), axis=1)
-        return [int(k) for k in np.flatnonzero(crossed)]
 
 
 def _crossed(before: FloatArray, after: FloatArray) -> FloatArray:
