@@ -25,7 +25,6 @@ from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
 from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.columns import LOWER_STOP, STOP_STIFFNESS, UPPER_STOP
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.forces.contact import GAP
@@ -50,7 +49,12 @@ from flexarm.simulation.histories.piecewise import (
     Samples,
 )
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.impacts import run_to_slips, slides, stopping_at_breaks
+from flexarm.simulation.run.impacts import (
+    meets_stops,
+    run_to_slips,
+    slides,
+    stopping_at_breaks,
+)
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately
@@ -509,14 +513,11 @@ def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
 
 
 def _touches(run: Run) -> bool:
-    """Return whether a contact or a stop is compressed at a sample."""
-    arm, states = run.arm, run.samples[: run.progress.sample]
-    placed, body = run.loads.placed.contacts, run.arm.assembly.constants.body
-    if placed.body.size and np.any(contact_values(arm, placed, states)[..., GAP] < 0.0):
+    """Return whether a contact or a stop is compressed at a sample of a run with fixed steps."""
+    placed, states = run.loads.placed.contacts, run.samples[: run.progress.sample]
+    if placed.body.size and np.any(contact_values(run.arm, placed, states)[..., GAP] < 0.0):
         return True
-    stopped = body[:, STOP_STIFFNESS] > 0.0
-    angles, body = states[:, 0, stopped, 0], body[stopped]
-    return bool(np.any((angles < body[:, LOWER_STOP]) | (angles > body[:, UPPER_STOP])))
+    return meets_stops(run)
 
 
 def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
