@@ -117,7 +117,7 @@ class LanePlants:
         self.tick[places] = 0
         for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
             tolerance = self._tolerance._replace(fastest=frequency)
-            choice = choose_integrator("auto", None, self.arm, tolerance)
+            choice = choose_integrator("auto", None, self.arm, tolerance, duration=self._horizon)
             choice = choose_by_samples(choice, self.arm, self._sample_time)
             method = lane_method(choice.integrator)
             assert method is not None  # "auto" has step control

@@ -405,7 +405,7 @@ def new_run(
     request = request_of(settings, arm)
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
     choice = choose_integrator(
-        settings.integrator, settings.step, arm, tolerance, touch, prescribed
+        settings.integrator, settings.step, arm, tolerance, touch, prescribed, horizon
     )
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
@@ -450,9 +450,8 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
         settings: those of ``run``.
     """
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
-    choice = choose_integrator(
-        settings.integrator, settings.step, run.arm, tolerance, prescribed=run.prescribed
-    )
+    requested = settings.integrator, settings.step
+    choice = choose_integrator(*requested, run.arm, tolerance, 0.0, run.prescribed, run.horizon)
     return replace(
         run,
         choice=choice,

@@ -20,9 +20,12 @@ _SHIFT = 0.008
 #: Largest difference of the two orders relative to the derivatives of a column. It is 1e-9 for a
 #: length; modes that change places cause differences near one.
 _ACCURATE = 1e-6
-#: Rounding errors of the difference: relative to the numbers of a column, and of numbers that would
-#: be zero without them, in SI units.
-_ROUNDED, _NOISE = 1e-9, 1e-12
+#: Rounding errors of the difference, relative to the numbers of a column.
+_ROUNDED = 1e-9
+#: Changes of the parameter, relative to its scale, at which numbers change by rounding alone, and
+#: the rounding errors of the difference relative to these changes: those of a few points are small
+#: by luck. Numbers that would be zero without rounding are nothing else.
+_NEAR, _NOISE = (-2e-12, -1e-12, 1e-12, 2e-12), 100.0
 #: Largest difference of the two orders of a function whose rounding errors are relative to its
 #: value, and these rounding errors. It is 1e-12 for trigonometric functions at steps of 0.01, and
 #: the error of order 8 is smaller. Number of steps, each a tenth of the one before.
@@ -59,12 +62,25 @@ def differences(
             [weight * rise + (total[p] if k > 1 else 0.0) for p, rise in enumerate(rises)]
             for weight, total in zip(weights, (found, low), strict=True)
         )
-    for exact, check, column in zip(found, low, size, strict=True):
-        allowed = _ACCURATE * _largest(exact) + (_ROUNDED * column + _NOISE) / scale
-        if np.any(np.abs(exact - check) > allowed):
+    noise = [np.zeros_like(column) for column in size]
+    if not _agree(found, low, size, noise, scale):
+        near = [at(value + change * scale) for change in _NEAR]
+        noise = [_largest(np.ptp(arrays, axis=0)) for arrays in zip(*near, strict=True)]
+        if not _agree(found, low, size, noise, scale):
             hint = "Modes may change places nearby, or a point may be at an end of an element."
             raise InputError(Problem(name, SMOOTH, shown(path), hint))
     return found
+
+
+def _agree(
+    exact: list[Array], low: list[Array], size: list[Array], noise: list[Array], scale: float
+) -> bool:
+    """Return whether differences of two orders agree; ``size`` and ``noise`` of each column."""
+    for high, check, column, rounded in zip(exact, low, size, noise, strict=True):
+        allowed = _ACCURATE * _largest(high) + (_ROUNDED * column + _NOISE * rounded) / scale
+        if np.any(np.abs(high - check) > allowed):
+            return False
+    return True
 
 
 def local_slopes(function: Callable[[Array], Array], point: Array, steps: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,8 +34,8 @@ _STIFF, _AT = 1300.0, 1e-5
 _STICKING = 30.0
 #: Rate of friction over the frequency of the fastest vibration above which "auto" is implicit, at a
 #: relative tolerance of 1e-7, where the explicit method takes two to three times the evaluations;
-#: it grows as tolerance^-1/5. Below the least rate (1/s), the explicit method needs at most a few
-#: thousand evaluations a second.
+#: it grows as tolerance^-1/5. If the rate times the duration of the run is below the least number,
+#: the explicit method needs at most a few thousand evaluations.
 _STEEP, _STEEP_AT, _LEAST_STEEP = 5.0, 1e-7, 1000.0
 #: Largest phase (rad) of the fastest vibration, and decay of the fastest friction, per step at
 #: which rk4 is stable.
@@ -103,14 +104,16 @@ def choose_integrator(
     tolerance: Tolerance,
     touch: float = 0.0,
     prescribed: tuple[int, ...] = (),
+    duration: float = math.inf,
 ) -> Choice:
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
-    The duration of the run, its drive and its sample time count in ``simulation.run.work``.
+    The drive of the run and its sample time count in ``simulation.run.work``.
 
     Args:
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
         prescribed: joints, by number from 1, whose motion is prescribed.
+        duration: s; infinite if it is not known.
 
     Raises:
         InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
@@ -119,7 +122,7 @@ def choose_integrator(
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
     _refuse_with_sticking(requested, arm)
-    choice = _choose(requested, step, arm, tolerance, touch, prescribed)
+    choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
@@ -156,6 +159,7 @@ def _choose(
     tolerance: Tolerance,
     touch: float,
     prescribed: tuple[int, ...],
+    duration: float,
 ) -> Choice:
     if isinstance(requested, Integrator):
         return Choice(requested, "given by the user", insisted=True)
@@ -169,7 +173,8 @@ def _choose(
                 "fast for an explicit method",
                 open=True,
             )
-        choice = _by_stiffness(arm, tolerance, touch, prescribed)
+        steep = _is_steep(arm, tolerance, touch, prescribed, duration)
+        choice = _by_stiffness(arm, tolerance, touch, steep)
         return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
     method = INTEGRATORS[requested](step=step)
     doubt = _smoothing_doubt(method, arm, tolerance)
@@ -275,15 +280,13 @@ def _choose_by_longest(choice: Choice, arm: Arm, longest: float) -> Choice:
     return choice._replace(integrator=method, reason=reason, doubt=doubt)
 
 
-def _by_stiffness(
-    arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]
-) -> Choice:
+def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float, steep: bool) -> Choice:
     """Choose an explicit method, or for stiff arms one that is implicit in bending.
 
     Contacts are always explicit: if a contact is faster than every vibration, an implicit method
     has no advantage.
     """
-    if _is_steep(arm, tolerance, touch, prescribed):
+    if steep:
         return Choice(
             KennedyCarpenter5(),
             "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
@@ -316,10 +319,12 @@ def _by_stiffness(
     )
 
 
-def _is_steep(arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...]) -> bool:
+def _is_steep(
+    arm: Arm, tolerance: Tolerance, touch: float, prescribed: tuple[int, ...], duration: float
+) -> bool:
     """Return whether friction limits the steps of an explicit method far more than vibrations."""
     rate = friction_rate(arm, prescribed)
-    if rate < _LEAST_STEEP:
+    if rate * duration < _LEAST_STEEP:
         return False
     relative = tolerance.relative
     if np.any(arm.assembly.constants.limits[:, 2]):
