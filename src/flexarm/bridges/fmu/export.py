@@ -34,8 +34,8 @@ from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
 from flexarm.linear.models.state_space import find_inputs, find_outputs, state_names
+from flexarm.simulation.calls.preparation import initial_state
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.new_run import initial_state
 from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, tip_units
 
 #: Functions of the exported code in an FMU.

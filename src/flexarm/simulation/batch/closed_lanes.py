@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
+from functools import partial
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -19,19 +20,21 @@ from flexarm.base.errors import FlexarmError, InputError, SimulationError, check
 from flexarm.control.contract.base import Controller, Reference, declares, report_of
 from flexarm.control.hardware.measurement import Measurement, NoiseOfRuns, Readings
 from flexarm.integrate.base import FloatArray, Status, Tolerance
-from flexarm.integrate.lanes.data import LaneRuns
+from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import LaneIntegrator, LaneStepper, lane_method
-from flexarm.integrate.memory import CLOCK_PLACES, COUNT_PLACES, REJECTED, STEP, STEPS, TIME
+from flexarm.integrate.memory import CLOCK_PLACES, REJECTED, STEP, STEPS, TIME
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware, Sensor
-from flexarm.simulation.batch.execution import ClosedLoop, Variations
+from flexarm.simulation.batch.execution import Alone, Batch, OpenLoop
 from flexarm.simulation.batch.lanes import (
-    Advance,
+    Group,
     Lanes,
+    OpenLanes,
     Ready,
     arms_of_runs,
     fits_lanes,
     held_drive,
+    lane_runs,
 )
 from flexarm.simulation.calls.compare import INCONSISTENT
 from flexarm.simulation.calls.limits import (
@@ -40,13 +43,12 @@ from flexarm.simulation.calls.limits import (
     motor_numbers,
     motor_warning,
 )
-from flexarm.simulation.calls.preparation import Situation, start_of
-from flexarm.simulation.histories.loads import LoadHistory, load_history
+from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
+from flexarm.simulation.histories.loads import load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
-from flexarm.simulation.run.new_run import UNBOUNDED
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
 from flexarm.simulation.run.tolerance import (
@@ -163,18 +165,10 @@ class LanePlants:
     def _advance(self, block: _Block, torque: FloatArray) -> NDArray[np.int64]:
         """Advance the plants of a block by one sample time; return their statuses."""
         places, count = block.places, len(block.places)
-        now = self.tick[places]
-        runs = LaneRuns(
-            *self._constants,
-            state=self.state[places],
-            fastest=self._fastest[places],
-            clock=self._clock[places],
-            counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
-            status=np.full(count, Status.PAUSED.value),
-            sample_times=np.zeros(0),
-            samples=np.zeros((count, 0, *self.state.shape[1:])),
-            until=(now + 1) * self._sample_time,
-        )
+        now, until = self.tick[places], (self.tick[places] + 1) * self._sample_time
+        state, fastest = self.state[places], self._fastest[places]
+        runs = lane_runs(self._constants, state, fastest, until, np.zeros(0))
+        runs.clock[:] = self._clock[places]
         runs.clock[:, TIME] = now * self._sample_time
         drive = held_drive(count, 1, torque.shape[1], self._loads)
         drive.coefficients[:, 0] = torque[block.rows]
@@ -239,13 +233,17 @@ class _Team(NamedTuple):
         return torque if right else check_array("torque", torque, shape)
 
 
-def fits_closed_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
-    """Return whether lanes support runs with controllers, as far as known before their start."""
-    if shared.environment.contacts or not fits_lanes(variations, shared, channels):
-        return False
-    instruments = (variations.hardware and variations.hardware.instruments) or ()
-    signals = [item.output for item in instruments]  # which have to follow from the state alone
-    return not any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
+def lanes_of(batch: Batch, alone: Alone) -> Lanes | None:
+    """Return lanes; None if they do not support the runs, as far as known before their start."""
+    if not fits_lanes(batch):
+        return None
+    if isinstance(alone, OpenLoop):
+        return OpenLanes(batch, alone)
+    hardware = batch.runs.hardware
+    signals = [item.output for item in (hardware and hardware.instruments) or ()]
+    # They have to follow from the state alone.
+    beyond = any(isinstance(signal, Sensor) or signal in _BY_TORQUE for signal in signals)
+    return None if beyond or batch.shared.environment.contacts else ClosedLanes(batch, alone)
 
 
 class ClosedLanes(Lanes):
@@ -254,22 +252,14 @@ class ClosedLanes(Lanes):
     Controllers are called by one thread at a time.
     """
 
-    _alone: ClosedLoop
-
-    def __init__(
-        self,
-        variations: Variations,
-        shared: Situation,
-        channels: Collection[str],
-        alone: ClosedLoop,
-    ) -> None:
-        super().__init__(variations, shared, channels, alone)
+    def __init__(self, batch: Batch, alone: Alone) -> None:
+        super().__init__(batch, alone)
         self._references: dict[tuple[int, float], Reference | None] = {}
         self._poles: dict[tuple[Any, ...], Poles] = {}
 
     def prepare(self) -> None:
         """Validate the first run."""
-        arm = self._variations.arm(0)
+        arm = self._batch.runs.arm(0)
         try:
             self._run(0, arm, None)
         except FlexarmError:
@@ -277,11 +267,11 @@ class ClosedLanes(Lanes):
 
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         """Return run k before its start."""
-        own, duration = self._variations, self._shared.duration
+        own, duration = self._batch.runs, self._shared.duration
         controller, reference = own.item("controllers", k), own.item("references", k)
         hardware = own.hardware_of(k)
         sample_time, loads = controller.sample_time, self._loads_on(arm)
-        with self._alone.users:
+        with self._batch.users:
             if state is None:
                 state = start_of(arm, *own.state_of(k), reference, None)
             if problems := misfits(controller, arm, reference, hardware, 0):
@@ -302,68 +292,57 @@ class ClosedLanes(Lanes):
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
         """Return the warning of an unstable loop; equal loops are analysed once."""
-        own = self._variations
+        own = self._batch.runs
         controller, reference = own.item("controllers", k), own.item("references", k)
         # Arms with changed parameters are not kept, so that another one may have the same id.
         simulated = arm.spec if own.parameters else id(arm)
         known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
-        model, q = self._alone.model or arm, arm.unpadded(state[0])
+        model, q = self._batch.model or arm, arm.unpadded(state[0])
         loop = model, arm, controller, reference, own.hardware, (), q, self._shared.duration
         return instability(AnalysedLoop(*loop), known)
 
-    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> LaneLoop:
-        loops = [run.drive for run in ready]
-        duration, users = self._shared.duration, self._alone.users
-        loads = ready[0].loads
-        arms = [run.arm for run in ready]
-        loop = LaneLoop(advance, runs, arms, loops, duration, users, loads)
+    def _carry(self, group: Group, looser: float = 1.0) -> None:
+        advance = partial(self._stepper(group, looser).advance, group.method)
+        loop = LaneLoop(advance, group, self._shared.duration, self._batch.users)
         loop.execute()
-        runs.status[~loop.alive] = Status.PAUSED
-        return loop
+        group.runs.status[~loop.alive] = Status.PAUSED
+        group.carried = loop
 
     def _torques(
-        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: LaneLoop
+        self, group: Group, places: NDArray[np.intp], times: FloatArray
     ) -> dict[str, FloatArray]:
         return {
-            "torque": carried.acting.at(times)[:, places].swapaxes(0, 1),
-            "torque_command": carried.command_at(times)[:, places].swapaxes(0, 1),
+            "torque": group.carried.acting.at(times)[:, places].swapaxes(0, 1),
+            "torque_command": group.carried.command_at(times)[:, places].swapaxes(0, 1),
         }
 
     def _limits(
-        self,
-        times: FloatArray,
-        ready: Sequence[Ready],
-        samples: FloatArray,
-        places: NDArray[np.intp],
-        carried: LaneLoop,
+        self, group: Group, places: NDArray[np.intp], times: FloatArray, samples: FloatArray
     ) -> tuple[dict[str, FloatArray], list[list[str]]]:
-        numbers = {name: values[places] for name, values in carried.limits().items()}
+        loop: LaneLoop = group.carried
+        numbers = {name: values[places] for name, values in loop.limits().items()}
         if not numbers:
-            return {}, [[] for _ in ready]
-        texts, joints = [], ready[0].arm.assembly.joint_body
-        for row, (run, place) in enumerate(zip(ready, places.tolist(), strict=True)):
+            return {}, [[] for _ in places]
+        texts, joints = [], group.ready[0].arm.assembly.joint_body
+        for row, place in enumerate(places.tolist()):
             own = {name: values[row] for name, values in numbers.items()}
-            found = [instrument_warning(carried.instruments, own)]
-            if carried.acting.limited:
-                since, saturated = carried.acting.saturated()
-                loop, angle = run.drive, samples[row][:, 0, joints, 0]
-                limits = since, saturated[:, place]
-                with self._alone.users:  # the reference may be an object of the user
-                    found.append(
-                        motor_warning(
-                            run.arm, loop.controller, loop.reference, times, angle, limits, own
-                        )
-                    )
-            texts.append(found)
+            texts.append([instrument_warning(loop.instruments, own)])
+            if loop.acting.limited:
+                since, saturated = loop.acting.saturated()
+                run, angle = group.ready[place], samples[row][:, 0, joints, 0]
+                law, motion, limits = run.drive.controller, run.drive.reference, saturated[:, place]
+                with self._batch.users:  # the reference may be an object of the user
+                    text = motor_warning(run.arm, law, motion, times, angle, (since, limits), own)
+                texts[row].append(text)
         return numbers, texts
 
-    def _warnings(self, notices: str, run: Ready, place: int, carried: LaneLoop) -> list[str]:
-        found = [run.drive.unstable, notices]
-        if place in carried.controllers:
-            with self._alone.users:
-                report = report_of(carried.controllers[place])
-            found += [INCONSISTENT] * (report.get("estimator_consistent", 1) == 0)
-        return found
+    def _warnings(self, group: Group, place: int, notices: str) -> list[str]:
+        warnings = [group.ready[place].drive.unstable, notices]
+        if place in group.carried.controllers:
+            with self._batch.users:
+                report = report_of(group.carried.controllers[place])
+            warnings += [INCONSISTENT] * (report.get("estimator_consistent", 1) == 0)
+        return warnings
 
 
 class LaneLoop(ControlLoop):
@@ -379,16 +358,15 @@ class LaneLoop(ControlLoop):
 
     def __init__(
         self,
-        advance: Advance,
-        runs: LaneRuns,
-        arms: Sequence[Arm],
-        loops: Sequence[LoopOfRun],
+        advance: Callable[[LaneDrive, LaneRuns, int], None],
+        group: Group,
         duration: float,
         users: Lock,
-        loads: LoadHistory,
     ) -> None:
-        self._advanced, self._runs = advance, runs
-        self._arms, self._loops, self._count = arms, loops, len(arms)
+        self._advanced, self._runs = advance, group.runs
+        arms = self._arms = [run.arm for run in group.ready]
+        loops: list[LoopOfRun] = [run.drive for run in group.ready]
+        self._loops, self._count = loops, len(arms)
         self._arm = arms[0] if all(arm is arms[0] for arm in arms) else None
         self._joints = arms[0].joints
         self._duration, self._now, self._users = duration, 0.0, users
@@ -397,7 +375,7 @@ class LaneLoop(ControlLoop):
         super().__init__(acting, loops[0].controller.sample_time)
         self._bodies = as_slice(arms[0].assembly.joint_body)
         bodies = arms[0].assembly.bodies
-        self._drive = held_drive(self._count, acting.pieces, bodies, loads)
+        self._drive = held_drive(self._count, acting.pieces, bodies, group.ready[0].loads)
         self._sensing = self._sensors()
         watches = {arm: RunawayWatch(arm) for arm in dict.fromkeys(arms)}
         self._watches = [watches[arm] for arm in arms]

@@ -31,13 +31,18 @@ from flexarm.model.paths import number_at, with_numbers
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.limits import limits_of_run, notices_of
-from flexarm.simulation.calls.preparation import Situation, Torque, start_of, torque_history
+from flexarm.simulation.calls.preparation import (
+    Situation,
+    Torque,
+    restarted,
+    start_of,
+    torque_history,
+)
 from flexarm.simulation.calls.result import channels_of_run
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
-from flexarm.simulation.run.new_run import restarted
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately
@@ -343,23 +348,32 @@ def attempt(execute: Callable[[int], Outcome], k: int) -> Outcome:
         return failed(k, error)
 
 
+@dataclass(eq=False)
+class Batch:
+    """Runs of a batch."""
+
+    runs: Variations
+    shared: Situation  # arguments of all runs
+    channels: Collection[str]  # that are required of each run
+    model: Arm | None = None  # of the controllers; None for the simulated arm
+    users: Lock = field(default_factory=Lock)  # held while objects of the user are called
+
+
 class OpenLoop:
     """Runs under given torques; several threads may execute them at the same time."""
 
-    def __init__(
-        self, variations: Variations, shared: Situation, channels: Collection[str]
-    ) -> None:
-        self._variations, self._shared, self._channels = variations, shared, channels
+    def __init__(self, batch: Batch) -> None:
+        self._batch = batch
         self._meter = Meter("simulating", False)
         self._template: Run | None = None
         self._histories: dict[float, PiecewiseCubic] = {}
-        self.users = Lock()
 
     def prepare(self) -> None:
         """Validate what the first run shares with the others."""
         with suppress(SimulationError):  # each run reports the failure of a function
             run, state = self._new_run(0)
-            self.history(0, run.arm, state, relative_tolerance(self._shared.settings, run.arm))
+            relative = relative_tolerance(self._batch.shared.settings, run.arm)
+            self.history(0, run.arm, state, relative)
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k."""
@@ -382,8 +396,8 @@ class OpenLoop:
         times = run.sample_times[: progress.sample]
         log = run.watch.log if run.watch is not None else None
         found: dict[str, FloatArray] = {}
-        if self._channels:
-            found = channels_of_run(run, run.history.at(times), self._channels)
+        if self._batch.channels:
+            found = channels_of_run(run, run.history.at(times), self._batch.channels)
         numbers, texts = limits_of_run(run, None, found)
         return Outcome(
             [k],
@@ -401,13 +415,13 @@ class OpenLoop:
 
     def _new_run(self, k: int) -> tuple[Run, FloatArray]:
         """Return run k and its initial state."""
-        own, shared = self._variations, self._shared
+        own, shared = self._batch.runs, self._batch.shared
         arm = own.arm(k)
         if self._template is not None:
             state = self.start(k, arm)
             return restarted(self._template, state, shared.settings), state
         initial, initial_rate = own.state_of(k)
-        with self.users:
+        with self._batch.users:
             run = replace(
                 shared,
                 arm=arm,
@@ -423,14 +437,14 @@ class OpenLoop:
         return run, state
 
     def _loads(self, loads_of: Any, relative: float) -> LoadHistory:
-        with self.users:
+        with self._batch.users:
             history: LoadHistory = loads_of(relative)
             return history
 
     def start(self, k: int, arm: Arm) -> FloatArray:
         """Return the initial state (2, n, 1 + m) of run k."""
-        with self.users:  # the motion of a torque may be a function of the user
-            own = self._variations
+        with self._batch.users:  # the motion of a torque may be a function of the user
+            own = self._batch.runs
             return start_of(arm, *own.state_of(k), None, own.item("torques", k))
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
@@ -440,12 +454,12 @@ class OpenLoop:
             InputError: if the torque does not fit the arm.
             FunctionError: if a function of time raises an exception.
         """
-        torque = self._variations.item("torques", k)
-        shared = len(self._variations.torques) == 1 and not self._shared.prescribed
-        with self.users:
+        own, situation = self._batch.runs, self._batch.shared
+        torque, shared = own.item("torques", k), len(own.torques) == 1 and not situation.prescribed
+        with self._batch.users:
             if shared and relative in self._histories:
                 return self._histories[relative]
-            found = torque_history(self._shared, torque, arm, state, relative)
+            found = torque_history(situation, torque, arm, state, relative)
             if shared:
                 self._histories[relative] = found
             return found
@@ -454,35 +468,31 @@ class OpenLoop:
 class ClosedLoop:
     """Runs with controllers, which are Python objects: one thread at a time executes them."""
 
-    def __init__(
-        self, variations: Variations, arm: Arm | None, shared: Situation, channels: Collection[str]
-    ) -> None:
-        self._variations, self.model = variations, arm
-        self._shared, self._channels = shared, channels
-        self.users = Lock()
+    def __init__(self, batch: Batch) -> None:
+        self._batch = batch
 
     def __call__(self, k: int) -> Outcome:
         """Execute run k."""
-        own = self._variations
-        simulated, duration = own.arm(k), self._shared.duration
+        own, model, shared = self._batch.runs, self._batch.model, self._batch.shared
+        simulated = own.arm(k)
         initial, initial_rate = own.state_of(k)
         controller = own.item("controllers", k)
         with suppress(Exception):  # an object with an open connection is used itself
             controller = deepcopy(controller)  # the objects of the caller stay as they are
         try:
-            with self.users, warnings.catch_warnings():  # kept in the outcome
+            with self._batch.users, warnings.catch_warnings():  # kept in the outcome
                 warnings.simplefilter("ignore", FlexarmWarning)
                 result = simulate(
-                    self.model or simulated,
-                    duration,
-                    plant=None if self.model is None else simulated,
+                    model or simulated,
+                    shared.duration,
+                    plant=None if model is None else simulated,
                     controller=controller,
                     reference=own.item("references", k),
                     hardware=own.hardware_of(k),
                     initial=initial,
                     initial_rate=initial_rate,
-                    settings=replaced(self._shared.settings, progress=False),
-                    **{name: getattr(self._shared, name) for name in ACTING},
+                    settings=replaced(shared.settings, progress=False),
+                    **{name: getattr(shared, name) for name in ACTING},
                 )
         except SimulationError as error:
             if error.result is None:
@@ -493,11 +503,11 @@ class ClosedLoop:
     def _outcome(self, k: int, result: xr.Dataset, stopped: float | None) -> Outcome:
         attributes, times = result.attrs, result["time"].values
         ended_by = attributes["ended_by"]
-        end = float(times[-1]) if ended_by != DURATION else self._shared.duration
+        end = float(times[-1]) if ended_by != DURATION else self._batch.shared.duration
         return Outcome(
             [k],
             times,
-            {name: result[name].values[None] for name in self._channels},
+            {name: result[name].values[None] for name in self._batch.channels},
             end if stopped is None else stopped,
             ended_by,
             attributes["failure"],
@@ -507,3 +517,7 @@ class ClosedLoop:
             [attributes["evaluations"]],
             {name: result[name].values[None] for name in LIMITS if name in result},
         )
+
+
+#: Runs of a batch, one at a time.
+Alone = OpenLoop | ClosedLoop

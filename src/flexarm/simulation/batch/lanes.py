@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -36,11 +36,10 @@ from flexarm.integrate.memory import (
     TOUCHES,
 )
 from flexarm.kernels.compilation.packs import COMPILED
-from flexarm.kernels.layout import ArmConstants, Contacts, Loads, run_time_sizes
+from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.scenario import DURATION
-from flexarm.simulation.batch.execution import ClosedLoop, OpenLoop, Outcome, Variations, attempt
+from flexarm.simulation.batch.execution import Alone, Batch, OpenLoop, Outcome, attempt
 from flexarm.simulation.calls.limits import deep_contact
-from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
@@ -49,6 +48,7 @@ from flexarm.simulation.run.impacts import (
     LOOSER,
     doubt_of_growth,
     growth_error,
+    joined,
     may_grow,
     repeats_growth,
     returns_to_surface,
@@ -68,19 +68,17 @@ MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
 _TORQUES = frozenset({"torque", "torque_command"})
-#: Function that advances runs under a drive to their ends, or by at most that many steps.
-Advance = Callable[[LaneDrive, LaneRuns, int], None]
 
 
-def fits_lanes(variations: Variations, shared: Situation, channels: Collection[str]) -> bool:
+def fits_lanes(batch: Batch) -> bool:
     """Return whether lanes support the runs, as far as that is known before their start."""
-    settings, contacts = shared.settings, shared.environment.contacts
+    shared, settings = batch.shared, batch.shared.settings
     if shared.events or shared.prescribed or shared.changes:
         return False
     if settings.specialized or settings.stations:
         return False
-    unknown = BY_FORCES - BY_CONTACTS if contacts else BY_FORCES
-    return all(map(arm_fits_lanes, variations.arms)) and not unknown.intersection(channels)
+    unknown = BY_FORCES - BY_CONTACTS if shared.environment.contacts else BY_FORCES
+    return all(map(arm_fits_lanes, batch.runs.arms)) and not unknown.intersection(batch.channels)
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
@@ -102,6 +100,27 @@ class Ready(NamedTuple):
     touch: float = 0.0  # rad/s, of the arm on the stiffest surface of a contact
 
 
+@dataclass
+class Group:
+    """Runs that lanes advance together, by one method."""
+
+    method: LaneIntegrator
+    sizes: tuple[float, ...]  # see `_structure`
+    ready: Sequence[Ready]
+    runs: LaneRuns
+    carried: Any = None  # what advanced them, for their channels and warnings
+
+    def samples(self, place: int) -> FloatArray:
+        """Return the samples (k, 2, n, 1 + m) of a run."""
+        samples: FloatArray = self.runs.samples[place, : self.runs.counts[place, SAMPLES]]
+        return samples
+
+    def unit(self, place: int) -> FloatArray:
+        """Return `Tolerance.unit` of a run."""
+        unit: FloatArray = self.runs.unit[min(place, len(self.runs.unit) - 1)]
+        return unit
+
+
 class Lanes(ABC):
     """Runs eight at a time in each thread.
 
@@ -109,22 +128,16 @@ class Lanes(ABC):
     ``alone``. This depends on the run alone, so that a run has the same numbers in every batch.
     """
 
-    def __init__(
-        self,
-        variations: Variations,
-        shared: Situation,
-        channels: Collection[str],
-        alone: OpenLoop | ClosedLoop,
-    ) -> None:
-        self._variations, self._shared, self._settings = variations, shared, shared.settings
+    def __init__(self, batch: Batch, alone: Alone) -> None:
+        self._batch, self._alone = batch, alone
+        self._shared, self._settings = batch.shared, batch.shared.settings
         self._factors: dict[tuple[int, ...], PiecewiseCubic] = {}
         self._loads: LoadHistory | None = None  # of the only arm
-        self._channels, self._alone = channels, alone
-        self._times = shared.times
-        self._observed = set(channels) - BY_CONTACTS
+        self._times = batch.shared.times
+        self._observed = set(batch.channels) - BY_CONTACTS
         self._steppers: dict[tuple[float, ...], LaneStepper] = {}
-        arm = variations.arms[0]
-        self._arm = arm if variations.same_arm else None
+        arm = batch.runs.arms[0]
+        self._arm = arm if batch.runs.same_arm else None
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
 
@@ -133,6 +146,10 @@ class Lanes(ABC):
         horizon = self._shared.duration
         relative, absolute, scale = tolerances_of(self._settings, arm)
         return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
+
+    @abstractmethod
+    def prepare(self) -> None:
+        """Validate what the first run shares with the others."""
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
@@ -150,8 +167,8 @@ class Lanes(ABC):
                 key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
-            group = [ready[place] for place in places]
-            for outcome in self._advance(method, key[1], group, fastest[places]):
+            own = [ready[place] for place in places]
+            for outcome in self._executed(self._begin(method, key[1], own, fastest[places])):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:
@@ -160,12 +177,12 @@ class Lanes(ABC):
 
     def _ready(self, runs: range) -> list[Ready]:
         """Return the runs whose arguments are valid; ``alone`` reports the others."""
-        states, found = self._starts(runs), []
+        states, ready = self._starts(runs), []
         for row, k in enumerate(runs):
             with suppress(SimulationError, InputError):
-                arm = self._arm or self._variations.arm(k)
-                found.append(self._run(k, arm, None if states is None else states[row]))
-        return found
+                arm = self._arm or self._batch.runs.arm(k)
+                ready.append(self._run(k, arm, None if states is None else states[row]))
+        return ready
 
     @abstractmethod
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
@@ -175,15 +192,15 @@ class Lanes(ABC):
         """Return the loads of a run."""
         if self._loads is not None:
             return self._loads
-        with self._alone.users:
-            found = self._shared.loads_of(arm, self._factors)
+        with self._batch.users:
+            loads = self._shared.loads_of(arm, self._factors)
         if self._arm is not None:
-            self._loads = found
-        return found
+            self._loads = loads
+        return loads
 
     def _starts(self, runs: range) -> FloatArray | None:
         """Return the initial states (runs, 2, n, 1 + m) together; None if they depend on a run."""
-        own = self._variations
+        own = self._batch.runs
         if own.initial is None:
             return None
         arm, rows = own.arms[0], slice(runs.start, runs.stop)
@@ -215,131 +232,99 @@ class Lanes(ABC):
             *requested, run.arm, tolerance, run.touch, duration=self._shared.duration
         )
 
-    def _advance(
-        self,
-        method: LaneIntegrator,
-        key: tuple[float, ...],
-        ready: Sequence[Ready],
-        fastest: FloatArray,
-    ) -> Iterator[Outcome]:
-        """Yield the outcomes of the runs that reach their end; ``key`` as in `_stepper`."""
-        runs = self._begin(method, ready, fastest)
-        stepper = self._stepper(key, method, ready[0])
-        carried = self._carry(partial(stepper.advance, method), ready, runs)
-        done = np.flatnonzero(runs.status == Status.DONE)
-        done = done[[self._counts(method, ready[int(k)], runs, int(k)) for k in done]]
-        done, carried = self._verified(method, key, ready, runs, done, carried)
+    def _executed(self, group: Group) -> Iterator[Outcome]:
+        """Yield the outcomes of the runs that reach their end."""
+        self._carry(group)
+        done = np.flatnonzero(group.runs.status == Status.DONE)
+        done = self._verified(group, done[[self._counts(group, int(k)) for k in done]])
         together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
         for first in range(0, len(done), together):
-            yield self._outcome(method, ready, runs, done[first : first + together], carried)
+            yield self._outcome(group, done[first : first + together])
 
     def _begin(
-        self, method: LaneIntegrator, ready: Sequence[Ready], fastest: FloatArray
-    ) -> LaneRuns:
-        """Return runs of one group at their start."""
-        states, count = np.array([run.state for run in ready]), len(ready)
-        fastest = np.maximum(fastest, [run.touch for run in ready])
-        arms = [run.arm for run in (ready[:1] if self._arm else ready)]
-        placed = [run.loads.placed for run in ready]
-        runs = LaneRuns(
-            *arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
-            state=states,
-            fastest=fastest,
-            clock=np.zeros((count, CLOCK_PLACES)),
-            counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
-            status=np.full(count, Status.PAUSED.value),
-            sample_times=self._times,
-            samples=np.empty((count, self._times.size, *states.shape[1:])),
-            until=np.full(count, self._shared.duration),
-        )
-        runs.clock[:, STEP] = [method.first_step(float(one)) for one in fastest]
-        return runs
-
-    def _verified(
         self,
         method: LaneIntegrator,
-        key: tuple[float, ...],
+        sizes: tuple[float, ...],
         ready: Sequence[Ready],
-        runs: LaneRuns,
-        done: NDArray[np.intp],
-        carried: Any,
-    ) -> tuple[NDArray[np.intp], Any]:
-        """Return the runs ``done`` that remain, and ``carried``, after a comparison with others."""
-        return done, carried
+        fastest: FloatArray,
+    ) -> Group:
+        """Return runs of one group at their start."""
+        arms = [run.arm for run in (ready[:1] if self._arm else ready)]
+        placed = [run.loads.placed for run in ready]
+        runs = lane_runs(
+            arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
+            np.array([run.state for run in ready]),
+            np.maximum(fastest, [run.touch for run in ready]),
+            np.full(len(ready), self._shared.duration),
+            self._times,
+        )
+        runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
+        return Group(method, sizes, ready, runs)
 
-    def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
+    def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the runs ``done`` that remain after a comparison with others."""
+        return done
+
+    def _counts(self, group: Group, place: int) -> bool:
         """Return whether a completed run is the result, and not to be repeated by ``alone``.
 
         Runs that return to surfaces are repeated: ``alone`` estimates their errors.
         """
-        touches = int(runs.counts[place, TOUCHES]) if method.adaptive else None
-        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        contacts = run.loads.placed.contacts
-        return not returns_to_surface(run.arm, contacts, samples, touches)
+        run, touches = group.ready[place], int(group.runs.counts[place, TOUCHES])
+        counted, contacts = touches if group.method.adaptive else None, run.loads.placed.contacts
+        return not returns_to_surface(run.arm, contacts, group.samples(place), counted)
 
     @abstractmethod
-    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> Any:
-        """Advance the runs of one group; return what ``_torques`` and ``_warnings`` need."""
+    def _carry(self, group: Group, looser: float = 1.0) -> None:
+        """Advance the runs of a group, with tolerances multiplied by a factor."""
 
     @abstractmethod
     def _torques(
-        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
+        self, group: Group, places: NDArray[np.intp], times: FloatArray
     ) -> dict[str, FloatArray]:
         """Return the channels of torques (k, samples, joints) of the runs at ``places`` (k,)."""
 
-    def _warnings(self, notices: str, run: Ready, place: int, carried: Any) -> list[str]:
+    def _warnings(self, group: Group, place: int, notices: str) -> list[str]:
         """Return the warnings of a run; ``notices``: those of its result, or empty."""
         return [notices]
 
     def _limits(
-        self,
-        times: FloatArray,
-        ready: Sequence[Ready],
-        samples: FloatArray,
-        places: NDArray[np.intp],
-        carried: Any,
+        self, group: Group, places: NDArray[np.intp], times: FloatArray, samples: FloatArray
     ) -> tuple[dict[str, FloatArray], list[list[str]]]:
-        """Return numbers of ``LIMITS`` (k, ...) and warnings of the runs ``ready`` (k,)."""
-        pairs = zip(ready, samples, strict=True)
+        """Return numbers of ``LIMITS`` (k, ...) and warnings of the runs at ``places`` (k,)."""
+        pairs = zip([group.ready[place] for place in places], samples, strict=True)
         deep = [deep_contact(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
         return {}, [[text] for text in deep]
 
-    def _outcome(
-        self,
-        method: LaneIntegrator,
-        ready: Sequence[Ready],
-        runs: LaneRuns,
-        places: NDArray[np.intp],
-        carried: Any,
-    ) -> Outcome:
+    def _outcome(self, group: Group, places: NDArray[np.intp]) -> Outcome:
         """Return the outcome of some runs of one arm, whose channels are computed together."""
+        counts, wanted = group.runs.counts, self._batch.channels
         # If the last sample time is a rounding error before the end, there is one sample less.
-        count = int(runs.counts[places[0], SAMPLES])
-        times, samples = self._times[:count], runs.samples[places, :count]
-        own = [ready[place] for place in places]
+        count = int(counts[places[0], SAMPLES])
+        times, samples = self._times[:count], group.runs.samples[places, :count]
+        own = [group.ready[place] for place in places]
         arm, shape = own[0].arm, samples.shape[:2]
         channels: dict[str, FloatArray] = {}
         if self._observed:
             observed = channels_of(arm, samples.reshape(-1, *samples.shape[2:]), self._observed)
             channels = {name: row.reshape(*shape, *row.shape[1:]) for name, row in observed.items()}
-        if not _TORQUES.isdisjoint(self._channels):
-            channels |= self._torques(times, ready, places, carried)
-        if not BY_CONTACTS.isdisjoint(self._channels):
+        if not _TORQUES.isdisjoint(wanted):
+            channels |= self._torques(group, places, times)
+        if not BY_CONTACTS.isdisjoint(wanted):
             pairs = zip(own, samples, strict=True)
             rows = [contact_channels(r.arm, r.loads.placed.contacts, row) for r, row in pairs]
             channels |= {name: np.array([row[name] for row in rows]) for name in rows[0]}
         largest = np.abs(samples[:, :, 0, :, 1:]).max(axis=1)
         small = self._bending.surely_small(largest) if self._arm else np.zeros(len(own), bool)
-        limits, texts = self._limits(times, own, samples, places, carried)
+        limits, texts = self._limits(group, places, times, samples)
         if "contact_gap" in channels:
             limits["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=1), 0.0)
         warnings = []
         for row, (run, place) in enumerate(zip(own, places.tolist(), strict=True)):
             bent = "" if small[row] else theory_error(arm, samples[row])
             pulled = axial_load(run.arm, times, samples[row], run.loads)
-            notices = " ".join(filter(None, [bent, pulled, *texts[row]]))
-            found = self._warnings(notices, run, place, carried)
-            warnings.append(" ".join(filter(None, found)))
+            notices = joined(bent, pulled, *texts[row])
+            warnings.append(joined(*self._warnings(group, place, notices)))
         return Outcome(
             [run.number for run in own],
             times,
@@ -347,22 +332,16 @@ class Lanes(ABC):
             self._shared.duration,
             DURATION,
             "",
-            method.name,
+            group.method.name,
             warnings,
-            runs.counts[places, STEPS].tolist(),
-            runs.counts[places, EVALUATIONS].tolist(),
+            counts[places, STEPS].tolist(),
+            counts[places, EVALUATIONS].tolist(),
             limits,
         )
 
-    def _stepper(
-        self, key: tuple[float, ...], method: LaneIntegrator, run: Ready, looser: float = 1.0
-    ) -> LaneStepper:
-        """Return the stepper of runs like one, whose arms and loads have arrays of equal sizes.
-
-        Args:
-            looser: factor of the tolerances.
-        """
-        key = (*key, looser)
+    def _stepper(self, group: Group, looser: float) -> LaneStepper:
+        """Return the stepper of a group, whose arms and loads have arrays of equal sizes."""
+        key, run = (*group.sizes, looser), group.ready[0]
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
             tolerance = scaled(self._tolerance_of(run.arm), looser)
@@ -375,34 +354,30 @@ class OpenLanes(Lanes):
 
     _alone: OpenLoop
 
+    def prepare(self) -> None:
+        self._alone.prepare()
+
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
         history = self._alone.history(k, arm, state, relative_tolerance(self._settings, arm))
-        loads, touch = self._touching(self._loads_on(arm), arm, state)
+        loads, touch, contacts = self._loads_on(arm), 0.0, self._shared.environment.contacts
+        if contacts:
+            placed = contacts_of_run(arm, contacts, state)
+            refuse_deep_start(arm, state, placed)
+            loads = replace(loads, placed=loads.placed._replace(contacts=placed))
+            touch = contact_frequency(arm, placed)
         return Ready(k, arm, state, loads, history, touch=touch)
 
-    def _counts(self, method: LaneIntegrator, run: Ready, runs: LaneRuns, place: int) -> bool:
-        if not super()._counts(method, run, runs, place):
+    def _counts(self, group: Group, place: int) -> bool:
+        if not super()._counts(group, place):
             return False
-        if not method.adaptive:
+        if not group.method.adaptive:
             return True
-        tolerance = self._tolerance_of(run.arm)._replace(unit=self._unit_of(runs, place))
-        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        default = self._settings.atol is None
-        steps = int(runs.counts[place, STEPS])
+        unit, samples = group.unit(place), group.samples(place)
+        tolerance = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
+        default, steps = self._settings.atol is None, int(group.runs.counts[place, STEPS])
         return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
-
-    def _touching(
-        self, loads: LoadHistory, arm: Arm, state: FloatArray
-    ) -> tuple[LoadHistory, float]:
-        """Return loads with the contacts of a run, and the frequency of the arm on them, rad/s."""
-        if not self._shared.environment.contacts:
-            return loads, 0.0
-        contacts = contacts_of_run(arm, self._shared.environment.contacts, state)
-        refuse_deep_start(arm, state, contacts)
-        placed = loads.placed._replace(contacts=contacts)
-        return replace(loads, placed=placed), contact_frequency(arm, contacts)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
@@ -418,66 +393,51 @@ class OpenLanes(Lanes):
         )
         return choose_by_work(choice, start)
 
-    def _carry(self, advance: Advance, ready: Sequence[Ready], runs: LaneRuns) -> dict[int, str]:
-        histories = [run.drive for run in ready]
-        advance(drive_of_runs(ready[0].arm, histories, ready[0].loads), runs, MOST_STEPS)
-        return {}
+    def _carry(self, group: Group, looser: float = 1.0) -> None:
+        first, histories = group.ready[0], [run.drive for run in group.ready]
+        drive = drive_of_runs(first.arm, histories, first.loads)
+        self._stepper(group, looser).advance(group.method, drive, group.runs, MOST_STEPS)
+        group.carried = {}
 
-    def _verified(
-        self,
-        method: LaneIntegrator,
-        key: tuple[float, ...],
-        ready: Sequence[Ready],
-        runs: LaneRuns,
-        done: NDArray[np.intp],
-        carried: dict[int, str],
-    ) -> tuple[NDArray[np.intp], dict[int, str]]:
-        """Return the runs that ``alone`` does not repeat, and warnings by place in ``ready``.
+    def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the runs that ``alone`` does not repeat; ``carried`` has warnings by place.
 
         The comparison is that of ``simulate``, see `impacts.may_grow`.
         """
-        far = [int(k) for k in done if self._is_compared(method, ready[k].arm, runs, int(k))]
+        far = [int(k) for k in done if self._is_compared(group, int(k))]
         if not far:
-            return done, carried
-        compared = [ready[k] for k in far]
-        others = self._begin(method, compared, runs.fastest[far])
-        stepper = self._stepper(key, method, compared[0], LOOSER)
-        self._carry(partial(stepper.advance, method), compared, others)
+            return done
+        compared = [group.ready[k] for k in far]
+        others = self._begin(group.method, group.sizes, compared, group.runs.fastest[far])
+        self._carry(others, LOOSER)
         repeated = []
         for row, place in enumerate(far):
-            if others.status[row] != Status.DONE:
+            if others.runs.status[row] != Status.DONE:
                 continue
-            runs.counts[place, EVALUATIONS] += others.counts[row, EVALUATIONS]
-            arm, request = ready[place].arm, request_of(self._settings, ready[place].arm)
+            group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
+            arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
             assert request is not None
-            samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-            error = growth_error(arm, samples, others.samples[row, : others.counts[row, SAMPLES]])
+            error = growth_error(arm, group.samples(place), others.samples(row))
             if repeats_growth(error, request):
                 repeated.append(place)
-            carried[place] = doubt_of_growth(arm, self._times, error, request)
-        return np.setdiff1d(done, repeated), carried
+            group.carried[place] = doubt_of_growth(arm, self._times, error, request)
+        return np.setdiff1d(done, repeated)
 
-    def _is_compared(self, method: LaneIntegrator, arm: Arm, runs: LaneRuns, place: int) -> bool:
+    def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run at the default accuracy is compared with another one."""
+        arm, samples = group.ready[place].arm, group.samples(place)
         if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
             return False
-        samples = runs.samples[place, : runs.counts[place, SAMPLES]]
-        return may_grow(
-            method.name, samples, constants_with(arm, ()), self._unit_of(runs, place), self._times
-        )
+        constants, unit = constants_with(arm, ()), group.unit(place)
+        return may_grow(group.method.name, samples, constants, unit, self._times)
 
-    @staticmethod
-    def _unit_of(runs: LaneRuns, place: int) -> FloatArray:
-        unit: FloatArray = runs.unit[min(place, len(runs.unit) - 1)]
-        return unit
-
-    def _warnings(self, notices: str, run: Ready, place: int, carried: dict[int, str]) -> list[str]:
-        return [notices, carried.get(place, "")]
+    def _warnings(self, group: Group, place: int, notices: str) -> list[str]:
+        return [notices, group.carried.get(place, "")]
 
     def _torques(
-        self, times: FloatArray, ready: Sequence[Ready], places: NDArray[np.intp], carried: Any
+        self, group: Group, places: NDArray[np.intp], times: FloatArray
     ) -> dict[str, FloatArray]:
-        return {"torque": np.array([ready[k].drive.at(times) for k in places])}
+        return {"torque": np.array([group.ready[k].drive.at(times) for k in places])}
 
 
 def _structure(run: Ready) -> tuple[int, ...]:
@@ -490,6 +450,28 @@ def _structure(run: Ready) -> tuple[int, ...]:
     placed = run.loads.placed
     bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
     return (*sizes, *bodies, id(run.loads.factors))
+
+
+def lane_runs(
+    constants: tuple[ArmConstants, FloatArray, Loads, Contacts],
+    states: Array,
+    fastest: Array,
+    until: Array,
+    times: Array,
+) -> LaneRuns:
+    """Return runs at their start; the arguments are fields of ``LaneRuns``."""
+    count = len(states)
+    return LaneRuns(
+        *constants,
+        state=states,
+        fastest=fastest,
+        clock=np.zeros((count, CLOCK_PLACES)),
+        counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
+        status=np.full(count, Status.PAUSED.value),
+        sample_times=times,
+        samples=np.empty((count, times.size, *states.shape[1:])),
+        until=until,
+    )
 
 
 def arms_of_runs(

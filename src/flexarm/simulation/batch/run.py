@@ -31,17 +31,17 @@ from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
 from flexarm.model.quantities import Count
 from flexarm.model.scenarios.scenario import FAILURE
-from flexarm.simulation.batch.closed_lanes import ClosedLanes, fits_closed_lanes
+from flexarm.simulation.batch.closed_lanes import lanes_of
 from flexarm.simulation.batch.execution import (
     ACTING,
+    Alone,
+    Batch,
     ClosedLoop,
     OpenLoop,
     Outcome,
-    Variations,
     attempt,
     variations_of,
 )
-from flexarm.simulation.batch.lanes import OpenLanes, fits_lanes
 from flexarm.simulation.batch.reductions import (
     Reduction,
     check_channel,
@@ -96,8 +96,6 @@ TAKEN = (
     "position",
     "station",
 )
-#: A function that executes a block of runs, and the blocks.
-Work = tuple[Callable[[range], Iterable[Outcome]], list[range]]
 #: Options of ``simulate`` that are the same for all runs.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
@@ -110,26 +108,17 @@ _BLOCK, _LANE_BLOCK, _MEMORY = 8, 128, 2**24
 
 
 class Recorder:
-    """Arrays of a batch. Threads may record different runs at the same time.
-
-    ``times`` (samples,) s are those of a complete run, ``counts`` the numbers of contacts and of
-    stations on each link, and ``absent`` names channels without an object, with what is missing.
-    """
+    """Arrays of a batch. Threads may record different runs at the same time."""
 
     def __init__(
         self,
-        runs: int,
-        arm: Arm,
-        times: FloatArray,
+        batch: Batch,
         channels: Sequence[str],
         reductions: Mapping[str, Reduction],
         stride: int,
-        counts: tuple[int, int],
-        absent: Mapping[str, str],
     ) -> None:
-        contacts, stations = counts
-        self._arm, self._counts = arm, counts
-        self._times, self._stride = times, stride
+        self._batch, runs, arm = batch, batch.runs.count, batch.runs.arms[0]
+        self._times, self._stride = batch.shared.times, stride
         self._reductions = reductions
         self._sizes = {
             "joint": arm.joints,
@@ -137,12 +126,12 @@ class Recorder:
             "axis": 2,
             "coordinate": arm.dof,
             "gauge": len(arm.gauges),
-            "contact": contacts,
-            "station": stations,
+            "contact": len(batch.shared.environment.contacts),
+            "station": batch.shared.settings.stations,
         }
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
-        self._check({"channels": tuple(channels), **needed}, absent)
-        stored = times[::stride].size
+        self._check({"channels": tuple(channels), **needed})
+        stored = self._times[::stride].size
         self._channels = {
             name: np.full((runs, stored, *self._shape(CHANNELS[name].dims)), np.nan)
             for name in channels
@@ -160,8 +149,12 @@ class Recorder:
     def _shape(self, dims: Sequence[str]) -> list[int]:
         return [self._sizes[dim] for dim in dims]
 
-    def _check(self, own: Mapping[str, Sequence[str]], absent: Mapping[str, str]) -> None:
+    def _check(self, own: Mapping[str, Sequence[str]]) -> None:
         """Raise if the runs do not have a channel, because of the arm or the arguments."""
+        runs = self._batch.runs
+        absent = {} if runs.controllers[0] is not None else {"torque_command": "controller"}
+        if not any(arm.assembly.has_bristles for arm in runs.arms):
+            absent["bristle_deflection"] = "friction with bristles"
         problems = []
         for argument, names in own.items():
             for name in names:
@@ -212,7 +205,7 @@ class Recorder:
                 failure = failure or text
         return failure
 
-    def dataset(self, variations: Variations, attributes: dict[str, Any]) -> xr.Dataset:
+    def dataset(self, attributes: dict[str, Any]) -> xr.Dataset:
         """Return the labelled dataset."""
         import xarray as xr
 
@@ -234,14 +227,16 @@ class Recorder:
         for name, meaning in TEXTS.items():
             variables[name] = ("run", np.array(self.texts[name], dtype=str), {"long_name": meaning})
         used = {"run", "time"}.union(*(dims for dims, *_ in variables.values() if dims != "run"))
-        return xr.Dataset(variables, self._coordinates(variations, used), attributes)
+        return xr.Dataset(variables, self._coordinates(used), attributes)
 
-    def _coordinates(self, variations: Variations, used: set[str]) -> dict[str, Any]:
-        contacts, stations = self._counts
+    def _coordinates(self, used: set[str]) -> dict[str, Any]:
+        variations, sizes = self._batch.runs, self._sizes
         instruments = (variations.hardware and variations.hardware.instruments) or ()
         names = [item.label for item in instruments if item.limit < np.inf]
         label = {"long_name": "instrument with a limit"}
-        found = coordinates_of(self._arm, self._times[:: self._stride], stations, contacts)
+        found = coordinates_of(
+            variations.arms[0], self._times[:: self._stride], sizes["station"], sizes["contact"]
+        )
         found["instrument"] = ("instrument", names, label)
         if not variations.same_arm:
             found.pop("position", None)  # the lengths of the links may differ
@@ -367,37 +362,14 @@ def simulate_batch(
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))
-    counts = len(shared.environment.contacts), checked.stations
     closed = own.controllers[0] is not None
-    absent = {} if closed else {"torque_command": "controller"}
-    if not any(one.assembly.has_bristles for one in own.arms):
-        absent["bristle_deflection"] = "friction with bristles"
-    sizes = first, shared.times, names, reduced, stride, counts, absent
-    recorder = Recorder(own.count, *sizes)
     needed = {*names}.union(*(item.channels for item in reduced.values()))
-    size = shared.times.size * 16 * first.assembly.coordinates.size
-    most = min(_LANE_BLOCK, _MEMORY // size, -(-own.count // threads) + LANES - 1)
-    lane_blocks = _blocks(0, own.count, LANES * max(1, most // LANES))
-    if closed:
-        model = model or (first if own.parameters else None)
-        loop = ClosedLoop(own, model, shared, needed)
-        with warnings.catch_warnings():  # kept in the outcomes
+    batch = Batch(own, shared, needed, model or (first if closed and own.parameters else None))
+    recorder = Recorder(batch, names, reduced, stride)
+    with warnings.catch_warnings():
+        if closed:  # their warnings are kept in the outcomes
             warnings.simplefilter("ignore", FlexarmWarning)
-            if fits_closed_lanes(own, shared, needed):
-                lanes = ClosedLanes(own, shared, needed, loop)
-                lanes.prepare()
-                work: Work = lanes, lane_blocks
-            else:
-                work, threads = _first_alone(loop, recorder, own.count), 1
-            _execute(work, recorder, own.count, threads, checked.progress)
-    else:
-        alone = OpenLoop(own, shared, needed)
-        if fits_lanes(own, shared, needed):
-            alone.prepare()
-            work = OpenLanes(own, shared, needed, alone), lane_blocks
-        else:
-            work = _first_alone(alone, recorder, own.count)
-        _execute(work, recorder, own.count, threads, checked.progress)
+        _execute(batch, recorder, threads)
     attributes = {
         "flexarm_version": package_version(),
         "software": software_versions(),
@@ -416,7 +388,7 @@ def simulate_batch(
     if len(own.arms) == 1:
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])
-    return recorder.dataset(own, attributes)
+    return recorder.dataset(attributes)
 
 
 def _channels(given: object) -> tuple[str, ...]:
@@ -426,28 +398,31 @@ def _channels(given: object) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check_channel("channels", name) for name in given))
 
 
-def _first_alone(execute: Callable[[int], Outcome], recorder: Recorder, count: int) -> Work:
-    """Execute and record the first run, which validates what all share; return the other work."""
-    recorder.record(execute(0))
-    return lambda runs: (attempt(execute, k) for k in runs), _blocks(1, count, _BLOCK)
-
-
 def _blocks(first: int, count: int, size: int) -> list[range]:
     return [range(k, min(k + size, count)) for k in range(first, count, size)]
 
 
-def _execute(
-    work: Work, recorder: Recorder, count: int, threads: int, progress: bool | None
-) -> None:
-    """Execute and record blocks of runs in threads."""
-    execute, blocks = work
+def _execute(batch: Batch, recorder: Recorder, threads: int) -> None:
+    """Execute and record blocks of runs in threads; the first run validates what all share."""
+    count, shared = batch.runs.count, batch.shared
+    alone: Alone = OpenLoop(batch) if batch.runs.controllers[0] is None else ClosedLoop(batch)
+    execute: Callable[[range], Iterable[Outcome]]
+    if (lanes := lanes_of(batch, alone)) is not None:
+        lanes.prepare()
+        size = shared.times.size * 16 * batch.runs.arms[0].assembly.coordinates.size
+        most = min(_LANE_BLOCK, _MEMORY // size, -(-count // threads) + LANES - 1)
+        execute, blocks = lanes, _blocks(0, count, LANES * max(1, most // LANES))
+    else:
+        recorder.record(alone(0))
+        execute, blocks = lambda runs: (attempt(alone, k) for k in runs), _blocks(1, count, _BLOCK)
+        threads = threads if isinstance(alone, OpenLoop) else 1
 
     def block(runs: range) -> int:
         for outcome in execute(runs):
             recorder.record(outcome)
         return len(runs)
 
-    with Meter("simulating", progress) as meter:
+    with Meter("simulating", shared.settings.progress) as meter:
         if threads == 1:
             for runs in blocks:
                 block(runs)

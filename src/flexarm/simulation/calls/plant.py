@@ -33,10 +33,10 @@ from flexarm.base.errors import (
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.simulation.calls.preparation import initial_state, new_run
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.devices import TipMotion
 from flexarm.simulation.run.contacts import refuse_deep_start
-from flexarm.simulation.run.new_run import initial_state, new_run
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
     PlantSettings,

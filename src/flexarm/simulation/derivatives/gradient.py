@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, Unpack
 
@@ -44,7 +43,6 @@ from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import GoalArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
-from flexarm.simulation.calls.second_run import relative_error, second_run
 from flexarm.simulation.derivatives.dual_run import (
     DualRun,
     channel_derivatives,
@@ -55,7 +53,9 @@ from flexarm.simulation.derivatives.dual_run import (
 from flexarm.simulation.derivatives.parameters import (
     Parameters,
     check_channels,
+    differentiated,
     refuse_unsupported,
+    relative_error,
     simulated,
 )
 from flexarm.simulation.histories.piecewise import Samples
@@ -188,6 +188,7 @@ class Repetition:
 class Gradient(NamedTuple):
     """Gradient of a goal."""
 
+    run: Run
     torque: FloatArray  # (samples, joints)
     state: FloatArray  # (2, dof) by q and qd at the start
 
@@ -225,7 +226,7 @@ def goal_gradient_of(
     pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     np.add.at(pieces, piece, torque)
     by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
-    return Gradient(by_samples, state.reshape(2, -1))
+    return Gradient(run, by_samples, state.reshape(2, -1))
 
 
 def _by_samples(
@@ -359,27 +360,22 @@ def goal_gradient(
         raise InputError(Problem("weights", "must not be empty"))
     with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(settings: RunSettings, once: bool = False) -> tuple[Run, Gradient]:
+        def once(again: Situation, exactly: bool) -> Gradient:
             checkpoints = Checkpoints.among(len(situation.times))
-            again = replace(situation, settings=settings)
-            known = simulated(again, True, meter, checkpoints, once=once)
+            known = simulated(again, True, meter, checkpoints, once=exactly)
             channels = channels_of(arm, known.run.samples, names)
             arrays = {
                 name: check_array(f"weights[{name!r}]", weights[name], channels[name].shape)
                 for name in names
             }
             assert known.samples is not None
-            return known.run, goal_gradient_of(known, known.samples, arrays)
+            return goal_gradient_of(known, known.samples, arrays)
 
-        run, found = differentiated(situation.settings)
-        doubt, attributes = run.doubt, {}
-        second = second_run(run, situation.settings) if error_estimate else None
-        if second is not None:
-            other = differentiated(second.settings, once=True)
-            error = relative_error(found.torque, other[1].torque)
-            attributes["relative_error"] = error
-            run, found = other if second.tighter else (run, found)
-            doubt = doubt or second.doubt(error)
+        def apart(one: Gradient, other: Gradient) -> FloatArray:
+            return np.array([relative_error(one.torque, other.torque)])
+
+        found, errors, doubt = differentiated(situation, error_estimate, once, apart)
+    run, attributes = found.run, {} if errors is None else {"relative_error": float(errors[0])}
     if doubt:
         warn_caller(doubt, AccuracyWarning)
     import xarray as xr

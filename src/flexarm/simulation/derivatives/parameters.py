@@ -1,4 +1,10 @@
-"""The run that is differentiated, its parameters, and the derivatives of its numbers."""
+"""The run that is differentiated, its parameters, the derivatives of its numbers, and their error.
+
+The error control of the steps knows the motion alone. Each impact multiplies the errors of the
+derivatives before it, and each start or end of sticking adds the derivative of its time. A run
+through contacts, joint stops and friction that holds is therefore differentiated twice. Without
+one, the derivatives are as accurate as the motion.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +13,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import Any
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
+from flexarm.arm.observe import contact_values
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
 from flexarm.control.design.arm_scales import size_of_zero
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.derivatives.sensitivity import STEP
+from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Array
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
@@ -39,9 +49,14 @@ from flexarm.simulation.histories.piecewise import (
     Samples,
 )
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.impacts import run_to_slips, stopping_at_breaks
+from flexarm.simulation.run.impacts import (
+    meets_stops,
+    run_to_slips,
+    slides,
+    stopping_at_breaks,
+)
 from flexarm.simulation.run.progress import Meter
-from flexarm.simulation.run.settings import relative_tolerance
+from flexarm.simulation.run.settings import RunSettings, relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
@@ -419,3 +434,120 @@ def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list
     if problems:
         raise InputError(*problems)
     return names
+
+
+#: Ratio of both tolerances, also for joints that slide against friction that holds, and the least
+#: relative tolerance that rounding errors allow. Each time at which a joint sticks or slips has the
+#: error of a step: derivatives of two sliding joints have 6e-6 at a ratio of 0.01, and 1e-7 here.
+_RATIO, _SLIDING, _LEAST = 0.01, 1e-4, 1e-13
+#: Difference of both runs above which derivatives get a warning: at a hundredth of the tolerances,
+#: and with half the step, where the error of the result is about the difference.
+_DOUBTFUL, _DOUBTFUL_STEP = 1e-2, 1e-3
+
+
+class SecondRun(NamedTuple):
+    """Settings of a second run."""
+
+    settings: RunSettings
+    tighter: bool  # whether it is the more accurate one
+    allowed: float  # largest difference without a warning
+
+
+class OfRun(Protocol):
+    """Derivatives of a run."""
+
+    @property
+    def run(self) -> Run:
+        """The run."""
+
+
+T = TypeVar("T", bound=OfRun)
+
+
+def differentiated(
+    situation: Situation,
+    twice: bool,
+    once: Callable[[Situation, bool], T],
+    apart: Callable[[T, T], FloatArray],
+) -> tuple[T, FloatArray | None, str]:
+    """Return derivatives, estimates of their relative errors, None without, and a warning.
+
+    Args:
+        twice: whether a run with contacts, stops or sliding is differentiated twice.
+        once: differentiates a run, perhaps with exactly the tolerances of its settings.
+        apart: relative differences of the derivatives of two runs.
+    """
+    derivatives = once(situation, False)
+    run, settings = derivatives.run, situation.settings
+    second = second_run(run, settings) if twice else None
+    if second is None:
+        return derivatives, None, run.doubt
+    other = once(replace(situation, settings=second.settings), True)
+    errors, doubt = apart(derivatives, other), run.doubt
+    if not (doubt or errors.max() <= second.allowed):
+        doubt = (
+            f"the derivatives have an estimated relative error of {errors.max():.1g}, because "
+            "contacts, joint stops or friction amplify errors. Reduce rtol and atol, step or the "
+            "duration."
+        )
+    return other if second.tighter else derivatives, errors, doubt
+
+
+def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
+    """Return the settings of a second run; None if ``run`` met no contact, no stop and no friction.
+
+    The second run is not repeated with other tolerances, so that these are the ones in use.
+    """
+    integrator, progress, used = run.integrator, run.progress, run.tolerance
+    met = progress.impacts + progress.touches > 0 if integrator.adaptive else _touches(run)
+    if not (met or slides(run)):
+        return None
+    if not integrator.adaptive:
+        return SecondRun(_with_half_the_step(run, settings), True, _DOUBTFUL_STEP)
+    tighter = used.relative * _RATIO >= _LEAST
+    ratio = _RATIO if tighter else 1.0 / _RATIO
+    if slides(run) and used.relative * _SLIDING >= _LEAST:
+        ratio = _SLIDING
+    second = replaced(settings, rtol=ratio * used.relative, atol=ratio * used.absolute * used.scale)
+    return SecondRun(second, tighter, _DOUBTFUL)
+
+
+def _touches(run: Run) -> bool:
+    """Return whether a contact or a stop is compressed at a sample of a run with fixed steps."""
+    placed, states = run.loads.placed.contacts, run.samples[: run.progress.sample]
+    if placed.body.size and np.any(contact_values(run.arm, placed, states)[..., GAP] < 0.0):
+        return True
+    return meets_stops(run)
+
+
+def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
+    search = run.default_step
+    half = 0.5 * float((run.integrator.step if search is None else search.shortest) or 0.0)
+    if isinstance(settings.integrator, Integrator):
+        return replaced(settings, integrator=replace(settings.integrator, step=half))
+    return replaced(settings, step=half)
+
+
+def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the largest differences (p,) of both derivatives of the states, relative to them.
+
+    Args:
+        run: its sample times are those of ``slopes``.
+        slopes, others: (p, samples, 2, n, 1 + m).
+        times: of ``others``, s; an event that ends a run may move the last sample.
+    """
+    count = min(len(times), len(run.sample_times))
+    same = np.flatnonzero(times[:count] == run.sample_times[:count])
+    scaled, reference = (array[:, same] / run.tolerance.unit for array in (slopes, others))
+    errors = [
+        max(relative_error(a[:, level], b[:, level]) for level in range(2))
+        for a, b in zip(scaled, reference, strict=True)
+    ]
+    return np.array(errors)
+
+
+def relative_error(array: FloatArray, reference: FloatArray) -> float:
+    """Return the largest difference of two arrays, relative to the largest number."""
+    size = float(np.abs(reference).max(initial=0.0))
+    difference = float(np.abs(array - reference).max(initial=0.0))
+    return difference / size if size > 0.0 else difference

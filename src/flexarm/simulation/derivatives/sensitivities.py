@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
@@ -30,7 +30,6 @@ from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
-from flexarm.simulation.calls.second_run import second_run, state_errors
 from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.dual_run import (
     channel_derivatives,
@@ -40,10 +39,12 @@ from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
 from flexarm.simulation.derivatives.parameters import (
     Parameters,
     check_channels,
+    differentiated,
     has_samples,
     is_of_arm,
     refuse_unsupported,
     simulated,
+    state_errors,
 )
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import CHANNELS
@@ -262,19 +263,14 @@ def sensitivities(
         raise InputError(Problem("parameters", "must not be empty"))
     with Meter("differentiating", situation.settings.progress) as meter:
 
-        def differentiated(settings: RunSettings, once: bool = False) -> _Derivatives:
-            run = replace(situation, settings=settings)
-            return _derivatives(simulated(run, has_samples(paths), meter, once=once), paths, names)
+        def once(run: Situation, exactly: bool) -> _Derivatives:
+            known = simulated(run, has_samples(paths), meter, once=exactly)
+            return _derivatives(known, paths, names)
 
-        found = differentiated(situation.settings)
-        doubt = found.run.doubt
-        second = second_run(found.run, situation.settings) if error_estimate else None
-        errors = None
-        if second is not None:
-            other = differentiated(second.settings, once=True)
-            errors = state_errors(found.run, found.states, other.run.sample_times, other.states)
-            found = other if second.tighter else found
-            doubt = doubt or second.doubt(errors.max())
+        def apart(one: _Derivatives, other: _Derivatives) -> FloatArray:
+            return state_errors(one.run, one.states, other.run.sample_times, other.states)
+
+        found, errors, doubt = differentiated(situation, error_estimate, once, apart)
     if doubt:
         warn_caller(doubt, AccuracyWarning)
     return _dataset(found, paths, errors)

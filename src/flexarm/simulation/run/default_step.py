@@ -17,7 +17,7 @@ import numpy as np
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
 
 if TYPE_CHECKING:
-    from flexarm.simulation.run.event_search import Mark
+    from flexarm.simulation.run.events import Mark
     from flexarm.simulation.run.stepping import Run
 
 #: Allowed difference of two trials over a run, as a fraction of the reach. The error of the finer

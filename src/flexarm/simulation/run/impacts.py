@@ -38,12 +38,11 @@ from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import ArmConstants, Contacts
 from flexarm.simulation.histories.loads import constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.accuracy import share_of_finer
 from flexarm.simulation.run.default_step import default_step
-from flexarm.simulation.run.event_search import Mark
+from flexarm.simulation.run.events import Mark
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import TIGHT, reach_of
+from flexarm.simulation.run.tolerance import TIGHT, reach_of, share_of_finer
 from flexarm.simulation.run.work import Checkpoints as Checkpoints
 from flexarm.simulation.run.work import run_open_loop
 
@@ -100,7 +99,7 @@ def run_through_impacts(
         SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     requested = run.tolerance.relative
-    beginning, history_of = run_to_slips(run, history_of, checkpoints)
+    beginning = run_to_slips(run, history_of, checkpoints)
     stops = meets_stops(run)
     impacts, allowed = stops or returns(run), allowed_error(requested, run.request)
     if not run.integrator.adaptive:
@@ -109,9 +108,9 @@ def run_through_impacts(
     elif impacts and 0.5 * requested < _TIGHTEST:
         _compare_with_looser(run, beginning, allowed)
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
-        _tighten(run, beginning, history_of, checkpoints)
+        _tighten(run, beginning)
     elif not impacts and run.request is not None and not run.promised:
-        _compare_growth(run, beginning, history_of, checkpoints, run.request)
+        _compare_growth(run, beginning, run.request)
     return beginning
 
 
@@ -119,26 +118,25 @@ def run_to_slips(
     run: Run,
     history_of: Callable[[float], PiecewiseCubic],
     checkpoints: Checkpoints | None = None,
-) -> tuple[Beginning, Callable[[float], PiecewiseCubic]]:
+) -> Beginning:
     """Simulate under a torque; repeat the run with steps that end at its breaks to find slips.
 
-    Returns the beginning of the run, and the function of the histories in use. The arguments and
-    the exceptions are those of ``run_through_impacts``.
+    The arguments, the returned object and the exceptions are those of ``run_through_impacts``.
     """
     history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
-    beginning = Beginning.of(run)
+    beginning = Beginning.of(run, history_of, checkpoints)
     run_open_loop(run, history, checkpoints)
     if misses_slip(run):
-        history_of = partial(stopping_at_breaks, history_of)
+        beginning.history_of = partial(stopping_at_breaks, history_of)
         beginning.repeat(run, 1.0)
-        run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
+        run_open_loop(run, beginning.history_of(run.tolerance.relative), checkpoints)
         if misses_slip(run):
             text = (
                 "a joint sticks at a sample although friction cannot hold it: the slip is shorter "
                 "than the steps. Pass its time in breaks, or use a smaller step."
             )
             run.doubt = joined(run.doubt, text)
-    return beginning, history_of
+    return beginning
 
 
 def stopping_at_breaks(
@@ -191,12 +189,7 @@ def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
     return bool(np.any(rests[resting] & (accelerations[:, :, 0] != 0.0)))
 
 
-def _tighten(
-    run: Run,
-    beginning: Beginning,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None,
-) -> None:
+def _tighten(run: Run, beginning: Beginning) -> None:
     """Repeat a run with tighter tolerances until two runs agree, or warn of the error."""
     requested = beginning.tolerance.relative
     tight, factor, allowed = requested, TIGHT, allowed_error(requested, run.request)
@@ -204,13 +197,7 @@ def _tighten(
         before = run.samples, run.sample_times, run.progress.sample
         factor = max(factor, _TIGHTEST / tight)
         tight *= factor
-        completed = _completed(run, checkpoints)
-        beginning.repeat(run, tight / requested)
-        try:
-            run_open_loop(run, history_of(tight), checkpoints)
-        except SimulationError:
-            for owner, values in completed:
-                vars(owner).update(values)
+        if not beginning.improves(run, tight / requested, tight):
             _compare_with_looser(run, beginning, allowed)
             return
         apart = difference(run, *before)
@@ -225,16 +212,6 @@ def _tighten(
         _compare_with_looser(run, beginning, allowed)
     else:
         _doubt(run, error, allowed)
-
-
-def _completed(run: Run, checkpoints: Checkpoints | None) -> list[tuple[Any, dict[str, Any]]]:
-    """Return the objects that a repetition changes, with copies of their attributes."""
-    log = run.watch.log if run.watch is not None else None
-    return [
-        (owner, {k: v.copy() if isinstance(v, list) else v for k, v in vars(owner).items()})
-        for owner in (run, log, run.changes, checkpoints)
-        if owner is not None
-    ]
 
 
 def meets_stops(run: Run) -> bool:
@@ -304,13 +281,7 @@ def may_grow(
     return bool(path.max(initial=0.0) > _LASTING)
 
 
-def _compare_growth(
-    run: Run,
-    beginning: Beginning,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None,
-    request: float,
-) -> None:
+def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
     """Compare a run whose errors may grow with a looser one, and repeat it or warn.
 
     Args:
@@ -325,14 +296,9 @@ def _compare_growth(
         return
     error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
     if repeats_growth(error, request):
-        before, completed = run.samples[:count], _completed(run, checkpoints)
-        beginning.repeat(run, 1.0 / LOOSER)
-        try:
-            run_open_loop(run, history_of(run.tolerance.relative), checkpoints)
+        before, factor = run.samples[:count], 1.0 / LOOSER
+        if beginning.improves(run, factor, factor * beginning.tolerance.relative):
             error = growth_error(run.arm, run.samples[: run.progress.sample], before)
-        except SimulationError:
-            for owner, values in completed:
-                vars(owner).update(values)
     run.doubt = joined(run.doubt, doubt_of_growth(run.arm, times, error, request))
 
 
@@ -379,17 +345,45 @@ class Beginning:
     times: FloatArray  # (samples,) s
     duration: float
     mark: Mark | None
+    history_of: Callable[[float], PiecewiseCubic] | None  # as in `run_through_impacts`
+    checkpoints: Checkpoints | None  # likewise
 
     @classmethod
-    def of(cls, run: Run) -> Beginning:
+    def of(
+        cls,
+        run: Run,
+        history_of: Callable[[float], PiecewiseCubic] | None = None,
+        checkpoints: Checkpoints | None = None,
+    ) -> Beginning:
         """Return the beginning of a run that has not started."""
         mark = run.watch.mark() if run.watch is not None else None
-        state = run.progress.state.copy()
-        return cls(run.choice, run.tolerance, state, run.sample_times, run.duration, mark)
+        known = run.choice, run.tolerance, run.progress.state.copy(), run.sample_times
+        return cls(*known, run.duration, mark, history_of, checkpoints)
 
     def repeat(self, run: Run, factor: float) -> None:
         """Return a run to its beginning, with tolerances multiplied by ``factor``."""
         self.restore(run, _choice_of_repetition(run, self, factor), scaled(self.tolerance, factor))
+
+    def improves(self, run: Run, factor: float, relative: float) -> bool:
+        """Repeat a run, with tolerances multiplied by ``factor``; return whether that succeeds.
+
+        Otherwise the run has the same result as before. ``relative``: tolerance of its torque.
+        """
+        assert self.history_of is not None
+        log = run.watch.log if run.watch is not None else None
+        completed = [
+            (owner, {k: v.copy() if isinstance(v, list) else v for k, v in vars(owner).items()})
+            for owner in (run, log, run.changes, self.checkpoints)
+            if owner is not None
+        ]
+        self.repeat(run, factor)
+        try:
+            run_open_loop(run, self.history_of(relative), self.checkpoints)
+        except SimulationError:
+            for owner, values in completed:
+                vars(owner).update(values)
+            return False
+        return True
 
     def restore(self, run: Run, choice: Choice, tolerance: Tolerance) -> None:
         """Return a run to its beginning, with another integrator and tolerance."""

@@ -22,8 +22,7 @@ from flexarm.integrate import (
 )
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.linear.statics.gaps import refuse_bristles, refuse_sticking
-from flexarm.simulation.run.accuracy import SMOOTH
-from flexarm.simulation.run.tolerance import TIGHT, damping_rate, friction_rate
+from flexarm.simulation.run.tolerance import SMOOTH, TIGHT, damping_rate, friction_rate
 
 #: Ratio of the fastest to the slowest vibration above which "auto" is implicit in bending, at a
 #: relative tolerance of 1e-5; it grows as tolerance^-1/2. On the arm of Table I the implicit method

@@ -30,9 +30,14 @@ from flexarm.base.errors import (
 )
 from flexarm.integrate import INTEGRATORS, Integrator
 from flexarm.simulation.histories.piecewise import INTERPOLATIONS
-from flexarm.simulation.run.accuracy import default_request, tolerance_of_request
 from flexarm.simulation.run.integrator_choice import check_integrator
-from flexarm.simulation.run.tolerance import RTOL, absolute_tolerance, reach_of
+from flexarm.simulation.run.tolerance import (
+    RTOL,
+    absolute_tolerance,
+    default_request,
+    reach_of,
+    tolerance_of_request,
+)
 
 #: Settings that decide instead of an accuracy.
 _TOLERANCES = ("rtol", "atol", "step")

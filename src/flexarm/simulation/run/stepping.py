@@ -25,14 +25,13 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many, section_forces_many
-from flexarm.kernels.layout import Stations, compile_time_sizes
+from flexarm.kernels.layout import compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run
 from flexarm.simulation.run.default_step import DefaultStep, default_step
-from flexarm.simulation.run.event_search import Watch
-from flexarm.simulation.run.events import Found
+from flexarm.simulation.run.events import Found, Watch
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.tolerance import for_arm
@@ -63,51 +62,6 @@ _DONE, _PAUSED = Status.DONE, Status.PAUSED
 
 #: Texts of warnings and their categories.
 Notices = list[tuple[str, type[FlexarmWarning]]]
-
-
-class CutSystem(NamedTuple):
-    """Arm cut at one station of each link, with the loads inboard of these stations."""
-
-    stations: Stations
-    system: System
-
-
-def cut_systems(arm: Arm, system: System, loads: LoadHistory, count: int) -> list[CutSystem]:
-    """Cut the arm of a run at ``count`` stations of each link; return an empty list for 0."""
-    found = []
-    for cut in cuts_at(arm, count) if count else ():
-        kept = loads_inboard(arm, loads.owners, loads.placed, cut.reach)
-        drive = system.drive._replace(loads=kept)
-        part = System(cut.sizes, cut.constants, drive, system.work)
-        found.append(CutSystem(cut.stations, part))
-    return found
-
-
-def fill_sections(
-    cuts: list[CutSystem],
-    times: FloatArray,
-    states: FloatArray,
-    accelerations: FloatArray,
-    root_accelerations: FloatArray,
-    reactions: FloatArray,
-    forces: FloatArray,
-) -> None:
-    """Compute the section forces (stations, samples, links, 3) from results of ``reactions_many``.
-
-    ``accelerations``, ``root_accelerations`` and ``reactions`` are these results; the section
-    forces are written to ``forces``.
-    """
-    for cut, values in zip(cuts, forces, strict=True):
-        section_forces_many(
-            cut.system,
-            cut.stations,
-            times,
-            states,
-            accelerations,
-            root_accelerations,
-            reactions,
-            values,
-        )
 
 
 def section_channels(forces: FloatArray) -> dict[str, FloatArray]:
@@ -245,14 +199,20 @@ class Run:
         system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques = arm.padded_torque(given)
-        cuts = cut_systems(arm, system, self.loads, self.stations)
+        cuts = cuts_at(arm, self.stations) if self.stations else []
+        sections = []  # the arm cut at one station of each link, with the loads inboard of these
+        for cut in cuts:
+            inboard = loads_inboard(arm, self.loads.owners, self.loads.placed, cut.reach)
+            drive = system.drive._replace(loads=inboard)
+            sections.append(System(cut.sizes, cut.constants, drive, system.work))
         inside = np.zeros((len(cuts), len(times), arm.links, 3))
         for start in range(0, len(times), _CHUNK):
             part = slice(start, start + _CHUNK)
             now = times[part], states[part]
             motion = np.zeros((len(now[0]), *states.shape[2:])), np.zeros((len(now[0]), n, 3))
             reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
-            fill_sections(cuts, *now, *motion, wrench[part], inside[:, part])
+            for section, cut, forces in zip(sections, cuts, inside[:, part], strict=True):
+                section_forces_many(section, cut.stations, *now, *motion, wrench[part], forces)
         bodies = arm.assembly.link_body
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
