@@ -24,7 +24,7 @@ from flexarm.base.errors import (
     public_call,
     shown,
 )
-from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
+from flexarm.bridges.gymnasium_env.picture import Picture
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import (
     Change,
@@ -395,7 +395,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """Return a picture of the arm at q (dof,) with a task at a sample time."""
         if self._picture is None:
             self._picture = Picture(self.reach)
-        return self._picture.draw(self.plant.arm.shape(q, 20), scene_of(table, tick))
+        return self._picture.draw(self.plant.arm.shape(q, 20), table, tick)
 
     # ----------------------------------------------------------------------------------------------
 

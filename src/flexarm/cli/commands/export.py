@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from flexarm.arm.arm import Arm
     from flexarm.arm.assembly.assemble import FloatArray
+    from flexarm.cases.scenario.scenario import Prepared
     from flexarm.control.contract.base import Controller
 
 export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
@@ -176,17 +177,12 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
     """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
     import numpy as np
 
-    from flexarm.arm.arm import described_arm
-    from flexarm.cases.scenario.scenario import prepare
-    from flexarm.model import load_arm_spec, locate_scenario
-    from flexarm.model.file_format.files import describes_arm_only, load_document
+    from flexarm.arm.arm import Arm
     from flexarm.simulation.calls.preparation import start_of
 
-    document = load_document(path)
-    if describes_arm_only(document):
-        arm = described_arm(load_arm_spec(document))
-        return arm, None, np.zeros((2, arm.dof))
-    prepared = prepare(*locate_scenario(document))
+    prepared = _described(path)
+    if isinstance(prepared, Arm):
+        return prepared, None, np.zeros((2, prepared.dof))
     arm, options = prepared.arm, prepared.options
     names = ("initial", "initial_rate", "reference", "torque")
     state = start_of(arm, *(options.get(name) for name in names))
@@ -195,11 +191,8 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
 
 def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
     """Return the arm of a file, and the result of a scenario or of a result file."""
-    from flexarm.arm.arm import described_arm
+    from flexarm.arm.arm import Arm
     from flexarm.cases.results import read_result
-    from flexarm.cases.scenario.scenario import prepare
-    from flexarm.model import load_arm_spec, locate_scenario
-    from flexarm.model.file_format.files import describes_arm_only, load_document
     from flexarm.view.plot.drawn_result import arm_of
 
     if path.suffix.lower() == ".nc":
@@ -208,8 +201,20 @@ def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
             return arm_of("the file", result), result
         except InputError as error:
             raise error.at(str(path)) from None
+    prepared = _described(path)
+    if isinstance(prepared, Arm):
+        return prepared, None
+    return prepared.arm, prepared.run()
+
+
+def _described(path: Path) -> Arm | Prepared:
+    """Return the arm of a file, or its scenario, ready to run."""
+    from flexarm.arm.arm import described_arm
+    from flexarm.cases.scenario.scenario import prepare
+    from flexarm.model import load_arm_spec, locate_scenario
+    from flexarm.model.file_format.files import describes_arm_only, load_document
+
     document = load_document(path)
     if describes_arm_only(document):
-        return described_arm(load_arm_spec(document)), None
-    prepared = prepare(*locate_scenario(document))
-    return prepared.arm, prepared.run()
+        return described_arm(load_arm_spec(document))
+    return prepare(*locate_scenario(document))

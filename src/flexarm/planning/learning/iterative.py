@@ -15,12 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
-from flexarm.base.arguments import (
-    check_choice,
-    check_each,
-    check_kind,
-    check_options,
-)
+from flexarm.base.arguments import check_choice, check_each, check_kind, check_options
 from flexarm.base.errors import (
     InputError,
     Problem,
@@ -146,8 +141,6 @@ def iterative_learning(
     given = [name for name, value in own.items() if value is not None]
     if trial is not None and given:
         raise InputError(Problem("trial", f"cannot be combined with {given[0]}"))
-    if plant is not None:
-        check_kind("plant", plant, Arm)
     if hardware is not None:
         check_kind("hardware", hardware, Hardware)
     check_options(options, _OPTIONS, "iterative_learning")

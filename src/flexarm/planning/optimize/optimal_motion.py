@@ -127,7 +127,7 @@ def optimal_motion(
     within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
     Contacts are not included.
     """
-    plant = arm if plant is None else check_kind("plant", plant, Arm)
+    plant = plant or arm
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (

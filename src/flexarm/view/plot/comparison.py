@@ -100,10 +100,8 @@ class _Numbers:
         """Draw every metric, and a legend of the plants if there are several."""
         columns = len(self.chosen)
         for k, axes in enumerate(made):
-            reference, (name, title, factor) = (
-                self.references[k // columns],
-                self.chosen[k % columns],
-            )
+            reference = self.references[k // columns]
+            name, title, factor = self.chosen[k % columns]
             values = factor * self.table[name].sel(reference=reference)
             _draw(axes, values, self.table["failure"].sel(reference=reference))
             _scale(axes, factor * self.table[name].values)
@@ -145,27 +143,14 @@ def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
     lines = np.arange(values.sizes["controller"])
     for k, (plant, color) in enumerate(zip(plants, series_colors(len(plants)), strict=True)):
         numbers = values.sel(plant=plant).values
-        axes.plot(
-            np.maximum(numbers, _LEAST),
-            lines,
-            linestyle="none",
-            marker=_MARKS[k % len(_MARKS)],
-            markersize=5,
-            markerfacecolor="none",  # marks at the same value remain visible
-            markeredgewidth=1.2,
-            color=color,
-            label=plant,
-        )
+        look: dict[str, Any] = {"markersize": 5, "color": color, "linestyle": "none"}
+        # Empty, so that marks at the same value remain visible.
+        empty = {"markerfacecolor": "none", "markeredgewidth": 1.2, "label": plant}
+        mark = _MARKS[k % len(_MARKS)]
+        axes.plot(np.maximum(numbers, _LEAST), lines, marker=mark, **look, **empty)
+        edge = axes.get_yaxis_transform()
         for line in lines[failure.sel(plant=plant).values != ""]:
-            axes.plot(
-                1.0,
-                line,
-                marker="x",
-                markersize=5,
-                color=color,
-                transform=axes.get_yaxis_transform(),
-                clip_on=False,
-            )
+            axes.plot(1.0, line, marker="x", transform=edge, clip_on=False, **look)
     for line in lines:
         numbers = values.isel(controller=line).values
         numbers = numbers[np.isfinite(numbers)]
@@ -235,9 +220,8 @@ class _Samples:
 
     def arrange(self, sheet: style.Sheet) -> list[Axes]:
         """Add the axes, row by row."""
-        made = sheet.subplots(
-            len(self.references), len(self.paths), sharex="col", sharey=True, squeeze=False
-        )
+        shape = len(self.references), len(self.paths)
+        made = sheet.subplots(*shape, sharex="col", sharey=True, squeeze=False)
         style.margins(sheet, left=0.7, bottom=0.5, right=0.2, top=0.45)
         return list(made.ravel())
 

@@ -188,9 +188,8 @@ def _panels(given: object, chosen: list[Signals], axes: Any, draw: Any) -> Any:
 def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
     unit = max((signals.unit for signals in by_result.values()), key=len)  # prefer kN m to N m
     parts: tuple[str, ...] = ()
-    for (name, signals), color in zip(
-        by_result.items(), series_colors(len(by_result)), strict=True
-    ):
+    colors = series_colors(len(by_result))
+    for (name, signals), color in zip(by_result.items(), colors, strict=True):
         scale = 1.0 if signals.unit == unit else 1e-3
         for k, line in enumerate(scale * signals.values.T):
             label = name if k == 0 else "_"
@@ -223,9 +222,8 @@ def _history_page(chosen: list[Signals]) -> Any:
             figure.add_scatter(x=signals.time, y=line, row=row, col=1, **look, **legend)
         figure.update_yaxes(title_text=signals.axis_label, row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(chosen), col=1)
-    figure.update_layout(
-        height=120 + _PLOTLY_ROW * len(chosen), template="simple_white", font_color=style.INK
-    )
+    height = 120 + _PLOTLY_ROW * len(chosen)
+    figure.update_layout(height=height, template="simple_white", font_color=style.INK)
     return figure
 
 
@@ -234,15 +232,9 @@ def _phase_page(values: Signals, rates: Signals) -> Any:
     objects, _ = _plotly()
     figure = objects.Figure()
     for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):
-        figure.add_scatter(
-            x=x,
-            y=y,
-            name=label,
-            mode="lines",
-            line={"color": color, "width": 1.5},
-            customdata=values.time,
-            hovertemplate="t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}",
-        )
+        hover = "t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}"
+        look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
+        figure.add_scatter(x=x, y=y, customdata=values.time, hovertemplate=hover, **look)
     ends = {"mode": "markers", "showlegend": False, "hoverinfo": "skip"}
     for k, fill in ((0, "white"), (-1, style.INK)):
         dots = {"color": fill, "size": 8, "line": {"color": style.INK, "width": 1.5}}

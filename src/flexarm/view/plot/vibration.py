@@ -10,10 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.base.arguments import check_count, check_kind
+from flexarm.base.arguments import check_kind
 from flexarm.base.errors import check_array, public_call_as
 from flexarm.linear import LinearModel, Modes, ModeTracks
+from flexarm.model.quantities import Count
 from flexarm.view.plot import style
+from flexarm.view.plot.drawn_result import FloatArray
 from flexarm.view.plot.palette import series_colors
 
 _WIDTH, _ROW, _EDGES = 8.27, 2.3, 0.85  # inches
@@ -22,7 +24,7 @@ _MOST_NAMES = 6
 
 
 @public_call_as("plot.modes")
-def modes(found: Modes, count: int = 6, *, axes: Any = None) -> style.AxesArray:
+def modes(found: Modes, count: Count = 6, *, axes: Any = None) -> style.AxesArray:
     """Draw the lowest mode shapes, one per panel: displaced to both sides, arm at rest dashed.
 
     Args:
@@ -38,7 +40,7 @@ def modes(found: Modes, count: int = 6, *, axes: Any = None) -> style.AxesArray:
             ``axes`` does not have one item for each mode.
     """
     found = check_kind("found", found, Modes)
-    shown = min(check_count("count", count), found.frequency_hz.size)
+    shown = min(count, found.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
     with style.panels(axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
         _draw_shapes(made, found)
@@ -46,7 +48,7 @@ def modes(found: Modes, count: int = 6, *, axes: Any = None) -> style.AxesArray:
 
 
 @public_call_as("plot.modes_figure")
-def modes_figure(modes: Modes, count: int = 6) -> style.Sheet:
+def modes_figure(modes: Modes, count: Count = 6) -> style.Sheet:
     """Draw the lowest mode shapes as `modes` does, in a figure not registered with pyplot.
 
     Args:
@@ -57,7 +59,7 @@ def modes_figure(modes: Modes, count: int = 6) -> style.Sheet:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
     result = check_kind("modes", modes, Modes)
-    shown = min(check_count("count", count), result.frequency_hz.size)
+    shown = min(count, result.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
     return style.page(
         size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, result)
@@ -264,7 +266,14 @@ class _Responses:
             gain, phase = made[2 * row : 2 * row + 2]
             for column, name in enumerate(self.inputs):
                 values = self.response[:, row, column]
-                _draw(gain, phase, self.omega, values, color=style.SERIES[column], label=name)
+                _draw(
+                    gain,
+                    phase,
+                    self.omega / (2.0 * np.pi),
+                    values,
+                    color=style.SERIES[column],
+                    label=name,
+                )
             gain.set(ylabel=f"{output}\n[{_gain_unit(self.model, output)}]")
             gain.set_xlim(shown)
             phase.set_xlim(shown)
@@ -279,15 +288,10 @@ class _Responses:
 
 
 def _draw(
-    gain: Axes,
-    phase: Axes,
-    omega: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    **look: str,
+    gain: Axes, phase: Axes, hertz: FloatArray, values: NDArray[np.complex128], **look: str
 ) -> None:
     """Draw one response, without a line where it is zero or unbounded."""
     size = np.abs(values)
-    hertz = omega / (2.0 * np.pi)
     size = np.where(size > 0.0, size, np.nan)
     degrees = np.where(np.isnan(size), np.nan, np.degrees(np.angle(values)))
     degrees = np.where(degrees > _HIGHEST_PHASE, degrees - 360.0, degrees)
@@ -308,7 +312,7 @@ def _undamped(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
     return np.abs(poles.real) < _UNDAMPED * np.abs(poles)
 
 
-def _range(model: LinearModel) -> NDArray[np.float64]:
+def _range(model: LinearModel) -> FloatArray:
     """Return frequencies that resolve all vibrations in the range, rad/s."""
     slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
     poles = model.poles[slowest_first]

@@ -95,16 +95,14 @@ class _GroupPanel:
         self._shown: Group | None = None
         self.controls: dict[Path, _Control] = {}
         self._folded: dict[Path, ui.expansion] = {}
-        self._body = ui.expansion(group.title, value=opened, on_value_change=self._opened)
+        self._body = ui.expansion(group.title, value=opened)
+        self._body.on_value_change(lambda: self.show(self._latest))
         self._body.classes("group").props(f'data-group="{group.title}"')
 
     @property
     def is_open(self) -> bool:
         """Whether the user sees the controls."""
         return bool(self._body.value)
-
-    def _opened(self) -> None:
-        self.show(self._latest)
 
     def show(self, group: Group) -> None:
         """Show the values of the group, in its controls if they fit."""
@@ -208,15 +206,9 @@ class _Control:
         unit = field.unit.replace("^2", "²").replace("^3", "³")
         self._name = f"{field.label} [{unit}]" if unit else field.label
         with ui.element("div").classes("field").props(f"data-path={_quoted(field.name)}"):
-            add: dict[str, Callable[[], None]] = {
-                "slider": self._add_slider,
-                "list": self._add_list,
-                "switch": self._add_switch,
-                "text": self._add_text,
-                "table": self._add_table,
-                "button": self._add_button,
-            }
-            add[field.control]()
+            if field.control not in ("switch", "button"):  # which contain their label
+                self._add_label()
+            getattr(self, f"_add_{field.control}")()
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
 
@@ -231,7 +223,6 @@ class _Control:
 
     def _add_slider(self) -> None:
         field = self.field
-        self._add_label()
         assert field.range is not None
         low, high, step = field.range.low, field.range.high, field.range.step
         with ui.element("div").classes("line"):
@@ -239,25 +230,19 @@ class _Control:
             self._slider.props(self._named())
             self._slider.on("update:model-value", self._moved, throttle=_THROTTLE)
             self._slider.on("change", self._released)
-            self._input("inputmode=decimal")
+            self._add_text("inputmode=decimal")
 
-    def _add_text(self) -> None:
-        self._add_label()
-        self._input('placeholder="not set"')
-
-    def _input(self, more: str) -> None:
+    def _add_text(self, more: str = 'placeholder="not set"') -> None:
         self._text = ui.input(value=_value_text(self.field))
         self._text.props(f"dense outlined {self._named()} {more}")
         self._text.on("keydown.enter", self._typed).on("blur", self._typed)
 
     def _add_table(self) -> None:
-        self._add_label()
         self._text = ui.textarea(value=_value_text(self.field)).classes("table")
         self._text.props(f"dense outlined {self._named()} wrap=off spellcheck=false")
         self._text.on("keydown.ctrl.enter", self._typed).on("blur", self._typed)
 
     def _add_list(self) -> None:
-        self._add_label()
         self._choice = _List(self.field, self._chosen)
         self._choice.props(f"dense outlined options-dense {self._named()}")
 

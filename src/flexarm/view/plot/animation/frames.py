@@ -33,7 +33,7 @@ class Stage:
         with style.styled("screen"):
             self._sheet, arms, panels = _arrange(scenes, width / DPI)
             self._canvas = cast(Any, FigureCanvasAgg(self._sheet))  # its methods are untyped
-            self._moving: list[tuple[Axes, _Moving]] = []
+            self._moving: list[tuple[Axes, _Arm | _Cursor]] = []
             view = _common_view(scenes)
             for scene, arm, own in zip(scenes, arms, panels, strict=True):
                 self._moving.append((arm, _Arm(arm, scene, view)))
@@ -119,17 +119,9 @@ def _common_view(scenes: Sequence[Scene]) -> tuple[float, float, float, float]:
     return float(left), float(right), float(bottom), float(top)
 
 
-class _Moving:
-    """Artists of one panel that change from frame to frame."""
+class _Arm:
+    """Artists of an arm; ``at`` yields them after setting them to a frame."""
 
-    times: Any
-
-    def at(self, frame: int) -> Iterator[Line2D | Any]:
-        """Yield the artists after setting them to a frame."""
-        raise NotImplementedError
-
-
-class _Arm(_Moving):
     def __init__(self, axes: Axes, scene: Scene, view: tuple[float, float, float, float]) -> None:
         self.scene, self.times = scene, scene.times
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [m]", ylabel="y [m]")
@@ -151,15 +143,10 @@ class _Arm(_Moving):
         self.path = _line(axes, color=style.VERMILLION, linewidth=1.2, label="tip")
         self.ghost = _line(axes, color=style.GREY, linewidth=1.4, linestyle="--", label="rigid")
         scale = 72.0 * axes.get_window_extent().width / DPI / (view[1] - view[0])  # points per m
-        self.links = [
-            _line(
-                axes,
-                color=style.BLUE if bends else style.INK,
-                linewidth=max(_LINK, scale * depth),
-                solid_capstyle="round",
-            )
-            for depth, bends in zip(scene.depths, scene.bends, strict=True)
-        ]
+        self.links = []
+        for depth, bends in zip(scene.depths, scene.bends, strict=True):
+            color, width = style.BLUE if bends else style.INK, max(_LINK, scale * depth)
+            self.links.append(_line(axes, color=color, linewidth=width, solid_capstyle="round"))
         self.arrows = _line(axes, color=style.PURPLE, linewidth=1.8, label="torque")
         white: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.INK}
         self.joints = _line(axes, marker="o", markersize=6, linestyle="none", **white)
@@ -205,7 +192,7 @@ class _Arm(_Moving):
         yield self.clock
 
 
-class _Cursor(_Moving):
+class _Cursor:
     """Line at the current time, and a dot on each line of a history."""
 
     def __init__(self, axes: Axes, times: Any, signals: Any) -> None:
