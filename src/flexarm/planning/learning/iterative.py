@@ -148,10 +148,9 @@ def iterative_learning(
     window = window_of(arm, reference, controller, duration, interval)
     choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.joints)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
+    none = np.zeros((window.intervals, arm.joints))
     with one_warning() as bent:
-        unchanged = AddedTorque(
-            controller, np.zeros((window.intervals, arm.joints)), window.interval
-        )
+        unchanged = AddedTorque(controller, none, window.interval)
         P = bench.model(unchanged)
         law = choice.law(P, arm, reference, window, output)
         learned = _learn(bench, unchanged, law, P, trials)
@@ -187,17 +186,9 @@ def _learn(
     changes = np.linalg.norm(np.diff(torques, axis=0), axis=(1, 2))
     undefined = np.full(max(trials - 2, 0), np.nan)
     rate_of_change = np.divide(changes[1:], changes[:-1], out=undefined, where=changes[:-1] > 0.0)
-    return LearnedMotion(
-        controller,
-        controller.interval,
-        np.array(torques),
-        np.array(errors),
-        np.array(predicted),
-        rate,
-        bound,
-        rate_of_change,
-        bench.result,
-    )
+    history = np.array(torques), np.array(errors), np.array(predicted)
+    rates = rate, bound, rate_of_change
+    return LearnedMotion(controller, controller.interval, *history, *rates, bench.result)
 
 
 class _Choice(NamedTuple):

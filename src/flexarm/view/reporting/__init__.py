@@ -6,7 +6,7 @@ Its tables of numbers and its histories fill a Jinja template.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from numbers import Real
@@ -43,6 +43,7 @@ from flexarm.view.plot.drawn_result import (
     arm_of,
     check_drawable,
     check_magnify,
+    chosen_lines,
     readable_unit,
     rigid_result,
     scenario_of,
@@ -330,8 +331,7 @@ def few_lines(signals: Signals) -> Signals:
     if count <= _MOST_LINES:
         return signals
     kept = np.linspace(0, count - 1, _MOST_LINES).round().astype(int)
-    labels, keys = (tuple(each[k] for k in kept) for each in (signals.labels, signals.keys))
-    return replace(signals, values=signals.values[:, kept], labels=labels, keys=keys)
+    return chosen_lines(signals, kept.tolist())
 
 
 def fitted(histories: Sequence[Signals]) -> list[Signals]:

@@ -12,7 +12,7 @@ from flexarm.base.errors import InputError
 from flexarm.model.file_format.files import content_of
 from flexarm.model.file_format.yaml_text import change_of, flow_text
 from flexarm.model.wording import Path
-from flexarm.view.studio.state import FORM, ORIGIN, STUDIED, Choice, Project
+from flexarm.view.studio.state import FORM, KEYS, ORIGIN, STUDIED, Choice, Project
 from flexarm.view.studio.values.fields import Field, Group, Part, alike, fields_in, groups_of
 
 #: Groups that are open when a window opens; the others of many links would fill the screen.
@@ -145,19 +145,22 @@ class _Chooser:
     """List of the drives, motions or plants of a study, and buttons that change the list."""
 
     def __init__(self, now: Callable[[], Project], one: str, put: Put) -> None:
-        self._project, self._one, self._put = now, one, put
-        names = next(names for names, each in STUDIED.items() if each == one)
-        known, chosen = list(getattr(now().record, names)), getattr(now().choice, one)
+        self._one, self._put = one, put
+        known, chosen = list(getattr(now().record, KEYS[one])), getattr(now().choice, one)
         with ui.element("div").classes("choice"):
             label = f"{one} of the study"
-            choice = ui.select(known, label=label, value=chosen, on_change=self._chosen)
+            choice = ui.select(known, label=label, value=chosen)
+            choice.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
             choice.props("dense outlined")
             with ui.element("div").classes("line"):
                 self._add_button("Copy", lambda: self._try(lambda: now().copied(one)))
                 with self._add_button("Rename"), ui.menu():
-                    self._input = ui.input(label=f"name of the {one}", value=chosen)
-                    self._input.props("dense outlined autofocus").classes("rename")
-                    self._input.on("keydown.enter", self._renamed)
+                    name = ui.input(label=f"name of the {one}", value=chosen)
+                    name.props("dense outlined autofocus").classes("rename")
+                    name.on(
+                        "keydown.enter",
+                        lambda: self._try(lambda: now().renamed(one, str(name.value))),
+                    )
                 self._add_button("Remove", lambda: self._try(lambda: now().removed(one)))
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
@@ -165,12 +168,6 @@ class _Chooser:
     def _add_button(self, text: str, call: Callable[[], None] | None = None) -> ui.button:
         button = ui.button(text, on_click=call).classes("edit")
         return button.props(f'flat dense no-caps aria-label="{text} the {self._one}"')
-
-    def _chosen(self, event: ValueChangeEventArguments[str]) -> None:
-        self._put(self._project().chosen(**{self._one: event.value}))
-
-    def _renamed(self) -> None:
-        self._try(lambda: self._project().renamed(self._one, str(self._input.value)))
 
     def _try(self, make: Callable[[], Project]) -> None:
         try:

@@ -257,7 +257,11 @@ def surroundings(
         contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
         check_reference(reference)
-        _check_joints(reference, arm)
+        angles = np.asarray(reference.joint_angle(0.0))
+        # A reference of another arm is drawn if it has its own path of the tip.
+        if getattr(reference, "tip", None) is None and angles.shape != (arm.joints,):
+            rule = f"move the {arm.joints} joints of the arm"
+            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
     moved, touched = _of_scenario(arm, result)
     return moved if reference is None else reference, touched if contacts is None else contacts
 
@@ -271,15 +275,6 @@ def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
         return motion_of(arm, scenario), scenario.contacts
     except FlexarmError:  # the plant differs from the arm of the scenario
         return None, scenario.contacts
-
-
-def _check_joints(reference: Any, arm: Arm) -> None:
-    """Raise if a reference has neither the arm's number of joints nor its own tip path."""
-    if getattr(reference, "tip", None) is None:
-        angles = np.asarray(reference.joint_angle(0.0))
-        if angles.shape != (arm.joints,):
-            rule = f"move the {arm.joints} joints of the arm"
-            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
 
 
 #: Parts of the player's script, in their order.

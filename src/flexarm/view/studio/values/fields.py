@@ -62,12 +62,10 @@ _NAMES = {
     "rtol": "relative tolerance",
     "atol": "absolute tolerance",
 }
+_ABBREVIATIONS = ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "zvdd", "ei", "si")
 #: Parts of words that are not in lower case: abbreviations and names.
 _WRITTEN = {
-    **{
-        word: word.upper()
-        for word in ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "zvdd", "ei", "si")
-    },
+    **{word: word.upper() for word in _ABBREVIATIONS},
     **{word: word.capitalize() for word in ("rayleigh", "timoshenko")},
     "euler bernoulli": "Euler-Bernoulli",
 }
