@@ -145,7 +145,7 @@ def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
         numbers = values.sel(plant=plant).values
         look: dict[str, Any] = {"markersize": 5, "color": color, "linestyle": "none"}
         # Empty, so that marks at the same value remain visible.
-        empty = {"markerfacecolor": "none", "markeredgewidth": 1.2, "label": plant}
+        empty: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 1.2, "label": plant}
         mark = _MARKS[k % len(_MARKS)]
         axes.plot(np.maximum(numbers, _LEAST), lines, marker=mark, **look, **empty)
         edge = axes.get_yaxis_transform()

@@ -403,8 +403,8 @@ def report(
             written, or Jinja2 is not installed.
     """
     if isinstance(result, Identification) or is_identification(result):
-        options = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
-        return _of_identification(result, path, title, notes, options)
+        others = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
+        return _of_identification(result, path, title, notes, others)
     result = check_drawable("result", result)
     arm = arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
