@@ -103,8 +103,8 @@ def read_record(
             intervals replace them.
     """
     file = check_path("path", path)
-    given = {"time": time, "time_unit": time_unit, "sample_time": sample_time, "rate": rate}
-    given |= {"start": start, "end": end, "channels": channels}
+    given: dict[str, Any] = {"time": time, "time_unit": time_unit, "sample_time": sample_time}
+    given |= {"rate": rate, "start": start, "end": end, "channels": channels}
     fields = {name: value for name, value in given.items() if value is not None} | settings
     fields |= {"file": file.name, "encoding": encoding, "skip": skip}
     description = checked_arguments(RecordFile, **fields)

@@ -273,8 +273,8 @@ class TrackForceEnv(_LineEnv):
         return [self._wall]
 
     def _touching(self, wall: Wall, stiffness: float, friction: float) -> Contact:
-        law = {"exponent": self.exponent, "damping": self.damping, "friction": friction}
-        return Contact(surface=wall, stiffness=stiffness, **law)
+        law: dict[str, Any] = {"exponent": self.exponent, "damping": self.damping}
+        return Contact(surface=wall, stiffness=stiffness, friction=friction, **law)
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""

@@ -129,38 +129,24 @@ def export_mat(
         print_line(path)
 
 
-@export.command("mjcf")
-@report_failures
-def export_mjcf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a model of MuJoCo: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_mjcf
+def _add_chain_command(kind: str, suffix: str, product: str) -> None:
+    """Add the command that writes an arm as a chain of rigid bodies for another program."""
 
-    _export_chain(export_mjcf, arm, out or arm.with_suffix(".xml"), virtual_joints)
+    def command(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+        from flexarm.arm.arm import load_arm
+        from flexarm.bridges.rigid_chain import export as chain
 
+        place, write = out or arm.with_suffix(suffix), getattr(chain, f"export_{kind}")
+        print_line(write(load_arm(arm), place, virtual_joints=virtual_joints))
 
-@export.command("urdf")
-@report_failures
-def export_urdf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a robot in URDF: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_urdf
-
-    _export_chain(export_urdf, arm, out or arm.with_suffix(".urdf"), virtual_joints)
+    command.__name__ = f"export_{kind}"
+    command.__doc__ = f"Write {product}: links as rigid bars on virtual joints."
+    export.command(kind)(report_failures(command))
 
 
-@export.command("exudyn")
-@report_failures
-def export_exudyn(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a Python script for Exudyn: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_exudyn
-
-    _export_chain(export_exudyn, arm, out or arm.with_suffix(".py"), virtual_joints)
-
-
-def _export_chain(write: Any, path: Path, place: Path, virtual_joints: int) -> None:
-    """Write an arm as a chain of rigid bodies."""
-    from flexarm.arm.arm import load_arm
-
-    print_line(write(load_arm(path), place, virtual_joints=virtual_joints))
+_add_chain_command("mjcf", ".xml", "a model of MuJoCo")
+_add_chain_command("urdf", ".urdf", "a robot in URDF")
+_add_chain_command("exudyn", ".py", "a Python script for Exudyn")
 
 
 def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
