@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
+from typing import Any
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
@@ -19,20 +20,11 @@ _SAMPLE_TIME = 0.004
 @cache
 def _arm() -> fa.Arm:
     gauge = fa.Gauge(station=0.1, distance=0.005)
-    return fa.Arm(
-        links=[
-            fa.Link(
-                length=0.8,
-                flexural_rigidity=90.0,
-                mass_per_length=0.5,
-                elements=1,
-                gauges=[gauge],
-                damping=fa.ModalDamping(ratio=0.01),
-            ),
-            fa.Link(length=0.6, flexural_rigidity=60.0, mass_per_length=0.4, elements=1),
-        ],
-        joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)],
-    )
+    upper = fa.Link(length=0.8, flexural_rigidity=90.0, mass_per_length=0.5, elements=1)
+    upper = upper.replace(gauges=[gauge], damping=fa.ModalDamping(ratio=0.01))
+    lower = fa.Link(length=0.6, flexural_rigidity=60.0, mass_per_length=0.4, elements=1)
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05)]
+    return fa.Arm(links=[upper, lower], joints=joints)
 
 
 @cache
@@ -76,17 +68,16 @@ def _integrate(name: str) -> None:
 
 
 def _loop() -> None:
-    for controller in (
-        fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME),
-        fa.ComputedTorque(_arm(), 0.3, 0.5, sample_time=_SAMPLE_TIME),
-    ):
-        _controlled(controller)
+    _controlled(fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME))
+    _controlled(fa.ComputedTorque(_arm(), 0.3, 0.5, sample_time=_SAMPLE_TIME))
+
+
+def _started(**options: Any) -> None:
+    fa.simulate(_arm(), 0.02, **{"initial": _arm().rest(_START), **options})
 
 
 def _controlled(controller: fa.Controller) -> None:
-    fa.simulate(
-        _arm(), 0.02, controller=controller, reference=_motion(), initial=_arm().rest(_START)
-    )
+    _started(controller=controller, reference=_motion())
 
 
 def _linearize() -> None:
@@ -94,10 +85,6 @@ def _linearize() -> None:
     falling = fa.Arm(_arm().spec.model_copy(update={"gravity": (0.0, -9.81)}))
     fa.linearize(falling, fa.equilibrium(falling))
     fa.linearize(_arm(), outputs=[fa.Sensor("acceleration", 2)])
-
-
-def _linear_control() -> None:
-    _controlled(fa.LQG(_arm(), _START, sample_time=_SAMPLE_TIME))
 
 
 def _predictive_control() -> None:
@@ -113,20 +100,11 @@ def _adaptive_control() -> None:
     _controlled(fa.IntegralResonantControl(_arm(), held))
 
 
-def _contacts() -> None:
-    fa.simulate(_arm(), 0.01, contacts=[_floor()], initial=_arm().rest(_START))
-
-
 def _force_control() -> None:
     pressed = fa.pressed_motion(_arm(), _motion(), 0.1, [0.0, 1.0], duration=0.1)
-    fa.simulate(
-        _arm(),
-        0.01,
-        controller=fa.HybridForce(_arm(), frequency=1.5, sample_time=_SAMPLE_TIME),
-        reference=pressed,
-        contacts=[_floor()],
-        initial=pressed.initial,
-    )
+    law = fa.HybridForce(_arm(), frequency=1.5, sample_time=_SAMPLE_TIME)
+    start = pressed.initial
+    _started(controller=law, reference=pressed, contacts=[_floor()], initial=start)
 
 
 def _estimate() -> None:
@@ -164,11 +142,6 @@ def _differentiate() -> None:
         fa.goal_gradient(_arm(), 0.002, weights, torque=[[0.1, 0.0]] * 3, integrator=name)
 
 
-def _prescribe() -> None:
-    held = fa.PrescribedAngle.hold(0.4)
-    fa.simulate(_arm(), 0.01, prescribed={1: held}, initial=_arm().rest(_START))
-
-
 #: Calls by name. The longest come first, so that all processes finish at about the same time.
 FEATURES: dict[str, Callable[[], None]] = {
     "forward dynamics and derivatives": _dynamics,
@@ -179,12 +152,12 @@ FEATURES: dict[str, Callable[[], None]] = {
     "state estimation": _estimate,
     "tip inversion": _invert,
     "linearize and modes": _linearize,
-    "contacts": _contacts,
+    "contacts": lambda: _started(contacts=[_floor()]),
     "adaptive control": _adaptive_control,
     "nonlinear predictive control": _predictive_control,
-    "linear control": _linear_control,
+    "linear control": lambda: _controlled(fa.LQG(_arm(), _START, sample_time=_SAMPLE_TIME)),
     "closed loops": _loop,
-    "prescribed joints": _prescribe,
+    "prescribed joints": lambda: _started(prescribed={1: fa.PrescribedAngle.hold(0.4)}),
     "batches": _batch,
 }
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind
@@ -52,10 +53,8 @@ _MEASURES = {
 def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset, list[str]]:
     """Return datasets of parameters and of initial states, and sentences on undetermined ones."""
     slots, scale = problem.space.slots, problem.space.scale
-    columns = columns_of_fit(problem, fit)
-    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    columns, priors, physical = _information_of(problem, fit)
     covariance = covariance_of(columns, priors)
-    physical = np.array([not slot.initial for slot in slots])
     lost = undetermined(columns, priors, scale, physical)
     alone = [(slots[places[0]], deviation) for places, deviation in lost if len(places) == 1]
     without = [_sentence_of_each(alone)] if alone else []
@@ -70,8 +69,13 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
     return tables[0], tables[1], without
 
 
-def columns_of_fit(problem: FitProblem, fit: Fit) -> list[Column]:
-    """Return weighted residuals and their derivatives of all channels of all records."""
+def _information_of(
+    problem: FitProblem, fit: Fit
+) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
+    """Return weighted residuals with derivatives, inverse variances of priors, and physical slots.
+
+    The columns are those of all channels of all records; slots of initial states are not physical.
+    """
     columns = []
     derivatives = problem.derivatives(fit.vector)
     for k, (run, outputs, slope) in enumerate(
@@ -86,7 +90,9 @@ def columns_of_fit(problem: FitProblem, fit: Fit) -> list[Column]:
             own[:, places] = slopes[:, c]
             residuals = whitened[:, c]
             columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good))
-    return columns
+    slots = problem.space.slots
+    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    return columns, priors, np.array([not slot.initial for slot in slots])
 
 
 def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
@@ -157,9 +163,8 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
             values["fit"][place] = fit_percent(run.measured[good, c], simulated[good, c])
             values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
             values["whiteness"][place] = whiteness(residuals, good)
-            driven = [
-                independence(residuals, good, signal) for signal in run.record.inputs.values()
-            ]
+            inputs = run.record.inputs.values()
+            driven = [independence(residuals, good, signal) for signal in inputs]
             tested = [probability for probability in driven if np.isfinite(probability)]
             if tested:  # the smallest of several probabilities (Bonferroni)
                 values["independence"][place] = min(1.0, len(tested) * min(tested))
@@ -302,7 +307,6 @@ def identifiability(
 
     Ljung, *System Identification*, 2nd ed., 1999, section 7.4.
     """
-    check_kind("arm", arm, Arm)
     if motors is not None:
         check_kind("motors", motors, Motors)
     given = check_some_records(records)
@@ -329,12 +333,9 @@ def predicted(
     fit = Fit(space.start, 0.0, outputs, problem.noise, 0, True)
     try:
         table, _, undetermined = parameters_of(problem, fit)
-        columns = columns_of_fit(problem, fit)
+        columns, priors, physical = _information_of(problem, fit)
     except FitFailure as error:
         raise SimulationError(0.0, str(error)) from None
-    slots = space.slots
-    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
-    physical = np.array([not slot.initial for slot in slots])
     information = own_information(columns, priors, space.scale, physical)
     return Identifiability(table, tuple(undetermined), information)
 
@@ -348,11 +349,6 @@ def _check_noise(records: dict[str, MeasuredRecord]) -> None:
         if lacking:
             missing.setdefault(", ".join(lacking), []).append(name)
     if missing:
-        raise InputError(
-            *(
-                Problem(
-                    f"noise of {', '.join(names)}", f"requires the standard deviation of {text}"
-                )
-                for text, names in missing.items()
-            )
-        )
+        rule = "requires the standard deviation of"
+        places = {text: f"noise of {', '.join(names)}" for text, names in missing.items()}
+        raise InputError(*(Problem(place, f"{rule} {text}") for text, place in places.items()))

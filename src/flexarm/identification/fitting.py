@@ -357,9 +357,9 @@ def output_derivatives(
     differences. ``record`` is its index in ``space``; ``places`` are indices in ``vector``.
     """
     derivatives = np.zeros((run.times.size, len(run.labels), len(places)))
-    exact = _exact_places(run, space, places)
+    paths = [space.slots[place].path for place in places]
     try:
-        exact = _by_duals(run, space.case(record, vector), space, places, exact, derivatives)
+        exact = _by_duals(run, space.case(record, vector), paths, derivatives)
     except FlexarmError as error:
         return str(error)
     others = [k for k in range(len(places)) if k not in exact]
@@ -368,13 +368,11 @@ def output_derivatives(
     return _by_differences(run, space, record, vector, places, others, derivatives)
 
 
-def _exact_places(run: RecordRun, space: Space, places: NDArray[np.intp]) -> list[int]:
-    """Return the indices of the places by which ``sensitivities`` may differentiate."""
-    if not run.differentiable:
+def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
+    """Return the indices of the paths by which ``sensitivities`` may differentiate."""
+    few = run.record.controller is not None and len(paths) < _FEWEST_IN_LOOP
+    if few or not run.differentiable:
         return []
-    if run.record.controller is not None and len(places) < _FEWEST_IN_LOOP:
-        return []
-    paths = [space.slots[place].path for place in places]
     driven = run.record.input in ("current", "voltage")
     return [
         k
@@ -384,25 +382,18 @@ def _exact_places(run: RecordRun, space: Space, places: NDArray[np.intp]) -> lis
 
 
 def _by_duals(
-    run: RecordRun,
-    case: Case,
-    space: Space,
-    places: NDArray[np.intp],
-    exact: Sequence[int],
-    derivatives: FloatArray,
+    run: RecordRun, case: Case, paths: Sequence[str], derivatives: FloatArray
 ) -> list[int]:
-    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``places``."""
-    exact = list(exact)
+    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``paths``."""
+    exact = _exact_places(run, paths)
     while exact:
-        paths = [space.slots[places[k]].path for k in exact]
-        paths = [initial_argument(path) or path for path in paths]
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", FlexarmWarning)
                 # Without a second run: derivatives better than the runs are not needed.
                 dual = sensitivities(
                     Arm(case.spec),
-                    parameters=paths,
+                    parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
                     error_estimate=False,
                     progress=False,
                     **run.arguments(case),

@@ -17,7 +17,6 @@ from flexarm.base.arguments import (
     check_choice,
     check_count,
     check_each,
-    check_flag,
     check_kind,
     check_list_of,
 )
@@ -63,6 +62,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
 from flexarm.model.identification import FreeParameter, locate_identification
+from flexarm.model.quantities import Count, Flag
 from flexarm.model.wording import path_of
 from flexarm.simulation.run.settings import (
     MethodSettings,
@@ -93,14 +93,14 @@ def identify(
     *,
     validation: Records = (),
     motors: Motors | None = None,
-    starts: int = 1,
+    starts: Count = 1,
     seed: int = 0,
     loss: str = "linear",
     method: str = "output_error",
     torque_noise: ArrayLike | None = None,
-    iterations: int = 200,
+    iterations: Count = 200,
     contacts: Sequence[Contact] = (),
-    progress: bool | None = None,
+    progress: Flag | None = None,
     settings: RunSettings | None = None,
     **keywords: Unpack[MethodSettings],
 ) -> Identification:
@@ -162,7 +162,6 @@ def identify(
             controller, so that the estimates may be biased; if a channel has a fit below 5 %; or
             if an estimate differs from its start by a factor of 1000.
     """
-    check_kind("arm", arm, Arm)
     if motors is not None:
         check_kind("motors", motors, Motors)
     check_choice("loss", loss, LOSSES)
@@ -171,7 +170,6 @@ def identify(
     if touching and method == "prediction_error":
         rule = "is not supported with contacts"
         raise InputError(Problem("method", rule, hint='Use method="output_error".'))
-    count, iterations = check_count("starts", starts), check_count("iterations", iterations)
     random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
     held_out = check_records("validation", validation)
@@ -197,7 +195,7 @@ def identify(
         _check_rates([*runs, *others])
     warn_of_work([*runs, *others], space)
     problem = _problem(space, runs, _watch(progress), {}, disturbed)
-    costs, best = _best(problem, count, random, loss, iterations)
+    costs, best = _best(problem, starts, random, loss, iterations)
     problem.restore(best)
     table, initial, indistinct = parameters_of(problem, best)
     shared = space.case(None, best.vector)
@@ -296,14 +294,10 @@ def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatA
 
 def _check_rates(runs: Sequence[RecordRun]) -> None:
     first = runs[0]
+    rule = f"be that of {first.name}, {first.record.rate:g} Hz, with prediction_error"
+    hint = "read_record(path, rate=...) resamples a record."
     problems = [
-        Problem(
-            "rate",
-            f"be that of {first.name}, {first.record.rate:g} Hz, with prediction_error",
-            f"{run.record.rate:g}",
-            "read_record(path, rate=...) resamples a record.",
-            where=run.name,
-        )
+        Problem("rate", rule, f"{run.record.rate:g}", hint, where=run.name)
         for run in runs
         if abs(run.record.rate / first.record.rate - 1.0) > _SAME_RATE
     ]
@@ -312,10 +306,9 @@ def _check_rates(runs: Sequence[RecordRun]) -> None:
 
 
 def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None) -> None:
+    known = motors is not None and motors.torque_constant is not None
     for name, record in records.items():
-        if record.input != "current":
-            continue
-        if motors is None or motors.torque_constant is None:
+        if record.input == "current" and not known:
             rule = f"with a torque_constant are required for the currents of {name!r}"
             raise InputError(Problem("motors", rule))
 
@@ -368,17 +361,10 @@ def _predicted(
 
 def _watch(progress: bool | None) -> Watch | None:
     """Return a function that prints the fit of each channel, or None."""
-    if progress is not None:
-        check_flag("progress", progress)
     if progress is False or (progress is None and not sys.stderr.isatty()):
         return None
 
-    def show(
-        evaluation: int,
-        squares: float,
-        runs: Sequence[RecordRun],
-        outputs: Sequence[FloatArray],
-    ) -> None:
+    def show(evaluation: int, squares: float, runs: Any, outputs: Sequence[FloatArray]) -> None:
         fits = fits_by_channel(runs, outputs)
         text = ", ".join(f"{name} {value:.1f} %" for name, value in fits.items())
         print(f"evaluation {evaluation}: {squares:.6g}; fit {text}", file=sys.stderr, flush=True)

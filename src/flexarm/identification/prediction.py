@@ -6,7 +6,8 @@ intensities of noise: Kristensen, Madsen and Jorgensen, Automatica 40 (2004) 225
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -212,7 +213,7 @@ def _problems(name: str, record: MeasuredRecord) -> list[Problem]:
         for item in settings.filters.get(channel, ()):
             if item.kind not in ("gain", "remove_mean"):
                 problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
-    return [Problem(p.name, p.rule, p.value, p.hint, where=name) for p in problems]
+    return [replace(problem, where=name) for problem in problems]
 
 
 #: First guess of the torque noise, as a fraction of the RMS of the torques.
@@ -300,9 +301,8 @@ class PredictionProblem(FitProblem):
     def fit(self, vector: FloatArray, outputs: list[FloatArray], converged: bool) -> Fit:
         """Return a fit with the present noise and gains."""
         gains = tuple(run.gains for run in self.runs)
-        own = dict(self.noise)
-        done = vector, self.cost(vector, outputs), outputs, own, self.evaluations, converged
-        return Fit(*done, torque_noise=self.torque_noise, gains=gains)
+        fit = super().fit(vector, outputs, converged)
+        return replace(fit, torque_noise=self.torque_noise, gains=gains)
 
     def _estimate(self, vector: FloatArray) -> None:
         """Estimate the noise along the filtered records, and set the gains."""
@@ -428,22 +428,29 @@ def likelihoods(
     noise: FloatArray,
 ) -> FloatArray:
     """Return minus the logarithms (m,) of the likelihoods of m noises, without constants."""
-    m, (samples, _) = len(noise), measured.shape
-    x, P = np.tile(model.start, (m, 1)), np.tile(model.P, (m, 1, 1))
-    total = np.zeros(m)
-    for k in range(samples):
-        update = _corrected(P, model.H, noise, valid[k])
+    x, total = np.tile(model.start, (len(noise), 1)), np.zeros(len(noise))
+    for k, update in enumerate(_updates(model, valid, torque_noise, noise)):
         missed = np.where(valid[k], measured[k] - x @ model.H.T, 0.0)
         white = np.linalg.solve(update.factor, missed[..., None])[..., 0]
         total += 0.5 * np.sum(white**2, axis=1)
         total += np.sum(np.log(np.diagonal(update.factor, axis1=1, axis2=2)), axis=1)
-        if k == samples - 1:
-            break
-        x = x + (update.K @ missed[..., None])[..., 0]
-        x = x @ model.F[k].T + model.b[k]
-        moved = model.G[k] * torque_noise[:, None, :]
-        P = model.F[k] @ update.P @ model.F[k].T + moved @ np.swapaxes(moved, 1, 2)
+        if k < len(model.b):
+            x = x + (update.K @ missed[..., None])[..., 0]
+            x = x @ model.F[k].T + model.b[k]
     return total
+
+
+def _updates(
+    model: LinearModel, valid: NDArray[np.bool_], torque_noise: FloatArray, noise: FloatArray
+) -> Iterator[_Update]:
+    """Yield the correction of each sample for noises (m, joints) and (m, channels)."""
+    P = np.tile(model.P, (len(noise), 1, 1))
+    for k, now in enumerate(valid):
+        update = _corrected(P, model.H, noise, now)
+        yield update
+        if k < len(model.F):
+            moved = model.G[k] * torque_noise[:, None, :]
+            P = model.F[k] @ update.P @ model.F[k].T + moved @ np.swapaxes(moved, 1, 2)
 
 
 def gains_of(
@@ -452,15 +459,10 @@ def gains_of(
     """Return the gains along a record for one pair of intensities (joints,) and (channels,)."""
     samples, channels = valid.shape
     K = np.zeros((samples, model.start.size, channels))
-    whitening = np.zeros((samples, channels, channels))
-    P, cost = model.P[None], 0.0
-    for k in range(samples):
-        update = _corrected(P, model.H, noise[None], valid[k])
+    whitening, cost = np.zeros((samples, channels, channels)), 0.0
+    for k, update in enumerate(_updates(model, valid, torque_noise[None], noise[None])):
         K[k], whitening[k] = update.K[0], np.linalg.inv(update.factor[0])
         cost += float(np.sum(np.log(np.diagonal(update.factor[0]))))
-        if k < samples - 1:
-            moved = model.G[k] * torque_noise
-            P = model.F[k] @ update.P @ model.F[k].T + moved @ moved.T
     return _Gains(K, whitening, cost)
 
 

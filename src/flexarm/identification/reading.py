@@ -103,17 +103,10 @@ def read_record(
             intervals replace them.
     """
     file = check_path("path", path)
-    given = {"time": time, "time_unit": time_unit, "sample_time": sample_time, "rate": rate}
-    given |= {"start": start, "end": end}
-    own = {name: value for name, value in given.items() if value is not None}
-    fields: dict[str, Any] = {
-        "file": file.name,
-        "channels": {} if channels is None else channels,
-        "encoding": encoding,
-        "skip": skip,
-        **own,
-        **settings,
-    }
+    given: dict[str, Any] = {"time": time, "time_unit": time_unit, "sample_time": sample_time}
+    given |= {"rate": rate, "start": start, "end": end, "channels": channels}
+    fields = {name: value for name, value in given.items() if value is not None} | settings
+    fields |= {"file": file.name, "encoding": encoding, "skip": skip}
     description = checked_arguments(RecordFile, **fields)
     return record_of_file(description, file, controller, reference, hardware)
 
@@ -129,8 +122,7 @@ def record_of_file(
     table = _read_table(file, description.encoding, description.skip)
     names = {split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
-    times = _times(description, table, names)
-    times, columns = _uniform(description, times, columns)
+    times, columns = _uniform(description, _times(description, table, names), columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
     data = dataset_of(times, columns).assign_attrs(_attributes_of(file))
@@ -370,17 +362,13 @@ def _text_of(path: Path, encoding: str) -> str:
     try:
         return path.read_text("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
     except LookupError:
-        hint = "Common ones are utf-8, latin-1 and utf-16."
-        raise InputError(
-            Problem("encoding", "be the name of an encoding", repr(encoding), hint)
-        ) from None
+        rule, hint = "be the name of an encoding", "Common ones are utf-8, latin-1 and utf-16."
+        raise InputError(Problem("encoding", rule, repr(encoding), hint)) from None
     except UnicodeError:
         with path.open("rb") as file:
             other = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "latin-1"
-        hint = f"Try encoding={other!r}."
-        raise InputError(
-            Problem("path", f"{path.name!r} is not a text in {encoding}", hint=hint)
-        ) from None
+        rule, hint = f"{path.name!r} is not a text in {encoding}", f"Try encoding={other!r}."
+        raise InputError(Problem("path", rule, hint=hint)) from None
 
 
 def _parquet(path: Path) -> _Table:

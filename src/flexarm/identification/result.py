@@ -120,9 +120,8 @@ def independence(
     past = np.stack([np.concatenate([np.zeros(k), signal[: signal.size - k]]) for k in range(lags)])
     column = Column(residuals, (past * valid).T, valid)
     values, vectors = np.linalg.eigh(information([column]))
-    vectors = vectors[
-        :, values > 1e-6 * values[-1]
-    ]  # neighbours of a smooth input are nearly equal
+    # Neighbours of a smooth input are nearly equal.
+    vectors = vectors[:, values > 1e-6 * values[-1]]
     crossed = vectors.T @ (past @ residuals)
     expected = scale * vectors.T @ coloured_information([column]) @ vectors
     statistic = float(crossed @ np.linalg.pinv(expected, hermitian=True) @ crossed)
@@ -507,15 +506,12 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
     try:
         given = json.loads(dataset.attrs[_KIND])
         names = given.pop("histories")
-        fields: dict[str, Any] = {
-            "parameters": _table(dataset, "parameters"),
-            "fit": _table(dataset, "fit"),
-        }
+        fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
         nothing = slice(0, 0)
-        fields["initial"] = _table(dataset, "initial") or fields["parameters"].isel(
+        fields["initial"] = fields["initial"] or fields["parameters"].isel(
             parameter=nothing, other=nothing
         )
-        fields["validation"] = _table(dataset, "validation") or fields["fit"].isel(record=nothing)
+        fields["validation"] = fields["validation"] or fields["fit"].isel(record=nothing)
         fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
         noise, motors = given["torque_noise"], given["motors"]
         return {

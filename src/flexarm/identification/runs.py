@@ -115,27 +115,14 @@ class RecordRun:
     def arguments(self, case: Case) -> dict[str, Any]:
         """Return the arguments of ``sensitivities``, besides the arm."""
         record = self.record
+        common = {**self._options, "channels": self.channels, "rate": record.rate}
+        common["duration"] = record.duration
         if record.controller is not None:
-            return {
-                "duration": record.duration,
-                "controller": record.controller,
-                "reference": record.reference,
-                "hardware": record.hardware,
-                "channels": self.channels,
-                "rate": record.rate,
-                **self._options,
-            }
+            loop = {name: getattr(record, name) for name in ("controller", "reference", "hardware")}
+            return common | loop
         q, qd = self._state(Arm(case.spec), case)
-        return {
-            "duration": record.duration,
-            "torque": self._torque(case),
-            "initial": q,
-            "initial_rate": qd,
-            "channels": self.channels,
-            "rate": record.rate,
-            "prescribed": self._prescribed or None,
-            **self._options,
-        }
+        state = {"initial": q, "initial_rate": qd, "prescribed": self._prescribed or None}
+        return common | state | {"torque": self._torque(case)}
 
     def beginning(self, samples: int) -> RecordRun | None:
         """Return the run of the first samples of the record; None if it has hardly more."""
@@ -156,50 +143,37 @@ class RecordRun:
             return self._open_loop(cases)
 
     def _controlled(self, case: Case) -> FloatArray | str:
-        record = self.record
         try:
             plant = Arm(case.spec)
         except InputError as error:
             return str(error)
         try:
-            result = simulate(
-                self._arm,
-                record.duration,
-                plant=plant,
-                controller=record.controller,
-                reference=record.reference,
-                hardware=record.hardware,
-                rate=record.rate,
-                progress=False,
-                **self._options,
-            )
+            arguments = self.arguments(case)
+            del arguments["channels"]  # which only batches have
+            result = simulate(self._arm, plant=plant, progress=False, **arguments)
         except SimulationError as error:
             return str(error)
         return self._outputs({name: result[name].values for name in self.channels})
 
     def _open_loop(self, cases: Sequence[Case]) -> list[FloatArray | str]:
-        arms: list[Arm] = []
-        states: list[tuple[FloatArray, FloatArray]] = []
+        runs: dict[int, tuple[Arm, FloatArray, FloatArray]] = {}  # those with a start, by case
         outputs: list[FloatArray | str] = [""] * len(cases)
-        good: list[int] = []
         for k, case in enumerate(cases):
             try:
                 arm = Arm(case.spec)
-                states.append(self._state(arm, case))
+                runs[k] = arm, *self._state(arm, case)
             except FlexarmError as error:
                 outputs[k] = str(error)
-                continue
-            arms.append(arm)
-            good.append(k)
-        if not good:
+        if not runs:
             return outputs
+        arms, q, qd = zip(*runs.values(), strict=True)
         try:
             batch = simulate_batch(
-                arms,
+                list(arms),
                 self.record.duration,
-                torque=[self._torque(cases[k]) for k in good],
-                initial=np.array([q for q, _ in states]),
-                initial_rate=np.array([qd for _, qd in states]),
+                torque=[self._torque(cases[k]) for k in runs],
+                initial=np.array(q),
+                initial_rate=np.array(qd),
                 channels=self.channels,
                 rate=self.record.rate,
                 prescribed=self._prescribed or None,
@@ -207,11 +181,11 @@ class RecordRun:
                 **self._options,
             )
         except SimulationError as error:
-            for k in good:
+            for k in runs:
                 outputs[k] = str(error)
             return outputs
         values = {name: batch[name].values for name in self.channels}
-        for row, k in enumerate(good):
+        for row, k in enumerate(runs):
             failure = str(batch["failure"].values[row])
             rows = {name: value[row] for name, value in values.items()}
             outputs[k] = failure or self._outputs(rows)

@@ -92,12 +92,16 @@ class Space:
             slots += _initial_slots(arm, k, self._names[k], record, rate)
         self.slots = slots
 
-    def _number(self, name: str, path: str) -> float:
+    def _owner(self, name: str, path: str) -> tuple[ArmSpec | Motors, str]:
+        """Return the arm or the motors to which a path belongs, and the path in it."""
         if not path.startswith(_MOTORS):
-            return number_at(name, self._arm.spec, path)
+            return self._arm.spec, path
         if self._motors is None:
             raise InputError(Problem(name, f"is {path}, which requires motors"))
-        return number_at(name, self._motors, path.removeprefix(_MOTORS))
+        return self._motors, path.removeprefix(_MOTORS)
+
+    def _number(self, name: str, path: str) -> float:
+        return number_at(name, *self._owner(name, path))
 
     def _start_problems(self, name: str, parameter: FreeParameter) -> list[Problem]:
         start = self._number(name, parameter.path)
@@ -113,13 +117,14 @@ class Space:
         start = self._number("free", path)
         lower = parameter.lower
         if lower is None:
-            refused = problems_of(self._changed, path, -1e-6 * (abs(start) or 1.0))
+            below = -1e-6 * (abs(start) or 1.0)
+            refused = problems_of(with_number, *self._owner("free", path), below)
             lower = 0.0 if refused and start >= 0.0 else -np.inf
         upper = np.inf if parameter.upper is None else parameter.upper
         deviation = parameter.prior_deviation
         prior = start if parameter.prior is None else parameter.prior
         size = abs(start) or deviation or (upper - lower if np.isfinite(upper - lower) else 0.0)
-        scale = size or self._size_of_zero(path)
+        scale = size or size_of_zero(self._arm, *self._owner("free", path), self._rate)
         last = prior, np.inf if deviation is None else deviation
         if not parameter.per_record:
             return [Slot(path, None, path, start, lower, upper, scale, *last)]
@@ -127,19 +132,6 @@ class Space:
             Slot(path, k, f"{path} ({name})", start, lower, upper, scale, *last)
             for k, name in enumerate(self._names)
         ]
-
-    def _size_of_zero(self, path: str) -> float:
-        """Return the scale of a number that is zero, from its unit and the arm."""
-        motors = self._motors if path.startswith(_MOTORS) else None
-        record = self._arm.spec if motors is None else motors
-        return size_of_zero(self._arm, record, path.removeprefix(_MOTORS), self._rate)
-
-    def _changed(self, path: str, value: float) -> None:
-        if path.startswith(_MOTORS):
-            assert self._motors is not None
-            with_number(self._motors, path.removeprefix(_MOTORS), value)
-        else:
-            with_number(self._arm.spec, path, value)
 
     @property
     def start(self) -> FloatArray:

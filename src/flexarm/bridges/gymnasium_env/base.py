@@ -24,7 +24,7 @@ from flexarm.base.errors import (
     public_call,
     shown,
 )
-from flexarm.bridges.gymnasium_env.picture import Picture, scene_of
+from flexarm.bridges.gymnasium_env.picture import Picture
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import (
     Change,
@@ -395,7 +395,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """Return a picture of the arm at q (dof,) with a task at a sample time."""
         if self._picture is None:
             self._picture = Picture(self.reach)
-        return self._picture.draw(self.plant.arm.shape(q, 20), scene_of(table, tick))
+        return self._picture.draw(self.plant.arm.shape(q, 20), table, tick)
 
     # ----------------------------------------------------------------------------------------------
 
@@ -429,19 +429,16 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
 def _check_objects(arm: object, plant: object, hardware: object, render_mode: object) -> None:
     """Raise InputError for all arguments with the wrong type."""
-    rules = {
-        "arm": ("be an Arm", arm, isinstance(arm, Arm)),
-        "plant": (
-            "be an Arm, or a function that returns one",
-            plant,
-            isinstance(plant, Arm) or callable(plant),
-        ),
-        "hardware": ("be a Hardware object", hardware, isinstance(hardware, Hardware)),
-        "render_mode": ("be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
-    }
+    right = isinstance(plant, Arm) or callable(plant)
+    rules = (
+        ("arm", "be an Arm", arm, isinstance(arm, Arm)),
+        ("plant", "be an Arm, or a function that returns one", plant, right),
+        ("hardware", "be a Hardware object", hardware, isinstance(hardware, Hardware)),
+        ("render_mode", "be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
+    )
     problems = [
         Problem(name, rule, shown(value))
-        for name, (rule, value, right) in rules.items()
+        for name, rule, value, right in rules
         if value is not None and not right
     ]
     if problems:

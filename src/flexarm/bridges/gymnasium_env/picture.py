@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,20 +13,6 @@ FloatArray = NDArray[np.float64]
 
 _PIXELS, _DPI = 480, 100
 _LINK, _JOINT, _TARGET, _PATH = "#0072B2", "#262626", "#D55E00", "#8C8C8C"
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Objects of a picture in addition to the arm."""
-
-    target: FloatArray  # (2,) m, current target of the tip
-    path: FloatArray | None = None  # (points, 2) m, targets at other times
-
-
-def scene_of(table: FloatArray, tick: int) -> Scene:
-    """Return the scene of a task's values (1 or more, values) at a sample time, see ``ArmEnv``."""
-    values = table[min(tick, len(table) - 1)]
-    return Scene(values[:2], table[:, :2] if len(table) > 1 else None)
 
 
 class Picture:
@@ -49,12 +34,15 @@ class Picture:
         (self._links,) = axes.plot([], [], color=_LINK, linewidth=4.0, solid_capstyle="round")
         (self._joints,) = axes.plot([], [], "o", color=_JOINT, markersize=9)
 
-    def draw(self, shape: FloatArray, scene: Scene) -> NDArray[np.uint8]:
-        """Draw links (links, stations, 2) m; return pixels (480, 480, 3)."""
+    def draw(self, shape: FloatArray, table: FloatArray, tick: int) -> NDArray[np.uint8]:
+        """Draw links (links, stations, 2) m and the target, (480, 480, 3) pixels.
+
+        ``table`` (1 or more, values) are the values of a task at sample times, see ``ArmEnv``.
+        """
         self._links.set_data(*shape.reshape(-1, 2).T)
         self._joints.set_data(*shape[:, 0].T)
-        self._target.set_data(*scene.target[:, None])
-        path = np.zeros((0, 2)) if scene.path is None else scene.path
+        self._target.set_data(*table[min(tick, len(table) - 1), :2, None])
+        path = table[:, :2] if len(table) > 1 else table[:0, :2]
         self._path.set_data(*path.T)
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[:, :, :3].copy()

@@ -273,13 +273,8 @@ class TrackForceEnv(_LineEnv):
         return [self._wall]
 
     def _touching(self, wall: Wall, stiffness: float, friction: float) -> Contact:
-        return Contact(
-            surface=wall,
-            stiffness=stiffness,
-            exponent=self.exponent,
-            damping=self.damping,
-            friction=friction,
-        )
+        law: dict[str, Any] = {"exponent": self.exponent, "damping": self.damping}
+        return Contact(surface=wall, stiffness=stiffness, friction=friction, **law)
 
     def task_parts(self) -> Sequence[Part]:
         """See ``ArmEnv``."""
@@ -370,14 +365,10 @@ class TrackForceEnv(_LineEnv):
         """Return the task's values of the observation at every sample time."""
         times, (mean, amplitude) = self.times, self.force
         phase = 2.0 * np.pi * times / self.period
-        table: FloatArray = np.column_stack(
-            [
-                *self.line_columns(times),
-                np.tile(self.normal, (len(times), 1)),
-                mean - amplitude * np.cos(phase),
-                amplitude * np.sin(phase) * 2.0 * np.pi / self.period,
-            ]
-        )
+        force = mean - amplitude * np.cos(phase)
+        rate = amplitude * np.sin(phase) * 2.0 * np.pi / self.period
+        normal = np.tile(self.normal, (len(times), 1))
+        table: FloatArray = np.column_stack([*self.line_columns(times), normal, force, rate])
         return table
 
     # Observation and reward ----------------------------------------------------------------------

@@ -81,10 +81,8 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         self._mode = _checked_mode(autoreset_mode)
         self.metadata = {**task.metadata, "autoreset_mode": self._mode}
         self.render_mode = task.render_mode
-        self.single_observation_space, self.single_action_space = (
-            task.observation_space,
-            task.action_space,
-        )
+        self.single_observation_space = task.observation_space
+        self.single_action_space = task.action_space
         self.observation_space = batch_space(task.observation_space, self.num_envs)
         self.action_space = batch_space(task.action_space, self.num_envs)
         self._plants = LanePlants(arm, self.num_envs, task.plant.sample_time, threads)

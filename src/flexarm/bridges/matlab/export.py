@@ -69,7 +69,9 @@ def export_mat(
     """
     model = exported_model(arm, parameters)
     place = check_place("path", path, (".mat",))
-    name = _function_name(place.stem)
+    plain = re.sub(r"\W", "_", place.stem, flags=re.ASCII)
+    first = plain if plain[:1].isalpha() else f"arm_{plain}"
+    name = first[: _LONGEST - len(_ENDING)] + _ENDING
     script = place.with_name(f"{name}.m")
     if linear is None:
         linear = linearize(arm, outputs=("joint_angle", "tip"))
@@ -80,13 +82,6 @@ def export_mat(
     write_text(_dynamics_file(model, name), script)
     write_whole(place, [mat_bytes(variables)])
     return [place, script]
-
-
-def _function_name(stem: str) -> str:
-    """Return the name of the function for the file name ``stem``."""
-    plain = re.sub(r"\W", "_", stem, flags=re.ASCII)
-    first = plain if plain[:1].isalpha() else f"arm_{plain}"
-    return first[: _LONGEST - len(_ENDING)] + _ENDING
 
 
 def _dynamics_file(model: CasadiModel, name: str) -> str:

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_count, check_kind
+from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.writing.places import check_place, write_text
 from flexarm.bridges.rigid_chain.chain import (
@@ -98,7 +98,6 @@ def _export(
     suffix: str,
     text_of: Callable[[RigidChain, list[Body], str], str],
 ) -> Path:
-    check_kind("arm", arm, Arm)
     count = check_count("virtual_joints", virtual_joints, 2, _MOST)
     chain = rigid_chain(arm, count)
     parts = bodies(chain)

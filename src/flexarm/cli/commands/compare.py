@@ -68,7 +68,7 @@ def compare(
     located = locate_study(study)
     check_places(("--out", out, (".nc", ".csv")), ("--plot", plot, FIGURE_SUFFIXES))
     if located[0].samples is not None:
-        _compare_samples(study, out, plot, workers, limits_of(limits))
+        _compare_samples(study, out, plot, check_workers("--workers", workers), limits_of(limits))
         return
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))
@@ -100,14 +100,11 @@ def _compare_samples(
     path: Path,
     out: Path | None,
     plot: Path | None,
-    workers: int | None,
+    workers: int,
     limits: dict[str, float],
 ) -> None:
     """Print the statistics of samples, and write the requested files."""
-    from flexarm.base.processes import check_workers
-
     study = read_study_file(path)
-    workers = check_workers("--workers", workers)
     with warnings.catch_warnings():  # those of the samples are printed
         warnings.simplefilter("ignore", FlexarmWarning)
         nominal = study.nominal(workers=workers)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from flexarm.arm.arm import Arm
     from flexarm.arm.assembly.assemble import FloatArray
+    from flexarm.cases.scenario.scenario import Prepared
     from flexarm.control.contract.base import Controller
 
 export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
@@ -128,38 +129,24 @@ def export_mat(
         print_line(path)
 
 
-@export.command("mjcf")
-@report_failures
-def export_mjcf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a model of MuJoCo: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_mjcf
+def _add_chain_command(kind: str, suffix: str, product: str) -> None:
+    """Add the command that writes an arm as a chain of rigid bodies for another program."""
 
-    _export_chain(export_mjcf, arm, out or arm.with_suffix(".xml"), virtual_joints)
+    def command(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
+        from flexarm.arm.arm import load_arm
+        from flexarm.bridges.rigid_chain import export as chain
 
+        place, write = out or arm.with_suffix(suffix), getattr(chain, f"export_{kind}")
+        print_line(write(load_arm(arm), place, virtual_joints=virtual_joints))
 
-@export.command("urdf")
-@report_failures
-def export_urdf(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a robot in URDF: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_urdf
-
-    _export_chain(export_urdf, arm, out or arm.with_suffix(".urdf"), virtual_joints)
+    command.__name__ = f"export_{kind}"
+    command.__doc__ = f"Write {product}: links as rigid bars on virtual joints."
+    export.command(kind)(report_failures(command))
 
 
-@export.command("exudyn")
-@report_failures
-def export_exudyn(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-    """Write a Python script for Exudyn: links as rigid bars on virtual joints."""
-    from flexarm.bridges.rigid_chain.export import export_exudyn
-
-    _export_chain(export_exudyn, arm, out or arm.with_suffix(".py"), virtual_joints)
-
-
-def _export_chain(write: Any, path: Path, place: Path, virtual_joints: int) -> None:
-    """Write an arm as a chain of rigid bodies."""
-    from flexarm.arm.arm import load_arm
-
-    print_line(write(load_arm(path), place, virtual_joints=virtual_joints))
+_add_chain_command("mjcf", ".xml", "a model of MuJoCo")
+_add_chain_command("urdf", ".urdf", "a robot in URDF")
+_add_chain_command("exudyn", ".py", "a Python script for Exudyn")
 
 
 def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
@@ -176,17 +163,12 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
     """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
     import numpy as np
 
-    from flexarm.arm.arm import described_arm
-    from flexarm.cases.scenario.scenario import prepare
-    from flexarm.model import load_arm_spec, locate_scenario
-    from flexarm.model.file_format.files import describes_arm_only, load_document
+    from flexarm.arm.arm import Arm
     from flexarm.simulation.calls.preparation import start_of
 
-    document = load_document(path)
-    if describes_arm_only(document):
-        arm = described_arm(load_arm_spec(document))
-        return arm, None, np.zeros((2, arm.dof))
-    prepared = prepare(*locate_scenario(document))
+    prepared = _described(path)
+    if isinstance(prepared, Arm):
+        return prepared, None, np.zeros((2, prepared.dof))
     arm, options = prepared.arm, prepared.options
     names = ("initial", "initial_rate", "reference", "torque")
     state = start_of(arm, *(options.get(name) for name in names))
@@ -195,11 +177,8 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
 
 def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
     """Return the arm of a file, and the result of a scenario or of a result file."""
-    from flexarm.arm.arm import described_arm
+    from flexarm.arm.arm import Arm
     from flexarm.cases.results import read_result
-    from flexarm.cases.scenario.scenario import prepare
-    from flexarm.model import load_arm_spec, locate_scenario
-    from flexarm.model.file_format.files import describes_arm_only, load_document
     from flexarm.view.plot.drawn_result import arm_of
 
     if path.suffix.lower() == ".nc":
@@ -208,8 +187,20 @@ def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
             return arm_of("the file", result), result
         except InputError as error:
             raise error.at(str(path)) from None
+    prepared = _described(path)
+    if isinstance(prepared, Arm):
+        return prepared, None
+    return prepared.arm, prepared.run()
+
+
+def _described(path: Path) -> Arm | Prepared:
+    """Return the arm of a file, or its scenario, ready to run."""
+    from flexarm.arm.arm import described_arm
+    from flexarm.cases.scenario.scenario import prepare
+    from flexarm.model import load_arm_spec, locate_scenario
+    from flexarm.model.file_format.files import describes_arm_only, load_document
+
     document = load_document(path)
     if describes_arm_only(document):
-        return described_arm(load_arm_spec(document)), None
-    prepared = prepare(*locate_scenario(document))
-    return prepared.arm, prepared.run()
+        return described_arm(load_arm_spec(document))
+    return prepare(*locate_scenario(document))

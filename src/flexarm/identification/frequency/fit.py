@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from itertools import product
+from typing import Any, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -40,29 +41,17 @@ _POWERS, _OTHERS = range(-2, 3), 6
 _DAMPED = 0.5
 
 
-class FittedModes(NamedTuple):
-    """Modes of a response, in the order of ascending frequency."""
-
-    frequency_hz: FloatArray  # (k,)
-    damping_ratio: FloatArray  # (k,)
-    frequency_deviation: FloatArray  # (k,) standard deviations
-    damping_deviation: FloatArray  # (k,) standard deviations
-    residues: ComplexArray  # (k, outputs, inputs) complex A_k
-    fitted: ComplexArray  # (F, outputs, inputs) the response of the modes and of the rest
-    fit: FloatArray  # (outputs, inputs) percent, 100 is perfect
-
-
 def fitted(
     hertz: FloatArray,
     response: ComplexArray,
     deviation: FloatArray,
     rates: NDArray[np.bool_],
     count: int,
-) -> FittedModes:
+) -> dict[str, NDArray[Any]]:
     """Fit ``count`` modes to a response (F, outputs, inputs) at frequencies (F,) Hz.
 
     ``deviation`` is that of the response, NaN where unknown; ``rates`` (outputs,) states whether an
-    output is the rate of a position.
+    output is the rate of a position. Return the arrays of `MeasuredModes` by name.
     """
     problem = _Problem(hertz, response, deviation, rates)
     numbers = problem.start
@@ -75,15 +64,16 @@ def fitted(
     residues, poles = residues[order], poles[order]
     deviations = problem.deviations(numbers)[order]
     lost = np.linalg.norm(response - predicted, axis=0) / np.linalg.norm(response, axis=0)
-    return FittedModes(
-        np.exp(poles[:, 0]) / (2.0 * np.pi),
-        _DAMPED * _share(poles[:, 1]),
-        np.exp(poles[:, 0]) / (2.0 * np.pi) * deviations[:, 0],
-        _DAMPED * _share(poles[:, 1]) * (1.0 - _share(poles[:, 1])) * deviations[:, 1],
-        residues,
-        predicted,
-        100.0 * (1.0 - lost),
-    )
+    hertz, share = np.exp(poles[:, 0]) / (2.0 * np.pi), _share(poles[:, 1])
+    return {
+        "frequency_hz": hertz,
+        "damping_ratio": _DAMPED * share,
+        "frequency_deviation": hertz * deviations[:, 0],
+        "damping_deviation": _DAMPED * share * (1.0 - share) * deviations[:, 1],
+        "residues": residues,
+        "fitted": predicted,
+        "fit": 100.0 * (1.0 - lost),
+    }
 
 
 def _share(value: FloatArray) -> FloatArray:
@@ -157,13 +147,8 @@ class _Problem:
     def _trials(self) -> tuple[FloatArray, ComplexArray]:
         """Numbers (trials, 2) of trial poles, and their terms (F, trials, 2)."""
         low, high = np.log(np.abs(self._s[[0, -1]]))
-        trials = np.array(
-            [
-                (omega, np.log(zeta / (_DAMPED - zeta)))
-                for omega in np.linspace(low, high, _PLACES)
-                for zeta in _TRIALS
-            ]
-        )
+        logits = [np.log(zeta / (_DAMPED - zeta)) for zeta in _TRIALS]
+        trials = np.array(list(product(np.linspace(low, high, _PLACES), logits)))
         every = self._terms(np.append(0.0, trials.ravel()))[:, _OTHERS:]
         return trials, every.reshape(len(self._s), -1, 2)
 
@@ -226,13 +211,8 @@ class _Problem:
     def deviations(self, numbers: FloatArray) -> FloatArray:
         """Return standard deviations (k, 2); larger errors than the noise increase them."""
         changes = _STEP * np.eye(numbers.size)
-        slopes = np.stack(
-            [
-                (self.errors(numbers + change) - self.errors(numbers - change)) / (2.0 * _STEP)
-                for change in changes
-            ],
-            axis=1,
-        )
+        pairs = [(self.errors(numbers + d), self.errors(numbers - d)) for d in changes]
+        slopes = np.stack([(after - before) / (2.0 * _STEP) for after, before in pairs], axis=1)
         errors = self.errors(numbers)
         linear = self._values.shape[1] * (numbers.size - 1 + _OTHERS)
         excess = max(1.0, float(errors @ errors) / max(1, errors.size - numbers.size - linear))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.base.arguments import check_count, check_nonnegative, check_positive
+from flexarm.base.arguments import check_positive
 from flexarm.base.errors import (
     AccuracyWarning,
     InputError,
@@ -34,6 +34,7 @@ from flexarm.identification.record import (
     coefficients,
 )
 from flexarm.integrate.base import FloatArray
+from flexarm.model.quantities import Count, NonNegative
 
 #: Least power of an input at a frequency, as a fraction of its largest one, and least ratio of the
 #: smallest to the largest eigenvalue of the normalised spectra of the inputs.
@@ -79,7 +80,7 @@ class FrequencyResponse:
         )
 
     @public_call
-    def modes(self, count: int, *, band: ArrayLike | None = None) -> MeasuredModes:
+    def modes(self, count: Count, *, band: ArrayLike | None = None) -> MeasuredModes:
         """Fit modes of vibration to the response: frequencies, damping and shapes.
 
         The response of each output to each input is a sum of ``count`` modes and of powers of s for
@@ -102,7 +103,6 @@ class FrequencyResponse:
         """
         low, high = _check_band(band)
         inside = (self.frequency_hz >= low) & (self.frequency_hz <= high)
-        count = check_count("count", count)
         if np.count_nonzero(inside) < 2 * count + _SPARE:
             rule = f"contain at least {2 * count + _SPARE} frequencies for {count} modes"
             raise InputError(Problem("band", rule, shown(int(np.count_nonzero(inside)))))
@@ -110,8 +110,8 @@ class FrequencyResponse:
         fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        self._warn_of_poor_fits(fit.fit)
-        return MeasuredModes(*fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
+        self._warn_of_poor_fits(fit["fit"])
+        return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
     def _warn_of_poor_fits(self, fit: FloatArray) -> None:
         poor = [
@@ -131,7 +131,7 @@ def frequency_response(
     *,
     period: float | None = None,
     segment: float | None = None,
-    start: float = 0.0,
+    start: NonNegative = 0.0,
     band: ArrayLike | None = None,
 ) -> FrequencyResponse:
     """Estimate frequency response functions from records, with coherence (estimator H1).
@@ -167,7 +167,6 @@ def frequency_response(
     Bendat and Piersol, *Random Data*, 4th ed., 2010, section 7.2 and (9.52).
     """
     given = check_some_records(records)
-    start = check_nonnegative("start", start)
     if period is not None and segment is not None:
         raise InputError(Problem("segment", "cannot be combined with period"))
     limits = _check_band(band)
@@ -218,10 +217,8 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
 def _average(parts: list[_Spectra]) -> _Spectra:
     """Return the average of the spectra of records, weighted by their numbers of averages."""
     if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
-        hint = "Give its length in seconds."
-        raise InputError(
-            Problem("segment", "is required for records of different length", hint=hint)
-        )
+        rule, hint = "is required for records of different length", "Give its length in seconds."
+        raise InputError(Problem("segment", rule, hint=hint))
     averages = sum(part.averages for part in parts)
     total = sum(part.averages * part.matrix for part in parts) / averages
     return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
@@ -252,10 +249,11 @@ def _estimate(
         raise InputError(Problem("records", rule, hint=hint))
     hertz, matrix = hertz[kept], spectra.matrix[kept]
     response, deviation, coherence = _h1(matrix, m, spectra.averages)
-    path = [
-        [_instrument_response(record, one, hertz) for one in part] for part in (inputs, outputs)
-    ]
-    removed = np.stack(path[1], axis=1)[:, :, None] * np.stack(path[0], axis=1)[:, None, :]
+    before, after = (
+        np.stack([_instrument_response(record, label, hertz) for label in labels], axis=1)
+        for labels in (inputs, outputs)
+    )
+    removed = after[:, :, None] * before[:, None, :]
     return FrequencyResponse(
         hertz,
         response / removed,

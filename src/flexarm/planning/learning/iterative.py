@@ -15,12 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
-from flexarm.base.arguments import (
-    check_choice,
-    check_each,
-    check_kind,
-    check_options,
-)
+from flexarm.base.arguments import check_choice, check_each, check_kind, check_options
 from flexarm.base.errors import (
     InputError,
     Problem,
@@ -146,8 +141,6 @@ def iterative_learning(
     given = [name for name, value in own.items() if value is not None]
     if trial is not None and given:
         raise InputError(Problem("trial", f"cannot be combined with {given[0]}"))
-    if plant is not None:
-        check_kind("plant", plant, Arm)
     if hardware is not None:
         check_kind("hardware", hardware, Hardware)
     check_options(options, _OPTIONS, "iterative_learning")
@@ -155,10 +148,9 @@ def iterative_learning(
     window = window_of(arm, reference, controller, duration, interval)
     choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.joints)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
+    none = np.zeros((window.intervals, arm.joints))
     with one_warning() as bent:
-        unchanged = AddedTorque(
-            controller, np.zeros((window.intervals, arm.joints)), window.interval
-        )
+        unchanged = AddedTorque(controller, none, window.interval)
         P = bench.model(unchanged)
         law = choice.law(P, arm, reference, window, output)
         learned = _learn(bench, unchanged, law, P, trials)
@@ -194,17 +186,9 @@ def _learn(
     changes = np.linalg.norm(np.diff(torques, axis=0), axis=(1, 2))
     undefined = np.full(max(trials - 2, 0), np.nan)
     rate_of_change = np.divide(changes[1:], changes[:-1], out=undefined, where=changes[:-1] > 0.0)
-    return LearnedMotion(
-        controller,
-        controller.interval,
-        np.array(torques),
-        np.array(errors),
-        np.array(predicted),
-        rate,
-        bound,
-        rate_of_change,
-        bench.result,
-    )
+    history = np.array(torques), np.array(errors), np.array(predicted)
+    rates = rate, bound, rate_of_change
+    return LearnedMotion(controller, controller.interval, *history, *rates, bench.result)
 
 
 class _Choice(NamedTuple):

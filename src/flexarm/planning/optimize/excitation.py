@@ -136,7 +136,7 @@ def optimal_excitation(
     its samples, which is simulated. Mehra, IEEE Transactions on Automatic Control 19 (1974) 753.
     """
     parameters = check_free(free)
-    limits = check_kind("limits", limits, MotionLimits)
+    check_kind("limits", limits, MotionLimits)
     check_mapping("noise", noise, "channels and standard deviations")
     if not noise:
         raise InputError(Problem("noise", "must not be empty"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,7 +127,7 @@ def optimal_motion(
     within their limits. Solutions are local optima: another ``guess`` may lead to a better one.
     Contacts are not included.
     """
-    plant = arm if plant is None else check_kind("plant", plant, Arm)
+    plant = plant or arm
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (
@@ -263,13 +263,6 @@ _STEPS, _SHORTEST = 12, 0.05
 _SAMPLES = 10
 
 
-class _End(NamedTuple):
-    """End of a simulation."""
-
-    run: Any  # its result
-    error: FloatArray  # (2 m,) amplitudes that should be zero, relative to the motion
-
-
 def _corrected(task: Task, plan: Plan) -> Plan:
     """Return a plan that ends at rest in the simulation; the same one if there is none.
 
@@ -303,24 +296,24 @@ class _Correction:
         torque = torques[:, 0].copy()
         if self._task.continuous:
             torque = np.vstack([torque, torques[-1:, 1]])
-        end = self._simulated(torque)
-        if np.abs(end.error).max() < _CLOSE:
+        run, error = self._simulated(torque)
+        if np.abs(error).max() < _CLOSE:
             return self._given
         for _ in range(_STEPS):
-            change = self._change(torque, end.error)
+            change = self._change(torque, error)
             if change is None:
                 return self._given
-            part, size = 1.0, np.linalg.norm(end.error)
-            while np.linalg.norm((new := self._simulated(torque + part * change)).error) > size:
+            part, size = 1.0, np.linalg.norm(error)
+            while np.linalg.norm((new := self._simulated(torque + part * change))[1]) > size:
                 part *= 0.5
                 if part < _SHORTEST:
                     return self._given
-            torque, end = torque + part * change, new
-            if np.abs(end.error).max() < _ENOUGH:
+            torque, (run, error) = torque + part * change, new
+            if np.abs(error).max() < _ENOUGH:
                 break
-        if np.abs(end.error).max() > _CLOSE:
+        if np.abs(error).max() > _CLOSE:
             return self._given
-        q, slope, curve = states_of(end.run, 0.0, self._given.duration, self._given.intervals)
+        q, slope, curve = states_of(run, 0.0, self._given.duration, self._given.intervals)
         return replace(self._given, q=q, slope=slope, curve=curve, torque=self._pieces(torque))
 
     def _pieces(self, torque: FloatArray) -> FloatArray:
@@ -333,7 +326,8 @@ class _Correction:
         start = self._task.start.q
         return {"torque_interpolation": interpolation, "initial": start, "progress": False}
 
-    def _simulated(self, torque: FloatArray) -> _End:
+    def _simulated(self, torque: FloatArray) -> tuple[xr.Dataset, FloatArray]:
+        """Return a run, and amplitudes (2 m,) at its end that should be zero, relative to it."""
         plan = self._given
         history = replace(plan, torque=self._pieces(torque)).torque_history(torque[0], torque[-1])
         run = simulate(
@@ -345,7 +339,7 @@ class _Correction:
             progress=False,
         )
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])
-        return _End(run, self._rows @ (last - self._goal))
+        return run, self._rows @ (last - self._goal)
 
     def _jacobian(self, torque: FloatArray) -> FloatArray:
         """Return the derivatives (2 m, size of the torques) of the error."""

@@ -164,16 +164,12 @@ def tabulated(task: Task, plan: Plan) -> tuple[PPoly, RigidChain]:
     Accelerations at the nodes are those of the equations of motion.
     """
     arm, joint = task.arm, task.arm.joint_index
+    starts = plan.q[:-1], plan.rate[:-1], plan.torque[:, 0]
+    ends = plan.q[1:], plan.rate[1:], plan.torque[:, 1]
     acceleration = np.array(
         [
-            [
-                arm.forward_dynamics(q, qd, torque)[joint]
-                for q, qd, torque in zip(*side, strict=True)
-            ]
-            for side in (
-                (plan.q[:-1], plan.rate[:-1], plan.torque[:, 0]),
-                (plan.q[1:], plan.rate[1:], plan.torque[:, 1]),
-            )
+            [arm.forward_dynamics(*state)[joint] for state in zip(*side, strict=True)]
+            for side in (starts, ends)
         ]
     )
     angle, rate = plan.q[:, joint], plan.rate[:, joint]

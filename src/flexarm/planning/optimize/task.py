@@ -94,11 +94,8 @@ def task_of(
     if np.array_equal(start, end):
         problems.append(Problem("end", "differ from start", shown(end.tolist())))
     if (duration is None) != (objective == "time"):
-        rule = (
-            "is free for the objective 'time'"
-            if objective == "time"
-            else f"is required for the objective {objective!r}"
-        )
+        word = "free" if objective == "time" else "required"
+        rule = f"is {word} for the objective {objective!r}"
         problems.append(Problem("duration", rule))
     if objective == "time" and not np.all(np.isfinite(torque)):
         hint = "Without it the motion takes no time."

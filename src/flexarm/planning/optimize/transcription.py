@@ -121,10 +121,8 @@ class Transcription:
         if self.modes is not None:
             away = self.scale.q * q[:, -1] - self.casadi.DM(self.task.end.q)
             rate = self.scale.slope * slope[:, -1]
-            rows += [
-                self._scaled_modes(self.sizes.q) @ away,
-                self._scaled_modes(self.sizes.slope) @ rate,
-            ]
+            rows.append(self._scaled_modes(self.sizes.q) @ away)
+            rows.append(self._scaled_modes(self.sizes.slope) @ rate)
         unknown = self.casadi.vertcat(*map(vec, parts))
         total = self.casadi.sum2(cost)
         goal = T + total if self.task.objective == "time" else total
@@ -169,14 +167,9 @@ class Transcription:
         slope_end = slope + h * (curve @ self.casadi.DM(GAUSS.b))
         limited.append(self._limited(q_end, slope_end / T))
         vertcat = self.casadi.vertcat
-        found = [
-            vertcat(*residual),
-            q_end / scale.q,
-            slope_end / scale.slope,
-            vertcat(*limited),
-            cost,
-        ]
-        return self.casadi.Function("interval", given, found)
+        ends = q_end / scale.q, slope_end / scale.slope
+        results = [vertcat(*residual), *ends, vertcat(*limited), cost]
+        return self.casadi.Function("interval", given, results)
 
     def _limited(self, q: Any, rate: Any) -> Any:
         """Return the quantities of all bounds, divided by their sizes."""

@@ -16,6 +16,7 @@ from flexarm.base.arguments import (
     as_list,
     check_choice,
     check_each,
+    check_nonnegative,
     check_number,
     check_positive,
 )
@@ -122,25 +123,21 @@ def requirements_of(
         rule = "force is not supported for an arm with one joint"
         raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
     read = _sensors(arm, task, sensors)
-    payload = check_number(
-        "payload_uncertainty", payload_uncertainty, lambda value: value >= 0.0, "be at least 0"
-    )
+    payload = check_nonnegative("payload_uncertainty", payload_uncertainty)
     if payload and arm.spec.payload.mass == 0.0:
         hint = "Give the arm the payload that you expect."
         rule = "is not supported for an arm without payload"
         raise InputError(Problem("payload_uncertainty", rule, hint=hint))
-    rule = f"be from 0 to {_HIGHEST_UNCERTAINTY:g}"
+    rule, most = f"be from 0 to {_HIGHEST_UNCERTAINTY:g}", _HIGHEST_UNCERTAINTY
     rigidity = check_number(
-        "rigidity_uncertainty",
-        rigidity_uncertainty,
-        lambda value: 0.0 <= value <= _HIGHEST_UNCERTAINTY,
-        rule,
+        "rigidity_uncertainty", rigidity_uncertainty, lambda value: 0.0 <= value <= most, rule
     )
     limit = None
     if torque_limit is not None:
         limit = check_each("torque_limit", torque_limit, arm.joints, positive=True)
         limit = np.broadcast_to(limit, (arm.joints,))
     begin, goal = _places(arm, task, start, end)
+    bounds = "be greater than 0 and less than 2"
     return Requirements(
         arm,
         task,
@@ -153,12 +150,7 @@ def requirements_of(
         None if duration is None else check_positive("duration", duration, "s"),
         limit,
         check_positive("force", force, "N"),
-        check_number(
-            "disk_margin",
-            disk_margin,
-            lambda margin: 0.0 < margin < 2.0,
-            "be greater than 0 and less than 2",
-        ),
+        check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, bounds),
     )
 
 
@@ -282,18 +274,17 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
     """Yield the candidates for a force on a surface."""
     bandwidths = [float(f"{factor * _frequency(needs):.2g}") for factor in _FORCE]
     if "force" in needs.sensors:
-        reason = "It controls the measured force normal to the surface and the position along it."
-        drives = tuple(
-            _damped(needs, HybridForce, factor) | {"force_integral": bandwidth}
-            for factor, bandwidth in product(_SOFTER, bandwidths)
-        )
-        yield Candidate("hybrid force", reason, drives)
-        reason = "A soft spring and damper at the tip, with integral feedback of the force."
-        drives = tuple(
-            _damped(needs, Impedance, factor) | {"force_integral": bandwidth}
-            for factor, bandwidth in product(_SOFTER, bandwidths)
-        )
-        yield Candidate("impedance with force", reason, drives)
+        normal = "It controls the measured force normal to the surface and the position along it."
+        soft = "A soft spring and damper at the tip, with integral feedback of the force."
+        for name, reason, kind in (
+            ("hybrid force", normal, HybridForce),
+            ("impedance with force", soft, Impedance),
+        ):
+            drives = tuple(
+                _damped(needs, kind, factor) | {"force_integral": bandwidth}
+                for factor, bandwidth in product(_SOFTER, bandwidths)
+            )
+            yield Candidate(name, reason, drives)
     reason = "A soft spring and damper at the tip, which needs no force sensor."
     drives = tuple(_damped(needs, Impedance, factor) for factor in _SOFTER)
     yield Candidate("impedance", reason, drives)
@@ -493,11 +484,15 @@ class Loops:
         found = loop_margins(controller, self._plants, places, **around)
         margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
         margins["damping_ratio"] = _slowest_vibration(found)
-        nominal, start = (
+        start = reference.start_time if contacts else 0.0
+        at = (
             next(iter(self._plants.values())),
-            reference.start_time if contacts else 0.0,
+            self._postures[0],
+            hardware,
+            without_friction(contacts),
+            reference,
+            start,
         )
-        at = nominal, self._postures[0], hardware, without_friction(contacts), reference, start
         return Assessed(drive, margins, len(loop_at(controller, *at).controller.A))
 
     def best(self, candidate: Candidate, disk_margin: float) -> Assessed | None:

@@ -265,15 +265,12 @@ def _table(
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
     """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
-    values = {
-        name: (
-            not one.value(needs.disk_margin)[0],
-            not one.stable,
-            float(worst.sel(candidate=name)),
-        )
-        for name, one in found.items()
-    }
-    return min(values, key=lambda name: values[name])
+
+    def value(name: str) -> tuple[bool, bool, float]:
+        enough, *_ = found[name].value(needs.disk_margin)
+        return not enough, not found[name].stable, float(worst.sel(candidate=name))
+
+    return min(found, key=value)
 
 
 #: Depth of the tip in the surface of the force task, relative to the length of the arm, and the

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
+from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
     STATIONS,
     FloatArray,
@@ -22,25 +23,12 @@ from flexarm.view.plot.drawn_result import (
     rigid_result,
     shapes_of,
 )
-from flexarm.view.plot.style import (
-    AGES,
-    BLUE,
-    GREY,
-    INK,
-    RIGID,
-    SKY,
-    VERMILLION,
-    WIDTH,
-    legend_above,
-    panels,
-    rows,
-)
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _MOST = 200
-_SPAN: dict[str, Any] = {"color": SKY, "alpha": 0.25, "linewidth": 0.0}
+_SPAN: dict[str, Any] = {"color": style.SKY, "alpha": 0.25, "linewidth": 0.0}
 
 
 @public_call_as("plot.postures")
@@ -78,21 +66,25 @@ def postures(
     time = result["time"].values
     times = np.linspace(time[0], time[-1], count)
     shapes = shapes_of(arm, at_times(time, result["q"].values, times), magnify)
-    with panels(axes, 1, (4.8, 4.4), rows(1)) as (panel,):
+    with style.panels(axes, 1, (4.8, 4.4), style.rows(1)) as (panel,):
         if ghost is not None:
-            look = {**RIGID, "linewidth": 0.6}
+            look = {**style.RIGID, "linewidth": 0.6}
             _draw_arms(panel, ghost.shapes(times), [look] * count, "rigid")
-        looks = [{"color": AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)]
+        looks = [
+            {"color": style.AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)
+        ]
         name = "flexible" if magnify == 1.0 else f"bending × {magnify:g}"
         _draw_arms(panel, shapes, looks, name)
-        panel.plot(*_tip_path(arm, result, magnify).T, color=VERMILLION, linewidth=1.2, label="tip")
-        panel.plot(0.0, 0.0, "o", color=INK, markersize=4.5, clip_on=False)
+        panel.plot(
+            *_tip_path(arm, result, magnify).T, color=style.VERMILLION, linewidth=1.2, label="tip"
+        )
+        panel.plot(0.0, 0.0, "o", color=style.INK, markersize=4.5, clip_on=False)
         for words, links in (("start", shapes[0]), ("end", shapes[-1])):
             _name_tip(panel, words, links[-1])
         panel.set(title="Postures", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
         panel.set_aspect("equal", adjustable="datalim")
         panel.grid(True, axis="both")
-        legend_above(panel)
+        style.legend_above(panel)
     return panel
 
 
@@ -148,7 +140,7 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     chosen = np.linspace(0, len(bent) - 1, count).round().astype(int)
     shown_times = np.linspace(result["time"].values[0], result["time"].values[-1], count)
     along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
-    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+    with style.panels(axes, 1, (style.WIDTH, 2.8), style.rows(1)) as (panel,):
         low, high = scale * bent.min(axis=0), scale * bent.max(axis=0)
         for link in range(arm.links):
             label = "range of the run" if link == 0 else "_"
@@ -158,7 +150,7 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
             for link in range(arm.links):
                 named = link == 0 and k in (chosen[0], chosen[-1])
                 label = f"{time:.3g} s" if named else "_"
-                look = {"color": AGES(age), "linewidth": 1.1, "label": label}
+                look = {"color": style.AGES(age), "linewidth": 1.1, "label": label}
                 panel.plot(along[link], scale * bent[k, link], **look)
         _finish_along(panel, arm, "Deflection from the root tangent", f"deflection [{unit}]")
     return panel
@@ -187,12 +179,14 @@ def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
     scale, unit = readable_unit("N m", moment)
     low, high = scale * moment.min(axis=0), scale * moment.max(axis=0)
     along = _along(arm, result["station"].values)
-    with panels(axes, 1, (WIDTH, 2.8), rows(1)) as (panel,):
+    with style.panels(axes, 1, (style.WIDTH, 2.8), style.rows(1)) as (panel,):
         for link in range(arm.links):
             names = ("range of the run", "largest", "smallest") if link == 0 else ("_",) * 3
             panel.fill_between(along[link], low[link], high[link], label=names[0], **_SPAN)
-            panel.plot(along[link], high[link], color=BLUE, linewidth=1.1, label=names[1])
-            panel.plot(along[link], low[link], color=VERMILLION, linewidth=1.1, label=names[2])
+            panel.plot(along[link], high[link], color=style.BLUE, linewidth=1.1, label=names[1])
+            panel.plot(
+                along[link], low[link], color=style.VERMILLION, linewidth=1.1, label=names[2]
+            )
         _name_peak(panel, result, scale * moment, along, unit)
         _finish_along(panel, arm, "Bending moment", f"moment [{unit}]")
     return panel
@@ -204,7 +198,7 @@ def _name_peak(
     """Mark the largest absolute moment with its value and its time."""
     k, link, station = np.unravel_index(int(np.abs(moment).argmax()), moment.shape)
     value, place = float(moment[k, link, station]), float(along[link, station])
-    panel.plot(place, value, "o", color=INK, markersize=4.0, label="_", clip_on=False)
+    panel.plot(place, value, "o", color=style.INK, markersize=4.0, label="_", clip_on=False)
     words = f"{value:.4g} {unit} at {result['time'].values[k]:.4g} s".replace("-", "−", 1)
     left = place < along.mean()
     near: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
@@ -221,9 +215,9 @@ def _along(arm: Arm, fraction: FloatArray) -> FloatArray:
 
 
 def _finish_along(panel: Axes, arm: Arm, title: str, label: str) -> None:
-    panel.axhline(0.0, color=GREY, linewidth=0.7, zorder=1.0, label="_")
+    panel.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=1.0, label="_")
     for place in np.cumsum(arm.lengths)[:-1]:
-        panel.axvline(place, color=GREY, linewidth=0.6, linestyle=":", zorder=0.5, label="_")
+        panel.axvline(place, color=style.GREY, linewidth=0.6, linestyle=":", zorder=0.5, label="_")
     panel.set(title=title, xlabel="distance from the base along the arm [m]", ylabel=label)
     panel.locator_params(nbins=7)
-    legend_above(panel)
+    style.legend_above(panel)

@@ -15,17 +15,8 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, check_dataset
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.simulation.calls.metrics import METRICS
+from flexarm.view.plot import style
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import (
-    GREY,
-    WIDTH,
-    AxesArray,
-    Sheet,
-    array_of,
-    margins,
-    page,
-    panels,
-)
 
 #: Metrics to draw if available: name, title, factor to the displayed unit.
 _PANELS = (
@@ -43,7 +34,7 @@ _WIDTH, _LINE, _EDGES = 8.27, 0.27, 0.8  # inches
 
 
 @public_call_as("plot.study")
-def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
+def study(table: xr.Dataset, *, axes: Any = None) -> style.AxesArray:
     """Draw the metrics of ``flexarm.compare`` or ``run_study``, a row of panels per reference.
 
     A line is a controller, a mark a plant. A cross at the right edge marks a run that stopped
@@ -64,20 +55,20 @@ def study(table: xr.Dataset, *, axes: Any = None) -> AxesArray:
     drawing = _Numbers(table)
     shape = (len(drawing.references), len(drawing.chosen))
     count = shape[0] * shape[1]
-    with panels(axes, count, drawing.size, drawing.arrange) as made:
+    with style.panels(axes, count, drawing.size, drawing.arrange) as made:
         drawing.draw(made)
-    return array_of(made, *shape)
+    return style.array_of(made, *shape)
 
 
 @public_call_as("plot.comparison_figure")
-def comparison_figure(table: xr.Dataset) -> Sheet:
+def comparison_figure(table: xr.Dataset) -> style.Sheet:
     """Draw the metrics as `study` does, in a figure that is not registered with pyplot.
 
     Raises:
         InputError: if the table is not one of `compare`, or has no finite number.
     """
     drawing = _Numbers(table)
-    return page(drawing.size, drawing.arrange, drawing.draw, labels=False)
+    return style.page(drawing.size, drawing.arrange, drawing.draw, labels=False)
 
 
 class _Numbers:
@@ -97,11 +88,11 @@ class _Numbers:
         height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)
         self.size = (_WIDTH, height)
 
-    def arrange(self, sheet: Sheet) -> list[Axes]:
+    def arrange(self, sheet: style.Sheet) -> list[Axes]:
         """Add the axes, row by row."""
         grid = sheet.add_gridspec(len(self.references), len(self.chosen))
         left = 0.35 + 0.068 * max(map(len, self.names))
-        margins(sheet, left=left, bottom=0.3, right=0.2, top=0.5, wspace=0.12, hspace=0.55)
+        style.margins(sheet, left=left, bottom=0.3, right=0.2, top=0.5, wspace=0.12, hspace=0.55)
         count = len(self.references) * len(self.chosen)
         return [sheet.add_subplot(grid[k]) for k in range(count)]
 
@@ -109,10 +100,8 @@ class _Numbers:
         """Draw every metric, and a legend of the plants if there are several."""
         columns = len(self.chosen)
         for k, axes in enumerate(made):
-            reference, (name, title, factor) = (
-                self.references[k // columns],
-                self.chosen[k % columns],
-            )
+            reference = self.references[k // columns]
+            name, title, factor = self.chosen[k % columns]
             values = factor * self.table[name].sel(reference=reference)
             _draw(axes, values, self.table["failure"].sel(reference=reference))
             _scale(axes, factor * self.table[name].values)
@@ -154,32 +143,21 @@ def _draw(axes: Axes, values: xr.DataArray, failure: xr.DataArray) -> None:
     lines = np.arange(values.sizes["controller"])
     for k, (plant, color) in enumerate(zip(plants, series_colors(len(plants)), strict=True)):
         numbers = values.sel(plant=plant).values
-        axes.plot(
-            np.maximum(numbers, _LEAST),
-            lines,
-            linestyle="none",
-            marker=_MARKS[k % len(_MARKS)],
-            markersize=5,
-            markerfacecolor="none",  # marks at the same value remain visible
-            markeredgewidth=1.2,
-            color=color,
-            label=plant,
-        )
+        look: dict[str, Any] = {"markersize": 5, "color": color, "linestyle": "none"}
+        # Empty, so that marks at the same value remain visible.
+        empty: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 1.2, "label": plant}
+        mark = _MARKS[k % len(_MARKS)]
+        axes.plot(np.maximum(numbers, _LEAST), lines, marker=mark, **look, **empty)
+        edge = axes.get_yaxis_transform()
         for line in lines[failure.sel(plant=plant).values != ""]:
-            axes.plot(
-                1.0,
-                line,
-                marker="x",
-                markersize=5,
-                color=color,
-                transform=axes.get_yaxis_transform(),
-                clip_on=False,
-            )
+            axes.plot(1.0, line, marker="x", transform=edge, clip_on=False, **look)
     for line in lines:
         numbers = values.isel(controller=line).values
         numbers = numbers[np.isfinite(numbers)]
         if numbers.size:
-            axes.hlines(line, numbers.min(), numbers.max(), color=GREY, linewidth=0.7, zorder=1)
+            axes.hlines(
+                line, numbers.min(), numbers.max(), color=style.GREY, linewidth=0.7, zorder=1
+            )
 
 
 _ROW, _SAMPLE_EDGES = 1.9, 0.9  # inches
@@ -187,7 +165,9 @@ _DIMS = ("sample", "controller", "plant", "reference")
 
 
 @public_call_as("plot.samples")
-def samples(table: xr.Dataset, metric: str = "tip_error_rms", *, axes: Any = None) -> AxesArray:
+def samples(
+    table: xr.Dataset, metric: str = "tip_error_rms", *, axes: Any = None
+) -> style.AxesArray:
     """Draw a metric of a study against each varied number, a row of panels per reference.
 
     A dot is a run, a colour a controller on a plant. Crosses at the upper edge are runs that
@@ -208,20 +188,20 @@ def samples(table: xr.Dataset, metric: str = "tip_error_rms", *, axes: Any = Non
     """
     drawing = _Samples(table, metric)
     shape = (len(drawing.references), len(drawing.paths))
-    with panels(axes, shape[0] * shape[1], drawing.size, drawing.arrange) as made:
+    with style.panels(axes, shape[0] * shape[1], drawing.size, drawing.arrange) as made:
         drawing.draw(made)
-    return array_of(made, *shape)
+    return style.array_of(made, *shape)
 
 
 @public_call_as("plot.samples_figure")
-def samples_figure(table: xr.Dataset, metric: str = "tip_error_rms") -> Sheet:
+def samples_figure(table: xr.Dataset, metric: str = "tip_error_rms") -> style.Sheet:
     """Draw a metric as `samples` does, in a figure that is not registered with pyplot.
 
     Raises:
         InputError: if the table is not one of a study with varied numbers, or has no such metric.
     """
     drawing = _Samples(table, metric)
-    return page(drawing.size, drawing.arrange, drawing.draw, labels=False)
+    return style.page(drawing.size, drawing.arrange, drawing.draw, labels=False)
 
 
 class _Samples:
@@ -236,14 +216,13 @@ class _Samples:
         if not self.paths:
             raise InputError(Problem("table", "has no varied numbers"))
         self.references = table["reference"].values
-        self.size = (WIDTH, _SAMPLE_EDGES + _ROW * len(self.references))
+        self.size = (style.WIDTH, _SAMPLE_EDGES + _ROW * len(self.references))
 
-    def arrange(self, sheet: Sheet) -> list[Axes]:
+    def arrange(self, sheet: style.Sheet) -> list[Axes]:
         """Add the axes, row by row."""
-        made = sheet.subplots(
-            len(self.references), len(self.paths), sharex="col", sharey=True, squeeze=False
-        )
-        margins(sheet, left=0.7, bottom=0.5, right=0.2, top=0.45)
+        shape = len(self.references), len(self.paths)
+        made = sheet.subplots(*shape, sharex="col", sharey=True, squeeze=False)
+        style.margins(sheet, left=0.7, bottom=0.5, right=0.2, top=0.45)
         return list(made.ravel())
 
     def draw(self, made: Sequence[Axes]) -> None:

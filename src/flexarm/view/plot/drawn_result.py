@@ -6,10 +6,10 @@ This module does not import Matplotlib, because pages use it, too.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,10 +78,13 @@ def signals_of(name: str, result: xr.Dataset, channel: object) -> Signals:
         keys = ", ".join(f"{plain}[{key}]" for key in signals.keys[:4])
         hint = f"Its components are {keys}{', ...' if len(signals.keys) > 4 else ''}."
         raise InputError(Problem(name, "be a component of its channel", shown(channel), hint))
-    k = signals.keys.index(component)
-    values = signals.values[:, k : k + 1]
-    label, key = signals.labels[k : k + 1], signals.keys[k : k + 1]
-    return Signals(plain, signals.time, values, signals.unit, label, key)
+    return chosen_lines(signals, [signals.keys.index(component)])
+
+
+def chosen_lines(signals: Signals, places: Sequence[int]) -> Signals:
+    """Return some lines of a channel."""
+    labels, keys = (tuple(each[k] for k in places) for each in (signals.labels, signals.keys))
+    return replace(signals, values=signals.values[:, places], labels=labels, keys=keys)
 
 
 def _missing_hint(name: str) -> str:
@@ -230,16 +233,17 @@ def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | N
         return RigidMotion(rigid_counterpart, result["time"].values, q)
     import xarray as xr
 
-    own = check_kind("rigid", rigid, xr.Dataset, "True, False or a result of simulate")
-    own = check_drawable("rigid", own)
-    return RigidMotion(arm_of("rigid", own), own["time"].values, own["q"].values)
+    check_kind("rigid", rigid, xr.Dataset, "True, False or a result of simulate")
+    run = check_drawable("rigid", rigid)
+    return RigidMotion(arm_of("rigid", run), run["time"].values, run["q"].values)
 
 
-class RigidMotion:
+class RigidMotion(NamedTuple):
     """Motion to draw: an arm, times (T,) s and coordinates q (T, dof)."""
 
-    def __init__(self, arm: Arm, time: FloatArray, q: FloatArray) -> None:
-        self.arm, self.time, self.q = arm, time, q
+    arm: Arm
+    time: FloatArray
+    q: FloatArray
 
     def shapes(self, times: FloatArray, stations: int = STATIONS) -> FloatArray:
         """Return the shapes at times (k,) s, (k, links, stations, 2) m."""

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
+from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
     Signals,
     named_results,
@@ -20,23 +21,6 @@ from flexarm.view.plot.drawn_result import (
     signals_of,
 )
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    RIGID,
-    VERMILLION,
-    WIDTH,
-    Sheet,
-    array_of,
-    legend_above,
-    margins,
-    panels,
-    place_labels,
-    rows,
-    styled,
-)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -164,7 +148,7 @@ def phase_portrait(
     rates = signals_of("channel", result, f"{RATES[plain]}{bracket}{part}")
     if _plotly_requested(backend, axes):
         return _phase_page(values, rates)
-    with panels(axes, 1, (4.2, 3.6), rows(1)) as (panel,):
+    with style.panels(axes, 1, (4.2, 3.6), style.rows(1)) as (panel,):
         lines = []
         for k, color in enumerate(series_colors(len(values.keys))):
             x, y = values.values[:, k], rates.values[:, k]
@@ -191,22 +175,21 @@ def _plotly_requested(backend: object, axes: object) -> bool:
 
 def _panels(given: object, chosen: list[Signals], axes: Any, draw: Any) -> Any:
     """Draw each channel into its panel; return one axes object for a name, an array for a list."""
-    size = (WIDTH, _EDGES + _ROW * len(chosen))
+    size = (style.WIDTH, _EDGES + _ROW * len(chosen))
     spacing = 0.3 if len(chosen) > 1 else 0.0
-    with panels(axes, len(chosen), size, rows(len(chosen), hspace=spacing)) as made:
+    with style.panels(axes, len(chosen), size, style.rows(len(chosen), hspace=spacing)) as made:
         for panel, signals in zip(made, chosen, strict=True):
             draw(panel, signals)
             if axes is None and panel is not made[-1]:
                 panel.set_xlabel("")
-    return made[0] if isinstance(given, str) else array_of(made)
+    return made[0] if isinstance(given, str) else style.array_of(made)
 
 
 def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
     unit = max((signals.unit for signals in by_result.values()), key=len)  # prefer kN m to N m
     parts: tuple[str, ...] = ()
-    for (name, signals), color in zip(
-        by_result.items(), series_colors(len(by_result)), strict=True
-    ):
+    colors = series_colors(len(by_result))
+    for (name, signals), color in zip(by_result.items(), colors, strict=True):
         scale = 1.0 if signals.unit == unit else 1e-3
         for k, line in enumerate(scale * signals.values.T):
             label = name if k == 0 else "_"
@@ -217,9 +200,9 @@ def _draw_compared(panel: Axes, by_result: dict[str, Signals]) -> None:
     panel.locator_params(nbins=6)
     handles, labels = panel.get_legend_handles_labels()
     if len(parts) > 1:  # explain the line styles in grey
-        handles += [Line2D([], [], color=GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
+        handles += [Line2D([], [], color=style.GREY, linewidth=1.0, linestyle=d) for d in _DASHES]
         handles, labels = handles[: len(labels) + len(parts)], [*labels, *parts]
-    legend_above(panel, handles, labels)
+    style.legend_above(panel, handles, labels)
 
 
 _PLOTLY_ROW = 230  # pixels
@@ -239,9 +222,8 @@ def _history_page(chosen: list[Signals]) -> Any:
             figure.add_scatter(x=signals.time, y=line, row=row, col=1, **look, **legend)
         figure.update_yaxes(title_text=signals.axis_label, row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(chosen), col=1)
-    figure.update_layout(
-        height=120 + _PLOTLY_ROW * len(chosen), template="simple_white", font_color=INK
-    )
+    height = 120 + _PLOTLY_ROW * len(chosen)
+    figure.update_layout(height=height, template="simple_white", font_color=style.INK)
     return figure
 
 
@@ -250,22 +232,16 @@ def _phase_page(values: Signals, rates: Signals) -> Any:
     objects, _ = _plotly()
     figure = objects.Figure()
     for (x, label, color), (y, _, _) in zip(_lines(values), _lines(rates), strict=True):
-        figure.add_scatter(
-            x=x,
-            y=y,
-            name=label,
-            mode="lines",
-            line={"color": color, "width": 1.5},
-            customdata=values.time,
-            hovertemplate="t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}",
-        )
+        hover = "t = %{customdata:.4g} s<br>%{x:.5g}, %{y:.5g}"
+        look = {"line": {"color": color, "width": 1.5}, "name": label, "mode": "lines"}
+        figure.add_scatter(x=x, y=y, customdata=values.time, hovertemplate=hover, **look)
     ends = {"mode": "markers", "showlegend": False, "hoverinfo": "skip"}
-    for k, fill in ((0, "white"), (-1, INK)):
-        dots = {"color": fill, "size": 8, "line": {"color": INK, "width": 1.5}}
+    for k, fill in ((0, "white"), (-1, style.INK)):
+        dots = {"color": fill, "size": 8, "line": {"color": style.INK, "width": 1.5}}
         figure.add_scatter(x=values.values[k], y=rates.values[k], marker=dots, **ends)
     figure.update_xaxes(title_text=values.axis_label)
     figure.update_yaxes(title_text=rates.axis_label)
-    figure.update_layout(title=values.title, template="simple_white", font_color=INK)
+    figure.update_layout(title=values.title, template="simple_white", font_color=style.INK)
     return figure
 
 
@@ -283,13 +259,17 @@ def _plotly() -> tuple[Any, Any]:
     return graph_objects, subplots
 
 
-_ENERGIES = {"kinetic_energy": BLUE, "strain_energy": VERMILLION, "gravity_energy": GREEN}
+_ENERGIES = {
+    "kinetic_energy": style.BLUE,
+    "strain_energy": style.VERMILLION,
+    "gravity_energy": style.GREEN,
+}
 _MOST_NAMES = 4  # that fit into a legend above a plot of this width
 _WIDTH, _PAGE_ROW, _PAGE_EDGES = 8.27, 2.5, 0.85  # inches
 
 
 @public_call_as("plot.signals_figure")
-def signals_figure(result: xr.Dataset) -> Sheet:
+def signals_figure(result: xr.Dataset) -> style.Sheet:
     """Draw the main channels of a result of ``simulate`` on one page.
 
     The page shows tip path, joint angles, tip deflections, joint rates, energies and torques, and
@@ -301,10 +281,10 @@ def signals_figure(result: xr.Dataset) -> Sheet:
     needed = ("tip", "joint_angle", "link_tip_deflection", "joint_rate", *_ENERGIES, "torque")
     check_dataset("result", result, ("time", *needed))
     rows = 4 if "strain" in result else 3
-    sheet = Sheet(_WIDTH, _PAGE_EDGES + _PAGE_ROW * rows)
-    with styled():
+    sheet = style.Sheet(_WIDTH, _PAGE_EDGES + _PAGE_ROW * rows)
+    with style.styled():
         grid = sheet.add_gridspec(rows, 2)
-        margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
+        style.margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, wspace=0.24, hspace=0.36)
         _draw_tip_path(sheet.add_subplot(grid[0, 0]), result)
         places = {"joint_angle": grid[0, 1], "link_tip_deflection": grid[1, 0]}
         places |= {"joint_rate": grid[1, 1], "energy": grid[2, 0], "torque": grid[2, 1]}
@@ -315,7 +295,7 @@ def signals_figure(result: xr.Dataset) -> Sheet:
             else:
                 draw_signals(axes, signals_of("result", result, name))
         for axes in sheet.axes:
-            place_labels(axes)
+            style.place_labels(axes)
     return sheet
 
 
@@ -339,7 +319,7 @@ def _draw_energies(axes: Axes, result: xr.Dataset) -> None:
         if np.any(energy):
             label = name.removesuffix("_energy")
             axes.plot(time, scale * energy, color=color, linewidth=1.0, label=label)
-    axes.plot(time, scale * energies.sum(axis=0), **{**RIGID, "label": "total"})
+    axes.plot(time, scale * energies.sum(axis=0), **{**style.RIGID, "label": "total"})
     axes.set(title="Energy", xlabel="time [s]", ylabel=f"energy [{unit}]")
     _finish(axes, [])
 
@@ -347,17 +327,22 @@ def _draw_energies(axes: Axes, result: xr.Dataset) -> None:
 def _draw_tip_path(axes: Axes, result: xr.Dataset) -> None:
     """Draw the path of the tip in the plane, from an open to a filled dot."""
     x, y = result["tip"].values.T
-    axes.plot(x, y, color=BLUE, linewidth=1.0)
+    axes.plot(x, y, color=style.BLUE, linewidth=1.0)
     _mark_ends(axes, x, y)
     axes.set(title="Tip", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True, axis="both")
-    legend_above(axes)
+    style.legend_above(axes)
 
 
 def _mark_ends(axes: Axes, x: Any, y: Any, named: bool = True) -> None:
     """Mark the start of a path by an open dot and its end by a filled one."""
-    look: dict[str, Any] = {"color": INK, "markersize": 4.0, "linestyle": "none", "marker": "o"}
+    look: dict[str, Any] = {
+        "color": style.INK,
+        "markersize": 4.0,
+        "linestyle": "none",
+        "marker": "o",
+    }
     start, end = ("start", "end") if named else ("_", "_")
     axes.plot(x[0], y[0], **look, markerfacecolor="white", label=start)
     axes.plot(x[-1], y[-1], **look, label=end)
@@ -370,4 +355,4 @@ def _finish(axes: Axes, names: Sequence[str], lines: Sequence[Line2D] | None = N
     for line in lines[1:-1] if len(names) > _MOST_NAMES else []:
         line.set_label("_")
     if len(axes.get_lines()) > 1:
-        legend_above(axes)
+        style.legend_above(axes)

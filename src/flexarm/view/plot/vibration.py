@@ -10,27 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.base.arguments import check_count, check_kind
+from flexarm.base.arguments import check_kind
 from flexarm.base.errors import check_array, public_call_as
 from flexarm.linear import LinearModel, Modes, ModeTracks
+from flexarm.model.quantities import Count
+from flexarm.view.plot import style
+from flexarm.view.plot.drawn_result import FloatArray
 from flexarm.view.plot.palette import series_colors
-from flexarm.view.plot.style import (
-    BLUE,
-    GREY,
-    RIGID,
-    SERIES,
-    WIDTH,
-    AxesArray,
-    Sheet,
-    array_of,
-    legend_above,
-    margins,
-    page,
-    panels,
-    place_labels,
-    rows,
-    styled,
-)
 
 _WIDTH, _ROW, _EDGES = 8.27, 2.3, 0.85  # inches
 _COLUMNS = 3
@@ -38,7 +24,7 @@ _MOST_NAMES = 6
 
 
 @public_call_as("plot.modes")
-def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
+def modes(found: Modes, count: Count = 6, *, axes: Any = None) -> style.AxesArray:
     """Draw the lowest mode shapes, one per panel: displaced to both sides, arm at rest dashed.
 
     Args:
@@ -54,15 +40,15 @@ def modes(found: Modes, count: int = 6, *, axes: Any = None) -> AxesArray:
             ``axes`` does not have one item for each mode.
     """
     found = check_kind("found", found, Modes)
-    shown = min(check_count("count", count), found.frequency_hz.size)
+    shown = min(count, found.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    with panels(axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
+    with style.panels(axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
         _draw_shapes(made, found)
-    return array_of(made)
+    return style.array_of(made)
 
 
 @public_call_as("plot.modes_figure")
-def modes_figure(modes: Modes, count: int = 6) -> Sheet:
+def modes_figure(modes: Modes, count: Count = 6) -> style.Sheet:
     """Draw the lowest mode shapes as `modes` does, in a figure not registered with pyplot.
 
     Args:
@@ -73,18 +59,20 @@ def modes_figure(modes: Modes, count: int = 6) -> Sheet:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
     result = check_kind("modes", modes, Modes)
-    shown = min(check_count("count", count), result.frequency_hz.size)
+    shown = min(count, result.frequency_hz.size)
     size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    return page(size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, result))
+    return style.page(
+        size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, result)
+    )
 
 
 def _rows(count: int) -> int:
     return max(1, -(-count // _COLUMNS))
 
 
-def _grid(sheet: Sheet, count: int) -> list[Axes]:
+def _grid(sheet: style.Sheet, count: int) -> list[Axes]:
     grid = sheet.add_gridspec(_rows(count), _COLUMNS)
-    margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
+    style.margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
     return [sheet.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]
 
 
@@ -93,9 +81,9 @@ def _draw_shapes(made: Sequence[Axes], result: Modes) -> None:
     rest = result.arm.shape(result.q)
     for k, axes in enumerate(made):
         for link in range(result.arm.links):
-            axes.plot(*rest[link].T, **{**RIGID, "label": "_"})
-            axes.plot(*curves[k, link].T, color=BLUE, linewidth=1.3)
-            axes.plot(*(2 * rest[link] - curves[k, link]).T, color=GREY, linewidth=0.7)
+            axes.plot(*rest[link].T, **{**style.RIGID, "label": "_"})
+            axes.plot(*curves[k, link].T, color=style.BLUE, linewidth=1.3)
+            axes.plot(*(2 * rest[link] - curves[k, link]).T, color=style.GREY, linewidth=0.7)
         axes.set(title=_title(result, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
         axes.set_aspect("equal", adjustable="datalim")
 
@@ -126,14 +114,14 @@ def campbell(tracks: ModeTracks, *, axes: Any = None) -> Axes:
         InputError: if ``tracks`` is not a `ModeTracks` object.
     """
     tracks = check_kind("tracks", tracks, ModeTracks)
-    with panels(axes, 1, (WIDTH, 3.6), rows(1)) as (panel,):
+    with style.panels(axes, 1, (style.WIDTH, 3.6), style.rows(1)) as (panel,):
         _draw_frequencies(panel, tracks)
-        legend_above(panel)
+        style.legend_above(panel)
     return panel
 
 
 @public_call_as("plot.tracks_figure")
-def tracks_figure(tracks: ModeTracks) -> Sheet:
+def tracks_figure(tracks: ModeTracks) -> style.Sheet:
     """Draw frequencies as `campbell` does, and below them the damping ratios if there is damping.
 
     Raises:
@@ -141,18 +129,18 @@ def tracks_figure(tracks: ModeTracks) -> Sheet:
     """
     tracks = check_kind("tracks", tracks, ModeTracks)
     damped = bool(np.nanmax(np.abs(tracks.damping_ratio), initial=0.0) > 1e-6)
-    sheet = Sheet(_WIDTH, 4.2 if not damped else 6.4)
-    with styled():
+    sheet = style.Sheet(_WIDTH, 4.2 if not damped else 6.4)
+    with style.styled():
         grid = sheet.add_gridspec(1 + damped, 1)
-        margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, hspace=0.3)
+        style.margins(sheet, left=0.65, bottom=0.45, right=0.2, top=0.4, hspace=0.3)
         axes = sheet.add_subplot(grid[0])
         _draw_frequencies(axes, tracks)
         if damped:
             below = sheet.add_subplot(grid[1])
             _draw_lines(below, tracks, 100.0 * tracks.damping_ratio, "damping ratio [%]")
-        legend_above(axes)
+        style.legend_above(axes)
         for each in sheet.axes:
-            place_labels(each)
+            style.place_labels(each)
     return sheet
 
 
@@ -178,7 +166,7 @@ def _draw_orders(axes: Axes, tracks: ModeTracks) -> None:
     turns = tracks.parameter / (2.0 * np.pi)
     for order in (1, 2, 3, 4):
         if order * turns[-1] > 0.05 * top:
-            axes.plot(tracks.parameter, order * turns, **{**RIGID, "label": "_"})
+            axes.plot(tracks.parameter, order * turns, **{**style.RIGID, "label": "_"})
             at = min(turns[-1], 0.97 * top / order)
             white = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
             place = (2.0 * np.pi * at, order * at)
@@ -201,7 +189,9 @@ _RIGID = 1e-7
 
 
 @public_call_as("plot.bode")
-def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None) -> AxesArray:
+def bode(
+    model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None
+) -> style.AxesArray:
     """Draw gain and phase from every input to every output over frequency, at most six of each.
 
     The lines are interrupted at undamped resonances, where the gain is unbounded.
@@ -221,13 +211,13 @@ def bode(model: LinearModel, omega: ArrayLike | None = None, *, axes: Any = None
     """
     drawing = _Responses(model, omega)
     count = 2 * drawing.rows
-    with panels(axes, count, drawing.size, drawing.arrange) as made:
+    with style.panels(axes, count, drawing.size, drawing.arrange) as made:
         drawing.draw(made)
-    return array_of(made, drawing.rows, 2)
+    return style.array_of(made, drawing.rows, 2)
 
 
 @public_call_as("plot.response_figure")
-def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet:
+def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> style.Sheet:
     """Draw gain and phase as `bode` does, in a figure that is not registered with pyplot.
 
     Args:
@@ -237,7 +227,7 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> Sheet
         InputError: if the model is not a `LinearModel`, or ``omega`` is not finite numbers.
     """
     drawing = _Responses(model, omega)
-    return page(drawing.size, drawing.arrange, drawing.draw)
+    return style.page(drawing.size, drawing.arrange, drawing.draw)
 
 
 class _Responses:
@@ -257,10 +247,10 @@ class _Responses:
         self.rows = max(1, len(self.outputs))
         self.size = (_WIDTH, _EDGES + (_GAIN + _PHASE) * self.rows)
 
-    def arrange(self, sheet: Sheet) -> list[Axes]:
+    def arrange(self, sheet: style.Sheet) -> list[Axes]:
         """Add the axes of all outputs."""
         grid = sheet.add_gridspec(self.rows, 1)
-        margins(sheet, left=0.85, bottom=0.45, right=0.2, top=0.4, hspace=0.2)
+        style.margins(sheet, left=0.85, bottom=0.45, right=0.2, top=0.4, hspace=0.2)
         made = []
         for row in range(self.rows):
             pair = grid[row].subgridspec(2, 1, height_ratios=(_GAIN, _PHASE), hspace=0.12)
@@ -276,7 +266,14 @@ class _Responses:
             gain, phase = made[2 * row : 2 * row + 2]
             for column, name in enumerate(self.inputs):
                 values = self.response[:, row, column]
-                _draw(gain, phase, self.omega, values, color=SERIES[column], label=name)
+                _draw(
+                    gain,
+                    phase,
+                    self.omega / (2.0 * np.pi),
+                    values,
+                    color=style.SERIES[column],
+                    label=name,
+                )
             gain.set(ylabel=f"{output}\n[{_gain_unit(self.model, output)}]")
             gain.set_xlim(shown)
             phase.set_xlim(shown)
@@ -286,20 +283,15 @@ class _Responses:
                 gain.text(0.5, 0.5, words, ha="center", transform=gain.transAxes)
             phase.set(ylabel="phase [°]")
         if self.outputs:
-            legend_above(made[0])
+            style.legend_above(made[0])
             made[-1].set(xlabel="frequency [Hz]")
 
 
 def _draw(
-    gain: Axes,
-    phase: Axes,
-    omega: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    **look: str,
+    gain: Axes, phase: Axes, hertz: FloatArray, values: NDArray[np.complex128], **look: str
 ) -> None:
     """Draw one response, without a line where it is zero or unbounded."""
     size = np.abs(values)
-    hertz = omega / (2.0 * np.pi)
     size = np.where(size > 0.0, size, np.nan)
     degrees = np.where(np.isnan(size), np.nan, np.degrees(np.angle(values)))
     degrees = np.where(degrees > _HIGHEST_PHASE, degrees - 360.0, degrees)
@@ -320,7 +312,7 @@ def _undamped(poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
     return np.abs(poles.real) < _UNDAMPED * np.abs(poles)
 
 
-def _range(model: LinearModel) -> NDArray[np.float64]:
+def _range(model: LinearModel) -> FloatArray:
     """Return frequencies that resolve all vibrations in the range, rad/s."""
     slowest_first = np.argsort(np.abs(model.poles.imag))[::2]
     poles = model.poles[slowest_first]

@@ -6,7 +6,7 @@ Its tables of numbers and its histories fill a Jinja template.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from numbers import Real
@@ -43,6 +43,7 @@ from flexarm.view.plot.drawn_result import (
     arm_of,
     check_drawable,
     check_magnify,
+    chosen_lines,
     readable_unit,
     rigid_result,
     scenario_of,
@@ -212,13 +213,10 @@ def energies(result: xr.Dataset) -> dict[str, _FloatArray]:
 
 def _energies_table(result: xr.Dataset) -> Table:
     """Return the energies at the start, at their maximum and at the end."""
-    rows = [
-        (
-            f"{name.capitalize()} [J]",
-            *(number(float(value)) for value in (values[0], values.max(), values[-1])),
-        )
-        for name, values in energies(result).items()
-    ]
+    rows = []
+    for name, values in energies(result).items():
+        numbers = (number(float(value)) for value in (values[0], values.max(), values[-1]))
+        rows.append((f"{name.capitalize()} [J]", *numbers))
     return Table("Energies", ("", "at the start", "highest", "at the end"), tuple(rows))
 
 
@@ -246,10 +244,7 @@ def run_facts(result: xr.Dataset) -> list[tuple[str, str]]:
     add("accuracy", "accuracy", "{:.3g} m at the tip")
     add("integration error", "integration_error", "about {:.1g} m")
     if "rtol" in attributes and "atol" in attributes:
-        relative, absolute = (
-            _worded("{:g}", attributes["rtol"]),
-            _worded("{:g}", attributes["atol"]),
-        )
+        relative, absolute = (_worded("{:g}", attributes[name]) for name in ("rtol", "atol"))
         rows.append(("tolerances", f"{relative} relative, {absolute} m"))
     add("steps", "steps")
     for name in ("rejected_steps", "impact_steps"):
@@ -308,7 +303,11 @@ def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> li
     histories = [signals_of("result", result, name) for name in names]
     # Twists are zero without elastic joints.
     histories = [each for each in histories if each.name != "joint_twist" or np.any(each.values)]
-    histories += [_energy_panel(result)] if "kinetic_energy" in result else []
+    if "kinetic_energy" in result:
+        parts = energies(result)
+        histories.append(
+            _readable("energy", "J", result, np.stack([*parts.values()], axis=1), *parts)
+        )
     if reference is not None:
         histories.append(error_panel(result, arm, reference))
     return [few_lines(each) for each in histories]
@@ -316,20 +315,14 @@ def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> li
 
 def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> Signals:
     """Return the distance of the tip from its reference over time."""
-    away = _tip_error(arm, reference, result)
-    return _readable(Signals("tip_error", result["time"].values, away[:, None], "m", ("",), ("",)))
+    return _readable("tip_error", "m", result, _tip_error(arm, reference, result)[:, None], "")
 
 
-def _energy_panel(result: xr.Dataset) -> Signals:
-    parts = energies(result)
-    values = np.stack(list(parts.values()), axis=1)
-    labels = tuple(parts)
-    return _readable(Signals("energy", result["time"].values, values, "J", labels, labels))
-
-
-def _readable(signals: Signals) -> Signals:
-    scale, unit = readable_unit(signals.unit, signals.values)
-    return replace(signals, values=scale * signals.values, unit=unit)
+def _readable(
+    name: str, unit: str, result: xr.Dataset, values: _FloatArray, *labels: str
+) -> Signals:
+    scale, unit = readable_unit(unit, values)
+    return Signals(name, result["time"].values, scale * values, unit, labels, labels)
 
 
 def few_lines(signals: Signals) -> Signals:
@@ -338,8 +331,7 @@ def few_lines(signals: Signals) -> Signals:
     if count <= _MOST_LINES:
         return signals
     kept = np.linspace(0, count - 1, _MOST_LINES).round().astype(int)
-    labels, keys = (tuple(each[k] for k in kept) for each in (signals.labels, signals.keys))
-    return replace(signals, values=signals.values[:, kept], labels=labels, keys=keys)
+    return chosen_lines(signals, kept.tolist())
 
 
 def fitted(histories: Sequence[Signals]) -> list[Signals]:
@@ -411,8 +403,8 @@ def report(
             written, or Jinja2 is not installed.
     """
     if isinstance(result, Identification) or is_identification(result):
-        options = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
-        return _of_identification(result, path, title, notes, options)
+        others = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
+        return _of_identification(result, path, title, notes, others)
     result = check_drawable("result", result)
     arm = arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
@@ -423,9 +415,9 @@ def report(
     histories = panels(result, arm, desired, channels)
     engine = template_engine()
     place = None if path is None else check_place("path", path, (".html",))
-    wishes = SceneOptions(magnify, trace=True, torque=arm.links <= _MOST_ARROWS)
+    options = SceneOptions(magnify, True, arm.links <= _MOST_ARROWS, ghost, desired, touched)
     times, fps, speed = clock(result, arm.links)
-    scene = scene_of("", arm, result, times, wishes, ghost, desired, touched, fitted(histories))
+    scene = scene_of("", arm, result, times, options, fitted(histories))
     player = fragment([scene], fps, speed, _BESIDE)
     text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
     if place is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,6 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
     names = result.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
     matrix = result.parameters["correlation"].values
-    files = [("identified.yaml", file_text(result.arm.spec))]
     page: str = engine.get_template("identification.html").render(
         title=clean(title),
         notes=clean(notes.strip()),
@@ -59,7 +57,7 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
         explained=_explained(result),
         records=[_record(result, name, table) for name, table in result.histories.items()],
         about=about_arm(result.arm),
-        files=[file_item(*each) for each in files],
+        files=[file_item("identified.yaml", file_text(result.arm.spec))],
     )
     return page
 
@@ -98,18 +96,15 @@ def _figures(result: Identification) -> list[tuple[str, str, str]]:
 def _estimates(result: Identification) -> list[Table]:
     tables = [_values("Parameters", result.rows(), result.parameters)]
     if result.initial.sizes["parameter"]:
-        rows = [
-            (name, number(0.0), number(value), number(deviation), "")
-            for name, value, deviation in zip(
-                *(
-                    result.initial[k].values
-                    for k in ("parameter", "estimate", "standard_deviation")
-                ),
-                strict=True,
-            )
-        ]
+        columns = ("parameter", "estimate", "standard_deviation")
+        initial = zip(*(result.initial[k].values for k in columns), strict=True)
+        rows = [(name, number(0.0), *map(number, values), "") for name, *values in initial]
         tables.append(_values("Initial states: changes from the start", rows, result.initial))
-    related = _related(result.parameters)
+    names, matrix = (result.parameters[k].values for k in ("parameter", "correlation"))
+    related = tuple(
+        (clean(str(names[i])), clean(str(names[j])), f"{matrix[i, j]:.4f}")
+        for i, j in np.argwhere(np.triu(np.abs(matrix) >= _RELATED, 1))
+    )
     if related:
         tables.append(Table("Estimates with a large correlation", ("", "", "correlation"), related))
     noise = [(name, number(value)) for name, value in result.noise.items()]
@@ -132,14 +127,6 @@ def _values(title: str, rows: Any, table: xr.Dataset) -> Table:
         interval = f"{number(value - half)} to {number(value + half)}" if np.isfinite(own) else "–"
         made.append((clean(str(name)), start, estimate, deviation, interval, remark))
     return Table(title, (*HEADS[:4], "95 % interval", ""), tuple(made))
-
-
-def _related(parameters: xr.Dataset) -> tuple[tuple[str, str, str], ...]:
-    names, matrix = parameters["parameter"].values, parameters["correlation"].values
-    pairs = np.argwhere(np.triu(np.abs(matrix) >= _RELATED, 1))
-    return tuple(
-        (clean(str(names[i])), clean(str(names[j])), f"{matrix[i, j]:.4f}") for i, j in pairs
-    )
 
 
 def _fits(result: Identification) -> list[Table]:
@@ -188,10 +175,8 @@ def _correlations(
     own, _ = correlation_of(residuals, valid, lags.size - 1)
     bound = _BAND / np.sqrt(valid.sum())
     panels = [Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
-    inputs: Mapping[str, np.ndarray] = {
-        str(name): table["driven"].sel(input=name).values for name in table["input"].values
-    }
-    for name, signal in inputs.items():
+    for name in table["input"].values:
+        signal = table["driven"].sel(input=name).values
         crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
         panels.append(Correlation(f"with {name}", lags, crossed, _BAND * deviation))
     return panels

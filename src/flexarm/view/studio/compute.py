@@ -116,18 +116,14 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     histories = several("channels", None, result)
     if reference is not None:
         histories = [*histories, error_panel(result, arm, reference)]
-    wishes = SceneOptions(1.0, trace=True, torque=arm.links <= _MOST_ARROWS)
-    scene = scene_of(
-        "",
-        arm,
-        result,
-        times,
-        wishes,
-        rigid_result(True, arm, result),
-        reference,
-        prepared.options.get("contacts", ()),
-        [thin(few_lines(each), _INTERVALS) for each in histories],
+    options = SceneOptions(
+        torque=arm.links <= _MOST_ARROWS,
+        ghost=rigid_result(True, arm, result),
+        reference=reference,
+        contacts=prepared.options.get("contacts", ()),
     )
+    drawn = [thin(few_lines(each), _INTERVALS) for each in histories]
+    scene = scene_of("", arm, result, times, options, drawn)
     data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
     texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
@@ -151,11 +147,8 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
             )
     except FlexarmError as error:
         return Margins((), f"Margins are not analysed: {printable(str(error))}")
-    names = ("gain_margin", "phase_margin", "delay_margin")
-    factors = (1.0, 180.0 / np.pi, 1e3)
-    columns = [
-        factor * table[f"worst_{name}"].values for name, factor in zip(names, factors, strict=True)
-    ]
+    factors = {"gain_margin": 1.0, "phase_margin": 180.0 / np.pi, "delay_margin": 1e3}
+    columns = [factor * table[f"worst_{name}"].values for name, factor in factors.items()]
     rows = tuple(
         (f"joint {joint}", *(f"{value:.3g}" if np.isfinite(value) else "∞" for value in row))
         for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)

@@ -12,7 +12,7 @@ from flexarm.base.errors import InputError
 from flexarm.model.file_format.files import content_of
 from flexarm.model.file_format.yaml_text import change_of, flow_text
 from flexarm.model.wording import Path
-from flexarm.view.studio.state import FORM, ORIGIN, STUDIED, Choice, Project
+from flexarm.view.studio.state import FORM, KEYS, ORIGIN, STUDIED, Choice, Project
 from flexarm.view.studio.values.fields import Field, Group, Part, alike, fields_in, groups_of
 
 #: Groups that are open when a window opens; the others of many links would fill the screen.
@@ -95,16 +95,14 @@ class _GroupPanel:
         self._shown: Group | None = None
         self.controls: dict[Path, _Control] = {}
         self._folded: dict[Path, ui.expansion] = {}
-        self._body = ui.expansion(group.title, value=opened, on_value_change=self._opened)
+        self._body = ui.expansion(group.title, value=opened)
+        self._body.on_value_change(lambda: self.show(self._latest))
         self._body.classes("group").props(f'data-group="{group.title}"')
 
     @property
     def is_open(self) -> bool:
         """Whether the user sees the controls."""
         return bool(self._body.value)
-
-    def _opened(self) -> None:
-        self.show(self._latest)
 
     def show(self, group: Group) -> None:
         """Show the values of the group, in its controls if they fit."""
@@ -147,19 +145,22 @@ class _Chooser:
     """List of the drives, motions or plants of a study, and buttons that change the list."""
 
     def __init__(self, now: Callable[[], Project], one: str, put: Put) -> None:
-        self._project, self._one, self._put = now, one, put
-        names = next(names for names, each in STUDIED.items() if each == one)
-        known, chosen = list(getattr(now().record, names)), getattr(now().choice, one)
+        self._one, self._put = one, put
+        known, chosen = list(getattr(now().record, KEYS[one])), getattr(now().choice, one)
         with ui.element("div").classes("choice"):
             label = f"{one} of the study"
-            choice = ui.select(known, label=label, value=chosen, on_change=self._chosen)
+            choice = ui.select(known, label=label, value=chosen)
+            choice.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
             choice.props("dense outlined")
             with ui.element("div").classes("line"):
                 self._add_button("Copy", lambda: self._try(lambda: now().copied(one)))
                 with self._add_button("Rename"), ui.menu():
-                    self._input = ui.input(label=f"name of the {one}", value=chosen)
-                    self._input.props("dense outlined autofocus").classes("rename")
-                    self._input.on("keydown.enter", self._renamed)
+                    name = ui.input(label=f"name of the {one}", value=chosen)
+                    name.props("dense outlined autofocus").classes("rename")
+                    name.on(
+                        "keydown.enter",
+                        lambda: self._try(lambda: now().renamed(one, str(name.value))),
+                    )
                 self._add_button("Remove", lambda: self._try(lambda: now().removed(one)))
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
@@ -167,12 +168,6 @@ class _Chooser:
     def _add_button(self, text: str, call: Callable[[], None] | None = None) -> ui.button:
         button = ui.button(text, on_click=call).classes("edit")
         return button.props(f'flat dense no-caps aria-label="{text} the {self._one}"')
-
-    def _chosen(self, event: ValueChangeEventArguments[str]) -> None:
-        self._put(self._project().chosen(**{self._one: event.value}))
-
-    def _renamed(self) -> None:
-        self._try(lambda: self._project().renamed(self._one, str(self._input.value)))
 
     def _try(self, make: Callable[[], Project]) -> None:
         try:
@@ -208,15 +203,9 @@ class _Control:
         unit = field.unit.replace("^2", "²").replace("^3", "³")
         self._name = f"{field.label} [{unit}]" if unit else field.label
         with ui.element("div").classes("field").props(f"data-path={_quoted(field.name)}"):
-            add: dict[str, Callable[[], None]] = {
-                "slider": self._add_slider,
-                "list": self._add_list,
-                "switch": self._add_switch,
-                "text": self._add_text,
-                "table": self._add_table,
-                "button": self._add_button,
-            }
-            add[field.control]()
+            if field.control not in ("switch", "button"):  # which contain their label
+                self._add_label()
+            getattr(self, f"_add_{field.control}")()
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
 
@@ -231,7 +220,6 @@ class _Control:
 
     def _add_slider(self) -> None:
         field = self.field
-        self._add_label()
         assert field.range is not None
         low, high, step = field.range.low, field.range.high, field.range.step
         with ui.element("div").classes("line"):
@@ -239,25 +227,19 @@ class _Control:
             self._slider.props(self._named())
             self._slider.on("update:model-value", self._moved, throttle=_THROTTLE)
             self._slider.on("change", self._released)
-            self._input("inputmode=decimal")
+            self._add_text("inputmode=decimal")
 
-    def _add_text(self) -> None:
-        self._add_label()
-        self._input('placeholder="not set"')
-
-    def _input(self, more: str) -> None:
+    def _add_text(self, more: str = 'placeholder="not set"') -> None:
         self._text = ui.input(value=_value_text(self.field))
         self._text.props(f"dense outlined {self._named()} {more}")
         self._text.on("keydown.enter", self._typed).on("blur", self._typed)
 
     def _add_table(self) -> None:
-        self._add_label()
         self._text = ui.textarea(value=_value_text(self.field)).classes("table")
         self._text.props(f"dense outlined {self._named()} wrap=off spellcheck=false")
         self._text.on("keydown.ctrl.enter", self._typed).on("blur", self._typed)
 
     def _add_list(self) -> None:
-        self._add_label()
         self._choice = _List(self.field, self._chosen)
         self._choice.props(f"dense outlined options-dense {self._named()}")
 

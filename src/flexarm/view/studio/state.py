@@ -230,6 +230,8 @@ def _value(cell: str) -> float | str:
 ORIGIN = "studio"
 #: Keys of a study of which a window simulates one entry, and that entry.
 STUDIED = {"motions": "motion", "drives": "drive", "plants": "plant"}
+#: Key of the study by the name of an entry.
+KEYS = {entry: key for key, entry in STUDIED.items()}
 #: Limit on the states that undo keeps.
 MOST_UNDO = 200
 
@@ -333,12 +335,10 @@ class Project:
         return self._with_entries(one, entries, next(iter(entries), ""))
 
     def _entries(self, one: str) -> dict[str, Any]:
-        names = next(names for names, each in STUDIED.items() if each == one)
-        return dict(content_of(getattr(self.record, names)))
+        return dict(content_of(getattr(self.record, KEYS[one])))
 
     def _with_entries(self, one: str, entries: dict[str, Any], name: str) -> Project:
-        names = next(names for names, each in STUDIED.items() if each == one)
-        return self._with((names,), entries).chosen(**{one: name})
+        return self._with((KEYS[one],), entries).chosen(**{one: name})
 
     def files(self) -> dict[str, tuple[str, str]]:
         """Return name and text of the files that a user can save, by their kind."""

@@ -16,13 +16,12 @@ import numpy as np
 from flexarm.base.arguments import (
     check_count,
     check_dataset,
-    check_flag,
     check_number,
-    check_positive,
 )
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
 from flexarm.model import Contact
+from flexarm.model.quantities import Flag, Positive
 from flexarm.view.plot.animation.scene import (
     Scene,
     SceneOptions,
@@ -119,9 +118,8 @@ def _encode(command: list[str], pictures: Iterable[Picture]) -> None:
     except OSError as error:
         raise _failed(command[0], error.strerror or str(error)) from None
     if status:
-        raise _failed(
-            command[0], reported.splitlines()[-1][:200] if reported else f"exit status {status}"
-        )
+        reason = reported.splitlines()[-1][:200] if reported else f"exit status {status}"
+        raise _failed(command[0], reason)
 
 
 def _failed(ffmpeg: str, reason: str) -> InputError:
@@ -224,9 +222,9 @@ def animate(
     rigid: bool | xr.Dataset = False,
     reference: Any = None,
     contacts: Sequence[Contact] | None = None,
-    trace: bool = True,
-    torque: bool = True,
-    speed: float = 1.0,
+    trace: Flag = True,
+    torque: Flag = True,
+    speed: Positive = 1.0,
     fps: float = 30.0,
     width: int = 1120,
 ) -> Animation:
@@ -265,12 +263,9 @@ def animate(
     named = _named(results)
     place = None if path is None else check_animation_place("path", path)
     fps = check_number("fps", fps, lambda rate: 1.0 <= rate <= 240.0, "be from 1 to 240")
-    speed = check_positive("speed", speed)
     if place is not None and place.suffix.lower() == ".gif":
         fps = 100.0 / gif_delay(fps)
-    options = SceneOptions(
-        check_magnify(magnify), check_flag("trace", trace), check_flag("torque", torque)
-    )
+    magnify = check_magnify(magnify)
     width = check_count("width", width, 320, 7680)
     times = _times(named, fps, speed)
     scenes = []
@@ -282,19 +277,10 @@ def animate(
             rule = f"be at most {_MOST_HISTORIES} channels"
             raise InputError(Problem("channels", rule, shown(len(histories))))
         desired, touched = surroundings(arm, result, reference, contacts)
-        scenes.append(
-            scene_of(
-                name,
-                arm,
-                result,
-                times,
-                options,
-                rigid_result(rigid, arm, result),
-                desired,
-                touched,
-                [thin(signals, _INTERVALS) for signals in histories],
-            )
-        )
+        ghost = rigid_result(rigid, arm, result)
+        options = SceneOptions(magnify, trace, torque, ghost, desired, touched)
+        drawn = [thin(signals, _INTERVALS) for signals in histories]
+        scenes.append(scene_of(name, arm, result, times, options, drawn))
     if len({len(scene.histories) for scene in scenes}) > 1:
         rule = "are required, because the results have different ones"
         raise InputError(Problem("channels", rule))

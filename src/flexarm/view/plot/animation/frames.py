@@ -13,21 +13,9 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError, Problem
+from flexarm.view.plot import style
 from flexarm.view.plot.animation.scene import Scene
 from flexarm.view.plot.histories import draw_signals
-from flexarm.view.plot.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    VERMILLION,
-    Sheet,
-    legend_above,
-    place_labels,
-    styled,
-)
 
 Picture = NDArray[np.uint8]
 
@@ -42,16 +30,16 @@ class Stage:
     """Picture of scenes side by side: a static background, and artists that change."""
 
     def __init__(self, scenes: Sequence[Scene], width: int) -> None:
-        with styled("screen"):
+        with style.styled("screen"):
             self._sheet, arms, panels = _arrange(scenes, width / DPI)
             self._canvas = cast(Any, FigureCanvasAgg(self._sheet))  # its methods are untyped
-            self._moving: list[tuple[Axes, _Moving]] = []
+            self._moving: list[tuple[Axes, _Arm | _Cursor]] = []
             view = _common_view(scenes)
             for scene, arm, own in zip(scenes, arms, panels, strict=True):
                 self._moving.append((arm, _Arm(arm, scene, view)))
                 for panel, signals in zip(own, scene.histories, strict=True):
                     draw_signals(panel, signals)
-                    place_labels(panel)
+                    style.place_labels(panel)
                     self._moving.append((panel, _Cursor(panel, scene.times, signals)))
                 for panel in own[:-1]:
                     panel.set_xlabel("")
@@ -71,14 +59,16 @@ class Stage:
             yield np.asarray(self._canvas.buffer_rgba())
 
 
-def _arrange(scenes: Sequence[Scene], width: float) -> tuple[Sheet, list[Axes], list[list[Axes]]]:
+def _arrange(
+    scenes: Sequence[Scene], width: float
+) -> tuple[style.Sheet, list[Axes], list[list[Axes]]]:
     """Create the axes, with histories beside a single arm or below several arms."""
     count = len(scenes[0].histories)
     share = 0.56 if count else 1.0
     side = share * width - _LEFT - _RIGHT
     if len(scenes) == 1 and side > 0.75 * count - 0.5:  # the histories have room beside the arm
         height = _even(side + _BOTTOM + _TOP)
-        sheet = Sheet(width, height, dpi=DPI)
+        sheet = style.Sheet(width, height, dpi=DPI)
         arm = _placed(sheet, _LEFT, _BOTTOM, side, side)
         left = share * width + _GAP - _RIGHT
         own = _column(sheet, count, left, _BOTTOM, width - left - _RIGHT, side)
@@ -90,7 +80,7 @@ def _arrange(scenes: Sequence[Scene], width: float) -> tuple[Sheet, list[Axes], 
         raise InputError(Problem("width", rule, f"{DPI * width:.0f}"))
     below = count * 1.5
     height = _even(each + below + _BOTTOM + _TOP + (0.55 if count else 0.0))
-    sheet = Sheet(width, height, dpi=DPI)
+    sheet = style.Sheet(width, height, dpi=DPI)
     arms, panels = [], []
     for k in range(len(scenes)):
         left = _LEFT + k * (each + _GAP)
@@ -104,13 +94,13 @@ def _even(inches: float) -> float:
     return 2 * round(inches * DPI / 2) / DPI
 
 
-def _placed(sheet: Sheet, left: float, bottom: float, width: float, height: float) -> Axes:
+def _placed(sheet: style.Sheet, left: float, bottom: float, width: float, height: float) -> Axes:
     across, up = sheet.get_size_inches()
     return sheet.add_axes((left / across, bottom / up, width / across, height / up))
 
 
 def _column(
-    sheet: Sheet, count: int, left: float, bottom: float, width: float, height: float
+    sheet: style.Sheet, count: int, left: float, bottom: float, width: float, height: float
 ) -> list[Axes]:
     """Add axes in a column, from the top, with room for a title above each."""
     gap = 0.5
@@ -129,59 +119,48 @@ def _common_view(scenes: Sequence[Scene]) -> tuple[float, float, float, float]:
     return float(left), float(right), float(bottom), float(top)
 
 
-class _Moving:
-    """Artists of one panel that change from frame to frame."""
+class _Arm:
+    """Artists of an arm; ``at`` yields them after setting them to a frame."""
 
-    times: Any
-
-    def at(self, frame: int) -> Iterator[Line2D | Any]:
-        """Yield the artists after setting them to a frame."""
-        raise NotImplementedError
-
-
-class _Arm(_Moving):
     def __init__(self, axes: Axes, scene: Scene, view: tuple[float, float, float, float]) -> None:
         self.scene, self.times = scene, scene.times
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [m]", ylabel="y [m]")
         axes.set_aspect("equal", adjustable="box")
         axes.grid(True, axis="both")
         axes.locator_params(nbins=7)
-        place_labels(axes)
+        style.place_labels(axes)
         if scene.title:
             axes.text(0.98, 0.98, scene.title, transform=axes.transAxes, ha="right", va="top")
         for solid in scene.solids:
             outline = np.concatenate([solid.course, solid.behind[::-1]])
             axes.add_patch(Polygon(outline, closed=True, facecolor="#D9D9D9", edgecolor="none"))
-            axes.plot(*solid.course.T, color=INK, linewidth=1.2, label="_")
+            axes.plot(*solid.course.T, color=style.INK, linewidth=1.2, label="_")
         self.goal = None
         if scene.reference is not None:
-            look: dict[str, Any] = {"color": GREEN, "linestyle": (0, (4.0, 2.2))}
+            look: dict[str, Any] = {"color": style.GREEN, "linestyle": (0, (4.0, 2.2))}
             axes.plot(*scene.reference[0].T, linewidth=1.2, label="reference", **look)
-            self.goal = _line(axes, color=GREEN, marker="x", markersize=7, linestyle="none")
-        self.path = _line(axes, color=VERMILLION, linewidth=1.2, label="tip")
-        self.ghost = _line(axes, color=GREY, linewidth=1.4, linestyle="--", label="rigid")
+            self.goal = _line(axes, color=style.GREEN, marker="x", markersize=7, linestyle="none")
+        self.path = _line(axes, color=style.VERMILLION, linewidth=1.2, label="tip")
+        self.ghost = _line(axes, color=style.GREY, linewidth=1.4, linestyle="--", label="rigid")
         scale = 72.0 * axes.get_window_extent().width / DPI / (view[1] - view[0])  # points per m
-        self.links = [
-            _line(
-                axes,
-                color=BLUE if bends else INK,
-                linewidth=max(_LINK, scale * depth),
-                solid_capstyle="round",
-            )
-            for depth, bends in zip(scene.depths, scene.bends, strict=True)
-        ]
-        self.arrows = _line(axes, color=PURPLE, linewidth=1.8, label="torque")
-        white: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": INK}
+        self.links = []
+        for depth, bends in zip(scene.depths, scene.bends, strict=True):
+            color, width = style.BLUE if bends else style.INK, max(_LINK, scale * depth)
+            self.links.append(_line(axes, color=color, linewidth=width, solid_capstyle="round"))
+        self.arrows = _line(axes, color=style.PURPLE, linewidth=1.8, label="torque")
+        white: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": style.INK}
         self.joints = _line(axes, marker="o", markersize=6, linestyle="none", **white)
         self.tip = _line(axes, marker="o", linestyle="none", markeredgewidth=0.0)
-        self.tip.set(color=ORANGE if scene.payload else INK, markersize=9 if scene.payload else 4)
+        self.tip.set(
+            color=style.ORANGE if scene.payload else style.INK, markersize=9 if scene.payload else 4
+        )
         self.clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", animated=True)
         _base(axes, view)
         shown = [self.ghost] * (scene.ghost is not None) + [self.path] * (scene.path is not None)
         shown += [self.arrows] * (scene.arrows is not None)
         shown = [line for line in axes.get_lines() if line.get_label() == "reference"] + shown
         if shown:
-            legend_above(axes, shown, [str(line.get_label()) for line in shown])
+            style.legend_above(axes, shown, [str(line.get_label()) for line in shown])
 
     def at(self, frame: int) -> Iterator[Any]:
         scene = self.scene
@@ -213,12 +192,12 @@ class _Arm(_Moving):
         yield self.clock
 
 
-class _Cursor(_Moving):
+class _Cursor:
     """Line at the current time, and a dot on each line of a history."""
 
     def __init__(self, axes: Axes, times: Any, signals: Any) -> None:
         self.times, self.signals = times, signals
-        self.line = axes.axvline(times[0], color=INK, linewidth=0.9, animated=True)
+        self.line = axes.axvline(times[0], color=style.INK, linewidth=0.9, animated=True)
         self.dots = [
             _line(axes, marker="o", markersize=4.5, linestyle="none", color=line.get_color())
             for line in axes.get_lines()[: signals.values.shape[1]]
@@ -243,4 +222,6 @@ def _base(axes: Axes, view: tuple[float, float, float, float]) -> None:
     """Mark the base by a hatched foot below the origin."""
     size = 0.028 * (view[1] - view[0])
     foot = np.array([[0.0, 0.0], [-size, -1.4 * size], [size, -1.4 * size]])
-    axes.add_patch(Polygon(foot, closed=True, facecolor="#BFBFBF", edgecolor=INK, linewidth=0.8))
+    axes.add_patch(
+        Polygon(foot, closed=True, facecolor="#BFBFBF", edgecolor=style.INK, linewidth=0.8)
+    )

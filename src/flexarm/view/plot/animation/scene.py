@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -75,9 +75,12 @@ class Scene:
 class SceneOptions:
     """Options of the drawing; see `animate`."""
 
-    magnify: float
-    trace: bool
-    torque: bool
+    magnify: float = 1.0
+    trace: bool = True
+    torque: bool = True
+    ghost: RigidMotion | None = None  # the rigid counterpart
+    reference: Any = None  # motion with the reference of the tip
+    contacts: Sequence[Contact] = ()  # whose surfaces are drawn
 
 
 def scene_of(
@@ -86,12 +89,10 @@ def scene_of(
     result: xr.Dataset,
     times: FloatArray,
     options: SceneOptions,
-    ghost: RigidMotion | None,
-    reference: Any,
-    contacts: Sequence[Contact],
     histories: Sequence[Signals],
 ) -> Scene:
     """Create the scene of a result at times (F,) s from its start, also beyond its end."""
+    ghost, reference = options.ghost, options.reference
     time = result["time"].values
     now = np.clip(float(time[0]) + times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
@@ -139,7 +140,7 @@ def scene_of(
         path=path if options.trace else None,
         path_times=path_times,
         reference=desired,
-        solids=tuple(_solid_of(contact.surface, view) for contact in contacts),
+        solids=tuple(_solid_of(contact.surface, view) for contact in options.contacts),
         histories=tuple(histories),
         view=view,
     )
@@ -198,8 +199,7 @@ _BAND = 0.03
 _POINTS = 181
 
 
-@dataclass(frozen=True, eq=False)
-class _Solid:
+class _Solid(NamedTuple):
     """Surface: its outline (k, 2) m, and the far side (k, 2) of a band of the solid behind it."""
 
     course: FloatArray
@@ -257,12 +257,13 @@ def surroundings(
         contacts = check_list_of("contacts", contacts, Contact)
     if reference is not None:
         check_reference(reference)
-        _check_joints(reference, arm)
+        angles = np.asarray(reference.joint_angle(0.0))
+        # A reference of another arm is drawn if it has its own path of the tip.
+        if getattr(reference, "tip", None) is None and angles.shape != (arm.joints,):
+            rule = f"move the {arm.joints} joints of the arm"
+            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
     moved, touched = _of_scenario(arm, result)
-    return (
-        moved if reference is None else reference,
-        touched if contacts is None else contacts,
-    )
+    return moved if reference is None else reference, touched if contacts is None else contacts
 
 
 def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
@@ -274,15 +275,6 @@ def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
         return motion_of(arm, scenario), scenario.contacts
     except FlexarmError:  # the plant differs from the arm of the scenario
         return None, scenario.contacts
-
-
-def _check_joints(reference: Any, arm: Arm) -> None:
-    """Raise if a reference has neither the arm's number of joints nor its own tip path."""
-    if getattr(reference, "tip", None) is None:
-        angles = np.asarray(reference.joint_angle(0.0))
-        if angles.shape != (arm.joints,):
-            rule = f"move the {arm.joints} joints of the arm"
-            raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
 
 
 #: Parts of the player's script, in their order.
@@ -333,14 +325,9 @@ def player_data(
     scenes: Sequence[Scene], fps: float, speed: float, beside: int | None = None
 ) -> dict[str, Any]:
     """Return the data of the player, plain values and arrays; arguments as in `fragment`."""
-    most = max(len(scene.histories) for scene in scenes)
-    shown = [_data(scene) for scene in scenes]
-    return {
-        "fps": fps,
-        "speed": speed,
-        "scenes": shown,
-        "beside": most if beside is None else beside,
-    }
+    if beside is None:
+        beside = max(len(scene.histories) for scene in scenes)
+    return {"fps": fps, "speed": speed, "scenes": list(map(_data, scenes)), "beside": beside}
 
 
 def _listed(values: FloatArray) -> Any:
@@ -381,7 +368,7 @@ def _data(scene: Scene) -> dict[str, Any]:
         "pathTimes": _rounded(scene.path_times, 6),
         "reference": None if reference is None else _rounded(reference[0], digits),
         "goal": None if reference is None else _rounded(reference[1], digits),
-        "solids": [[_rounded(s.course, digits), _rounded(s.behind, digits)] for s in scene.solids],
+        "solids": [[_rounded(side, digits) for side in solid] for solid in scene.solids],
         "histories": [
             {
                 "title": signals.title,

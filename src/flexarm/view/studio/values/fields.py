@@ -23,21 +23,7 @@ from flexarm.model.hardware import Hardware
 from flexarm.model.scenarios.scenario import RunSpec
 from flexarm.model.units import unit_of
 from flexarm.model.wording import Path, path_text
-from flexarm.view.studio.state import (
-    FORM,
-    KIND,
-    NEW,
-    OWN,
-    PRESET,
-    REMOVE,
-    STUDIED,
-    TABLE,
-    WAY,
-    WAYS,
-    Project,
-    table_text,
-    way_of,
-)
+from flexarm.view.studio import state
 from flexarm.view.studio.values.forms import Form, Forms, field_forms, kind_of
 
 #: Keys outside "More values"; of other records those that have a default.
@@ -76,12 +62,10 @@ _NAMES = {
     "rtol": "relative tolerance",
     "atol": "absolute tolerance",
 }
+_ABBREVIATIONS = ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "zvdd", "ei", "si")
 #: Parts of words that are not in lower case: abbreviations and names.
 _WRITTEN = {
-    **{
-        word: word.upper()
-        for word in ("pd", "pid", "lqg", "mpc", "rbf", "zv", "zvd", "zvdd", "ei", "si")
-    },
+    **{word: word.upper() for word in _ABBREVIATIONS},
     **{word: word.capitalize() for word in ("rayleigh", "timoshenko")},
     "euler bernoulli": "Euler-Bernoulli",
 }
@@ -92,7 +76,7 @@ _DESCRIBING = ("material", "section", "table")
 _WAY = "A link is described by constants, by its material and section, or by a table."
 
 
-def groups_of(project: Project) -> list[Group]:
+def groups_of(project: state.Project) -> list[Group]:
     """Return the fields of a project, by part of the scenario."""
     record, arm = project.record, project.record.arm
     lengths = [link.reach for link in arm.links]
@@ -106,8 +90,8 @@ def groups_of(project: Project) -> list[Group]:
     rest = [name for name in type(arm).model_fields if name not in ("links", "joints", "payload")]
     groups.append(Group("Arm", partial(of.groups, [_value_of(arm, k, ("arm",)) for k in rest])))
     for name in type(record).model_fields:
-        if isinstance(record, StudySpec) and name in STUDIED:
-            one = STUDIED[name]
+        if isinstance(record, StudySpec) and name in state.STUDIED:
+            one = state.STUDIED[name]
             value = getattr(record, name)[getattr(project.choice, one)]
             forms = field_forms(record, name).given[0].items()
             described = _Value(value, forms, (one,), one, f"The {one} that is simulated.")
@@ -140,7 +124,7 @@ class _Value:
     def other(self) -> tuple[Path, str] | None:
         """The edit that gives the value its other form, or None."""
         other = self.forms.other(self.value)
-        return ((*self.path, FORM), other) if other else None
+        return ((*self.path, state.FORM), other) if other else None
 
     def at(self, *part: str | int) -> Path:
         """Return a path in the value."""
@@ -175,12 +159,12 @@ class FieldMaker:
         """Yield the fields of a record: first those that files usually have."""
         usual, more = _USUAL.get(type(record)), []
         fields = type(record).model_fields
-        hidden = {KIND} if kind_of(type(record)) is not None else set()
+        hidden = {state.KIND} if kind_of(type(record)) is not None else set()
         if isinstance(record, Link):
-            now = way_of(record)
-            hidden |= {name for way, names in WAYS.items() if way != now for name in names}
-            choices = _choices([(way, way) for way in WAYS])
-            yield Field((*path, WAY), "described by", now, "list", "", _WAY, choices=choices)
+            now = state.way_of(record)
+            hidden |= {name for way, names in state.WAYS.items() if way != now for name in names}
+            choices = _choices([(way, way) for way in state.WAYS])
+            yield Field((*path, state.WAY), "described by", now, "list", "", _WAY, choices=choices)
         if record._columns:
             yield _table(record, path)
             hidden |= set(() if _has_points(record) else record._columns)
@@ -210,7 +194,7 @@ class FieldMaker:
         elif isinstance(of.value, Record):
             yield self._single(of)
         elif of.value is None and of.forms.records:
-            yield Field(of.at(NEW), f"Add {of.label}", None, "button", "", of.description)
+            yield Field(of.at(state.NEW), f"Add {of.label}", None, "button", "", of.description)
         else:
             yield from self._plain(of)
 
@@ -224,14 +208,14 @@ class FieldMaker:
             title = f"{one} {k + 1}"
             ended = (*fields, _remove(of.at(k), title))
             parts.append(Part(title.capitalize(), of.at(k), ended))
-        button = Field(of.at(NEW), f"Add {one}", None, "button", "", of.description)
+        button = Field(of.at(state.NEW), f"Add {one}", None, "button", "", of.description)
         return Part(of.label.capitalize(), of.path, (*parts, button))
 
     def _kinds(self, of: _Value) -> Iterator[_Entry]:
         """Yield the kind of a record and the fields of this kind."""
         now = "none" if of.value is None else of.value.kind
         choices = _grouped(of.forms.kinds, of.forms.optional)
-        yield Field(of.at(KIND), of.label, now, "list", "", of.description, choices=choices)
+        yield Field(of.at(state.KIND), of.label, now, "list", "", of.description, choices=choices)
         if of.value is not None:
             prefix = "" if len(of.path) == 1 or of.name == "kind" else f"{of.label} "
             for entry in self.record(of.value, of.path):
@@ -243,9 +227,9 @@ class FieldMaker:
         """Return the fields of a record that has no kinds, under its name."""
         fields = list(self.record(of.value, of.path))
         if isinstance(of.value, Material):
-            known = next((name for name, own in MATERIALS.items() if own == of.value), OWN)
-            choices = _choices([(name, name) for name in (*MATERIALS, OWN)])
-            preset = Field(of.at(PRESET), of.label, known, "list", "", of.description)
+            known = next((name for name, own in MATERIALS.items() if own == of.value), state.OWN)
+            choices = _choices([(name, name) for name in (*MATERIALS, state.OWN)])
+            preset = Field(of.at(state.PRESET), of.label, known, "list", "", of.description)
             fields.insert(0, replace(preset, choices=choices))
         if of.other is not None and isinstance(fields[0], Field):
             fields[0] = replace(fields[0], other=of.other)
@@ -294,7 +278,7 @@ def _part(of: _Value, fields: Sequence[_Entry]) -> Part:
 
 
 def _remove(path: Path, label: str) -> Field:
-    return Field((*path, REMOVE), f"Remove {label}", None, "button")
+    return Field((*path, state.REMOVE), f"Remove {label}", None, "button")
 
 
 def _table(record: Record, path: Path) -> Field:
@@ -303,7 +287,7 @@ def _table(record: Record, path: Path) -> Field:
     texts = descriptions_of(type(record))
     about = " ".join(f"{name}: {texts[name]}" for name in record._columns)
     label = ", ".join(names).replace("_", " ")
-    return Field((*path, TABLE), label, table_text(record), "table", "", about)
+    return Field((*path, state.TABLE), label, state.table_text(record), "table", "", about)
 
 
 def _choices(entries: Sequence[tuple[Any, str]]) -> _Choices:

@@ -87,19 +87,16 @@ def motion_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
     rigid = arm.rigid()
     first, last = (rigid.tip(rigid.rest(angles))[:2] for angles in (start, end))
     middle = 0.5 * (first + last) + 0.1 * np.array([1.0, -1.0]) * (last - first)[::-1]
+    turn = round(2 * np.pi, 4)
     shapes: dict[str, Callable[[], dict[str, Any]]] = {
         "line": lambda: {"start": _point(first), "end": _point(last)},
-        "circle": lambda: {
-            "center": _point(0.9 * first),
-            "start": _point(first),
-            "angle": round(2 * np.pi, 4),
-        },
+        "circle": lambda: {"center": _point(0.9 * first), "start": _point(first), "angle": turn},
         "spline": lambda: {"points": [_point(first), _point(middle), _point(last)]},
         "via_points": lambda: {"points": [_point(first), _point(middle), _point(last)]},
     }
-    return (
-        {"kind": kind, **shapes[kind]()} | _timing(scenario) if kind in shapes else {"kind": kind}
-    )
+    if kind not in shapes:
+        return {"kind": kind}
+    return {"kind": kind, **shapes[kind]()} | _timing(scenario)
 
 
 def ends_of(arm: Arm, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
@@ -213,10 +210,10 @@ def _stiffness(scenario: Scenario) -> float:
     """Return the stiffness (N/m) of the tip of the arm, stretched and clamped at the base."""
     links = scenario.arm.links
     rigidities = [link.beam().flexural_rigidity for link in links if link.flexible]
+    if not rigidities:
+        return 1000.0
     length = sum(link.reach for link in links)
-    return (
-        3.0 * min(table[0] for table in rigidities if table) / length**3 if rigidities else 1000.0
-    )
+    return 3.0 * min(table[0] for table in rigidities if table) / length**3
 
 
 def _tips(scenario: Scenario) -> tuple[FloatArray, FloatArray, float]:
@@ -408,12 +405,8 @@ class _Design:
     def bandwidth(self) -> float:
         """Bandwidth of a joint loop, rad/s."""
         frequencies = modes(self.arm, self.ends[0]).frequency_hz
-        frequencies = frequencies[frequencies > 0.0]
-        return (
-            float(_BANDWIDTH * 2.0 * np.pi * frequencies[0])
-            if frequencies.size
-            else _RIGID_BANDWIDTH
-        )
+        lowest = frequencies[frequencies > 0.0][:1]
+        return float(_BANDWIDTH * 2.0 * np.pi * lowest[0]) if lowest.size else _RIGID_BANDWIDTH
 
     @cached_property
     def inertia(self) -> FloatArray:
