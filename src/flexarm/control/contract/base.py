@@ -116,8 +116,9 @@ class Controller(ABC):
        the names and shapes stay the same. Not differentiated are numbers that are no floats, such
        as counters and truth values, and names with an underscore: iterates that change little.
     3. ``planned`` returns the inputs of a sample that are known in advance, by name: those of the
-       reference by default. Exported code has them as arguments. Without a reference, a loop
-       follows a `Rest` at its first measured angles.
+       reference by default. Exported code has them as arguments, or, if ``exports_plan`` is true,
+       computes them from the reference at each sample. Without a reference, a loop follows a
+       `Rest` at its first measured angles.
     4. ``sample_time`` (s) is constant during a run. ``reset`` is called once before a run; then
        ``update`` is called at 0, sample_time, 2 sample_time, ... in order.
     5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
@@ -138,6 +139,7 @@ class Controller(ABC):
     vectorized: bool = False
     analytic: bool = False
     linearizable: bool = True
+    exports_plan: bool = False
     _memory: Arrays | None = None
     _rest: Rest | None = None
 

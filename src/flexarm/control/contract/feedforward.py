@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.control.hardware.measurement import FloatArray
+
+
+def numbers(values: Any) -> FloatArray:
+    """Return values as an array of floats; an array of symbols of exported code is kept."""
+    symbolic = getattr(values, "symbolic", False)
+    array: FloatArray = values if symbolic else np.asarray(values, dtype=np.float64)
+    return array
+
 
 #: Number of sample times evaluated in one call.
 _AHEAD = 512
@@ -41,7 +50,7 @@ class SampledFeedforward:
         """Return the torques (joints,) N m at time t (s)."""
         k = round(t / self._sample_time)
         if not self._many or k < 0 or k * self._sample_time != t:
-            return np.asarray(self._function(t + self._later), dtype=np.float64)
+            return numbers(self._function(t + self._later))
         if not self._first <= k < self._first + len(self._values):
             self._first = k
             times = np.arange(k, k + _AHEAD) * self._sample_time + self._later

@@ -12,6 +12,7 @@ from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import Reference
 from flexarm.control.design.flexible_model import FlexibleModel
 from flexarm.control.design.posture_grid import Interpolated
+from flexarm.control.design.task_plan import values_of
 from flexarm.control.hardware.measurement import FloatArray
 
 #: Number of sample times computed in one call.
@@ -127,25 +128,19 @@ class PreviewedReference:
             self._start, self._end = 0, known
         samples = self._first_tick + np.arange(self._end, self._end + count)
         times = np.asarray(samples * self._sample_time, dtype=np.float64)
-        self._fill(*self._motion(times, reference, many))
+        self._fill(*self._motion(times, reference))
 
-    def _motion(self, times: FloatArray, reference: Reference, many: bool) -> list[FloatArray]:
+    def _motion(self, times: FloatArray, reference: Reference) -> list[FloatArray]:
         """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
         # Motions end at rest, and need not be defined beyond their end.
         end = float(getattr(reference, "end_time", np.inf))
         rests = times > end
         times = np.minimum(times, end)
         names = "joint_angle", "joint_rate", "joint_acceleration"
-        parts: list[Any] = [getattr(reference, name) for name in names]
-        if many:
-            found = [np.array(part(times), dtype=np.float64) for part in parts]
-        else:
-            found = [
-                np.array([part(t) for t in times.tolist()], dtype=np.float64) for part in parts
-            ]
-        for part in found[1:]:
-            part[rests] = 0.0
-        return found
+        angle, *rates = [values_of(reference, name, times).copy() for name in names]
+        for values in rates:
+            values[rests] = 0.0
+        return [angle, *rates]
 
     def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
         new = slice(self._end, self._end + len(angle))

@@ -28,6 +28,8 @@ class TaskSpace:
         joints: number of joints.
     """
 
+    _tip_torque = staticmethod(tip_torque)
+
     def __init__(self, arm: Arm) -> None:
         assembly = arm.rigid().assembly
         self._kernels = kernels = KernelView(assembly.constants)
@@ -76,6 +78,6 @@ class TaskSpace:
                 close to.
             added: torque (joints,) N m that is added.
         """
-        torque = np.empty(self.joints)
-        tip_torque(*state, posture, *acceleration, *push, added, torque)
+        torque = np.empty_like(state.bias_torque)
+        self._tip_torque(*state, posture, *acceleration, *push, added, torque)
         return torque

@@ -18,6 +18,8 @@ from flexarm.control.hardware.measurement import FloatArray, Measurement
 class TaskController(OfArm, Controller):
     """Base of controllers of the tip of a rigid model in contact with a surface."""
 
+    exports_plan = True
+
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
