@@ -44,12 +44,24 @@ class Complementary(OwnController):
         return memory, gain * angle + added
 
 
+class Plans(OwnController):
+    """A plan that the exported code computes."""
+
+    exports_plan = True
+
+    def planned(self, t, reference):
+        ahead = reference.joint_angle(t) + 0.1 * np.sin(reference.joint_rate(t))
+        return {"reference_angle": ahead}
+
+
 @pytest.mark.thorough
-@pytest.mark.parametrize("kind", [Functions, Complementary])
+@pytest.mark.parametrize("kind", [Functions, Complementary, Plans])
 def test_recorded_run(kind, tmp_path):
     fa.export_c(heavy(), tmp_path, controller=kind())
     done = make(tmp_path, "test")
     assert done.returncode == 0, done.stdout + done.stderr
+    # Only the plan has more inputs of the code than of the step.
+    assert ("reference_rate" in (tmp_path / "arm.h").read_text()) == (kind is Plans)
 
 
 class Own(fa.Controller):

@@ -1,11 +1,15 @@
 """Functions of NumPy over arrays of CasADi symbols, against the same over numbers."""
 
+from copy import deepcopy
+
 import casadi
 import numpy as np
 import pytest
 
+from conformance.controller_examples import two_links
 from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
-from flexarm.bridges.symbolic.symbol_array import SymbolArray, symbol_array
+from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
+from flexarm.control.design.task_space import TaskSpace
 
 A = np.array([-1.2, -0.3, 0.0, 0.4, 2.5])
 B = np.array([0.7, -0.3, 0.1, 0.4, -2.0])
@@ -62,3 +66,23 @@ def test_a_condition_on_a_symbol_is_an_error():
             wrong()
     constant = symbols[0] - symbols[0]
     assert not constant < 0.0
+
+
+def test_task_space_over_symbols():
+    """Motion, Jacobian, mass, bias and torque of the tip, whose kernels use complex numbers."""
+    task = TaskSpace(two_links())
+    symbolic = deepcopy(task)
+    make_symbolic(symbolic, ("flexarm.control.design",))
+    symbols = [casadi.SX.sym(key, 2) for key in ("angle", "rate")]
+    arrays = [symbol_array(objects(casadi.vertsplit(one), casadi)) for one in symbols]
+
+    def outputs(space, angle, rate):
+        state = space.at(angle, rate)
+        torque = space.torque(state, (0.3, -0.2), (1.0, 2.0), 0.5 * angle, rate)
+        return np.concatenate([*(one.ravel() for one in state), torque])
+
+    column = casadi.vertcat(*(casadi.SX(plain(one)) for one in outputs(symbolic, *arrays)))
+    values = ([0.4, -0.7], [1.1, 0.6])
+    found = np.array(casadi.Function("f", symbols, [column])(*values)).ravel()
+    wanted = outputs(task, *map(np.array, values))
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())

@@ -27,12 +27,19 @@ from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
 from flexarm.control.filters.extended_kalman import ITERATIONS, ExtendedKalmanFilter
-from flexarm.control.filters.first_estimate import LEAST_STIFFNESS, SAG_DIFFERENCE, first_variance
+from flexarm.control.filters.first_estimate import (
+    LEAST_STIFFNESS,
+    SAG_DIFFERENCE,
+    first_variance,
+    tip_mass,
+)
 from flexarm.control.filters.kalman_filter import KalmanFilter
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
 from flexarm.control.filters.payload_hypotheses import split, widest_single
+from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.linear.models.state_space import find_outputs
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 _PAYLOAD = "payload.mass"
 #: Steps of Newton's method for the sag at the start, which a fixed cost requires. Four are exact to
@@ -64,7 +71,7 @@ class Observer:
         states = 2 * dof + 1
         return {
             "OBSERVER_DOF": dof,
-            "OBSERVER_READINGS": self.filter._readings.size,
+            "OBSERVER_READINGS": len(self.reading_names),
             "OBSERVER_MEMORY": states * (1 + states),
         }
 
@@ -82,7 +89,7 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
         raise InputError(
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
-    if observer._layout.size > 2 * observer.arm.dof + 1:
+    if len(observer.covariance) > 2 * observer.arm.dof + 1:
         rule = "estimate no parameters, disturbance torques or biases"
         hint = "The code estimates q, qd and the mass of the payload only."
         raise InputError(Problem("observer", rule, hint=hint))
@@ -93,7 +100,7 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
     if observer.arm.joints != arm.joints:
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
-    widest = widest_single(_nominal(observer) + observer._own)
+    widest = widest_single(_nominal(observer) + tip_mass(observer.arm))
     if observer.payload_deviation > widest:
         rule = f"have a payload_deviation of at most {widest:.3g} kg"
         hint = "Above it the filter is a sum of Gaussians, whose number changes during a run."
@@ -112,14 +119,13 @@ class _Writer:
         self.filter, self.arm = observer, observer.arm
         self.model = casadi_model(self.arm, [_PAYLOAD])
         self.states = 2 * self.arm.dof + 1
-        self.shown = observer._readings
+        self.shown = PredictedReadings(self.arm, observer.instruments)
         self.predicted = self._predicted_readings()
-        self.own, self.nominal = observer._own, _nominal(observer)
+        self.own, self.nominal = tip_mass(self.arm), _nominal(observer)
         mean, variance = [self.nominal + self.own], [[observer.payload_deviation**2]]
         self.scale, (prior,) = split(np.array(mean), np.array(variance))
         self.spread = float(prior.P[-1, -1])
-        assert observer._step is not None
-        self.steps = observer._step.steps
+        self.steps = SampledStep(self.arm, observer.sample_time).steps
         self.joints = self.arm.joint_index.tolist()
         self.angle = next(i for i in observer.instruments if i.signal == "joint_angle")
 

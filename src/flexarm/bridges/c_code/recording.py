@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,20 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.source import Exported
-from flexarm.bridges.c_code.traced_law import TracedController, around, gain_table, refusal
+from flexarm.bridges.c_code.traced_law import (
+    TracedController,
+    around,
+    exports_plan,
+    gain_table,
+    refusal,
+)
 from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
 from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.control.laws.strain_damping import StrainDamping
-from flexarm.control.laws.task_controller import TaskController
 from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian
-from flexarm.motion import Motion, joint_motion
+from flexarm.motion import joint_motion
 from flexarm.simulation.calls.run import simulate
 
 #: Number of recorded samples, and number of steps of the run between two of them.
@@ -233,24 +238,18 @@ def record_observer(observer: Observer, samples: int) -> tuple[dict[str, FloatAr
 
 def estimates(of: ExtendedKalmanFilter, inputs: dict[str, FloatArray]) -> FloatArray:
     """Return q, qd, payload and innovation (samples, 2 dof + 2) of a filter from its start."""
-    mine, rows = deepcopy(of), []
-    mine.reset()
-    ends = np.cumsum([0, *of._readings.counts])
-    for k, (values, torque) in enumerate(
-        zip(inputs["readings"], inputs["last_torque"], strict=True)
-    ):
-        if k:
-            mine.predict(torque)
-        parts = zip(of.instruments, ends, ends[1:], strict=False)
-        mine.correct(Measurement(**{one.label: values[a:b] for one, a, b in parts}))
-        rows.append([*mine.q, *mine.qd, mine.payload_mass, mine._latest.innovation])
-    return np.array(rows)
+    counts = PredictedReadings(of.arm, of.instruments).counts
+    columns = np.split(inputs["readings"], np.cumsum(counts)[:-1], axis=1)
+    readings = {one.label: values for one, values in zip(of.instruments, columns, strict=True)}
+    # The torque after the last sample has no effect.
+    found = deepcopy(of).run(np.roll(inputs["last_torque"], -1, axis=0), readings)
+    return np.column_stack([found.q, found.qd, found.payload_mass, found.innovation])
 
 
 def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
     """Move the arm of the filter under smooth torques; return readings with noise, and torques."""
-    arm, shown, random = of.arm, of._readings, np.random.default_rng(0)
-    step = SampledStep(arm, of.sample_time)
+    arm, random = of.arm, np.random.default_rng(0)
+    shown, step = PredictedReadings(arm, of.instruments), SampledStep(arm, of.sample_time)
     M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
     x = np.zeros(2 * arm.dof)
     x[arm.joint_index], x[arm.dof + arm.joint_index] = _ANGLE, _RATE
@@ -282,12 +281,9 @@ def replay(
     reference: Any = joint_motion(arm, start, start + _TURN, count * h)
     if table:
         reference = SlowRun(arm, table.ends, count * h)
-    damping = next((one for one in around(planner) if isinstance(one, StrainDamping)), None)
-    if damping is not None:
-        reference = BentRun(arm, reference)
-    presses = [one for one in around(mine) if isinstance(one, TaskController)]
-    if presses:
-        reference = PressedRun(reference, presses[0], count)
+    planning = next(filter(exports_plan, around(planner)), None)
+    if planning is not None:
+        reference = _Pressed(arm, reference, planning, count)
     rows, torques = [], []
     for k, t in enumerate((np.arange(count) * h).tolist()):
         row = {name: values[k] for name, values in readings.items()}
@@ -303,10 +299,8 @@ def replay(
             "reference_acceleration": reference.joint_acceleration(t),
             **{name: np.asarray(value, dtype=np.float64) for name, value in planned.items()},
         }
-        if damping is not None:
-            row["strain_correction"] = damping.strain_correction(t, reference)
-        if presses:
-            row |= pressed_values(planned, t, reference)
+        if planning is not None:
+            row |= _values(planned, t, reference)
         rows.append(row)
     other: Any = deepcopy(traced.controller)  # has made no step
     other.reset()
@@ -343,23 +337,6 @@ class SlowRun:
         return self._motion.joint_acceleration(self._ratio * t)
 
 
-class BentRun:
-    """Reference that computes its own bending: a motion of the joints, and links that vibrate."""
-
-    def __init__(self, arm: Arm, motion: Motion) -> None:
-        self._arm, self._motion = arm, motion
-        self.joint_angle, self.joint_rate = motion.joint_angle, motion.joint_rate
-        self.joint_acceleration = motion.joint_acceleration
-        self._size = _STRAIN / np.abs(strain_matrix(arm)).max()
-
-    def coordinates(self, times: FloatArray) -> list[FloatArray]:
-        """Return q (T, dof) at times (T,), s; rates and accelerations are not used."""
-        phase = 2.0 * np.pi * times / self._motion.duration
-        q = self._size * np.sin(phase[:, None] + np.arange(self._arm.dof))
-        q[:, self._arm.joint_index] = self._motion.joint_angle(times)
-        return [q]
-
-
 def _within(k: int, *intervals: tuple[int, int]) -> bool:
     return any(first <= k < end for first, end in intervals)
 
@@ -374,71 +351,72 @@ def contact_readings(controller: object, count: int) -> FloatArray:
     return forces
 
 
-class PressedRun:
-    """Reference with a motion of the joints, and with and without a force and a surface.
+@dataclass(frozen=True, eq=False)
+class _Pressed:
+    """Reference with a motion of the joints and vibrating links, with and without a force.
 
     Nominal force and speed of the controller are exceeded; ``bent`` is a factor of the motion.
     """
 
-    def __init__(
-        self,
-        motion: Any,
-        controller: Any,
-        count: int,
-        bent: float = 1.0,
-        friction: float = _FRICTION,
-    ) -> None:
-        self._given, self._motion, self.friction = (motion, controller, count), motion, friction
-        self._bent, self._h = bent, controller.sample_time
-        self._size = getattr(controller, "nominal_force", 1.0)
-        self._turn = 2.0 * np.pi / (count * self._h)
-        self._reach = _FAST * getattr(controller, "nominal_speed", 0.1) / self._turn
+    arm: Arm
+    motion: Any
+    controller: Any
+    count: int
+    bent: float = 1.0
+    friction: float = _FRICTION
 
     @property
-    def rougher(self) -> PressedRun:
-        """The motion for more friction."""
-        return PressedRun(*self._given, _BENT, _ROUGHER)
+    def rougher(self) -> _Pressed:
+        return replace(self, bent=_BENT, friction=_ROUGHER)
 
-    def joint_angle(self, t: float) -> FloatArray:
-        """Return the joint angles (joints,), rad."""
-        return self._bent * np.asarray(self._motion.joint_angle(t))
+    @property
+    def _turn(self) -> float:
+        return 2.0 * np.pi / (self.count * float(self.controller.sample_time))
+
+    def joint_angle(self, t: Any) -> FloatArray:
+        return self.bent * np.asarray(self.motion.joint_angle(t))
 
     def joint_rate(self, t: float) -> FloatArray:
-        """Return the joint rates (joints,), rad/s."""
-        return self._bent * np.asarray(self._motion.joint_rate(t))
+        return self.bent * np.asarray(self.motion.joint_rate(t))
 
     def joint_acceleration(self, t: float) -> FloatArray:
-        """Return the joint accelerations (joints,), rad/s^2."""
-        return self._bent * np.asarray(self._motion.joint_acceleration(t))
+        return self.bent * np.asarray(self.motion.joint_acceleration(t))
+
+    def coordinates(self, times: FloatArray) -> list[FloatArray]:
+        """Return q (T, dof) at times (T,), s; rates and accelerations are not used."""
+        phase = 2.0 * np.pi * times / self.motion.duration
+        size = _STRAIN / np.abs(strain_matrix(self.arm)).max()
+        q = size * np.sin(phase[:, None] + np.arange(self.arm.dof))
+        q[:, self.arm.joint_index] = self.joint_angle(times)
+        return [q]
 
     def tip(self, t: float) -> FloatArray:
         """Return the position of the tip (2,), m, which slides to and fro."""
-        place = self._reach * np.sin(self._turn * t)
+        reach = _FAST * getattr(self.controller, "nominal_speed", 0.1) / self._turn
+        place = reach * np.sin(self._turn * t)
         return np.array([-place * _NORMAL[1], place * _NORMAL[0]])
 
     def contact_force(self, t: float) -> float:
-        """Return the force on the surface, N."""
-        force = self._size * (1.0 + 0.5 * np.sin(self._turn * t))
+        size = getattr(self.controller, "nominal_force", 1.0)
+        force = size * (1.0 + 0.5 * np.sin(self._turn * t))
         return 0.0 if _within(self._sample(t), _NO_FORCE) else float(force)
 
     def normal(self, t: float) -> FloatArray:
-        """Return the normal of the surface (2,), zero without a surface."""
         k = self._sample(t)
         if _within(k, _FREE):
             return np.zeros(2)
         return _NORMAL if k < _FREE[1] else np.array([0.0, 1.0])
 
     def pressing_torque(self, t: float) -> FloatArray:
-        """Return the torques to press (joints,), N m."""
-        return _PRESSING * self._bent * np.ones_like(self.joint_angle(t))
+        return _PRESSING * self.bent * np.ones_like(self.joint_angle(t))
 
     def _sample(self, t: float) -> int:
-        return int(np.round(t / self._h))
+        return int(np.round(t / self.controller.sample_time))
 
 
-def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str, FloatArray]:
-    """Return the inputs of an exported controller of the tip at t (s), by name."""
-    inputs = {
+def _values(planned: Arrays, t: float, reference: _Pressed) -> dict[str, FloatArray]:
+    """Return the inputs of an exported controller that plans at t (s), by name."""
+    inputs: dict[str, Any] = {
         "reference_force": [reference.contact_force(t)],
         "reference_normal": reference.normal(t),
     }
@@ -457,4 +435,6 @@ def pressed_values(planned: Arrays, t: float, reference: PressedRun) -> dict[str
             "path_speed": [speed],
             "reference_force_rate": [force_rate],
         }
+    if hasattr(reference.controller, "strain_correction"):
+        inputs["strain_correction"] = reference.controller.strain_correction(t, reference)
     return {name: np.array(value, dtype=np.float64) for name, value in inputs.items()}

@@ -19,19 +19,11 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.c_code.model_functions import NamedFunction, named
-from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.bridges.symbolic.kernel_calls import symbolic
 from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, branched, make_symbolic, symbol_array
 from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
-from flexarm.control.design.nominal import Interpolated, Nominal
-from flexarm.control.design.task_space import (
-    SurfaceMotion,
-    SurfacePlan,
-    TaskPlan,
-    TaskSpace,
-    TaskState,
-)
+from flexarm.control.design.nominal import Interpolated
+from flexarm.control.design.task_space import SurfaceMotion
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import (
     LQG,
@@ -40,9 +32,6 @@ from flexarm.control.laws import (
     EstimatorController,
     RepetitiveControl,
 )
-from flexarm.control.laws.strain_damping import StrainDamping
-from flexarm.control.laws.task_controller import TaskController
-from flexarm.kernels.controller_terms.task_dynamics import tip_torque
 
 #: Coefficients of friction of the two references, where they are not given.
 FRICTION = {"reference_friction": np.zeros(1), "rougher_friction": np.ones(1)}
@@ -50,23 +39,27 @@ _Array = Callable[..., Any]
 
 
 def plan_over_symbols(law: Any, arm: Arm, array: _Array) -> Arrays | None:
-    """Return planned inputs of a symbolic law, its plans replaced; None if they are symbols."""
-    parts = list(around(law))
-    presses = any(isinstance(part, TaskController) for part in parts)
-    if not presses and not any(isinstance(part, StrainDamping) for part in parts):
+    """Return the planned inputs of a symbolic law; None if they are inputs of the code."""
+    if not any(map(exports_plan, around(law))):
         return None
-    reference: Any = (PressedInputs if presses else ReferenceInputs)(array, arm.joints)
-    for part in parts:
-        if isinstance(part, TaskController) and not isinstance(part._task, SymbolicTask):
-            part._task = SymbolicTask(part.arm)
-            _plan_task(part, array)
-        if isinstance(part, StrainDamping) and not isinstance(part._nominal, StaticBending):
-            correction = array("strain_correction", len(arm.gauges))
-            part._nominal = StaticBending(part._nominal, correction)  # type: ignore[assignment]
+    reference: Any = ReferenceInputs(array, arm.joints)
+    sizes = {"path_speed": 1, "reference_force_rate": 1, "path_position": 2}
+    speed, force_rate, position = (array(*size) for size in sizes.items())
     planned = dict(law.planned(0.0, reference))
+    # These depend on the reference at other times, or on its own bending.
+    if "nominal_strain" in planned:
+        correction = array("strain_correction", len(arm.gauges))
+        planned["nominal_strain"] = planned["nominal_strain"] + correction
     if "feedforward" in planned:
         planned["feedforward"] = array("feedforward", arm.joints)
+    if "surface" in planned:
+        planned["surface"] = SurfaceMotion(*position, *speed, *force_rate)
     return planned
+
+
+def exports_plan(controller: Any) -> bool:
+    """Return whether exported code computes the planned inputs of a controller."""
+    return bool(getattr(controller, "exports_plan", False))
 
 
 def around(controller: Any) -> Iterator[Any]:
@@ -77,139 +70,28 @@ def around(controller: Any) -> Iterator[Any]:
 
 
 class ReferenceInputs:
-    """Reference whose values are symbols, at every time."""
-
-    def __init__(self, array: _Array, joints: int, prefix: str = "reference") -> None:
-        self._angle = array(f"{prefix}_angle", joints)
-        self._rate = array(f"{prefix}_rate", joints)
-        self._acceleration = array(f"{prefix}_acceleration", joints)
-
-    def joint_angle(self, t: float) -> Any:
-        return self._angle
-
-    def joint_rate(self, t: float) -> Any:
-        return self._rate
-
-    def joint_acceleration(self, t: float) -> Any:
-        return self._acceleration
-
-
-class PressedInputs(ReferenceInputs):
     """Reference that presses, such as `PressedMotion`, whose values are symbols at every time.
 
     ``rougher`` has the same force, and other joint motions for more friction.
     """
 
     def __init__(self, array: _Array, joints: int, prefix: str = "reference") -> None:
-        super().__init__(array, joints, prefix)
         self._array, self._joints = array, joints
-        self._force = array("reference_force", 1)[0]
-        self._normal = array("reference_normal", 2)
-        self._pressing = array(f"{prefix}_pressing", joints)
+        self.joint_angle = _constant(array(f"{prefix}_angle", joints))
+        self.joint_rate = _constant(array(f"{prefix}_rate", joints))
+        self.joint_acceleration = _constant(array(f"{prefix}_acceleration", joints))
+        self.contact_force = _constant(array("reference_force", 1).reshape(()))
+        self.normal = _constant(array("reference_normal", 2))
+        self.pressing_torque = _constant(array(f"{prefix}_pressing", joints))
         self.friction = array(f"{prefix}_friction", 1)[0]
 
     @property
-    def rougher(self) -> PressedInputs:
-        return PressedInputs(self._array, self._joints, "rougher")
-
-    def contact_force(self, t: float) -> Any:
-        return self._force
-
-    def normal(self, t: float) -> Any:
-        return self._normal
-
-    def pressing_torque(self, t: float) -> Any:
-        return self._pressing
+    def rougher(self) -> ReferenceInputs:
+        return ReferenceInputs(self._array, self._joints, "rougher")
 
 
-class StaticBending:
-    """Nominal motion of `StrainDamping`, computed at every sample instead of in advance."""
-
-    def __init__(self, planned: Any, correction: Any) -> None:
-        self._planned, self._correction = planned, correction
-
-    def at(self, t: float, reference: Any) -> Nominal:
-        parts = reference.joint_angle, reference.joint_rate, reference.joint_acceleration
-        rows_of_plan = self._planned.along(*(part(t)[None] for part in parts))
-        static = Nominal(*(rows[0] for rows in rows_of_plan))
-        return static._replace(shown=static.shown + self._correction)
-
-
-class SymbolicTask(TaskSpace):
-    """Kinematics and dynamics of the rigid model at its tip, over symbols.
-
-    The kernels of `TaskSpace` differentiate by complex numbers; here CasADi differentiates.
-    """
-
-    def __init__(self, arm: Arm) -> None:
-        model, self.joints = casadi_model(arm.rigid()), arm.joints
-        q, qd = casadi.SX.sym("q", self.joints), casadi.SX.sym("qd", self.joints)
-        none = casadi.SX(0, 1)
-        velocity = model.tip_velocity(q, qd, none)[:2]
-        parts = {
-            "motion": casadi.horzcat(
-                model.tip(q, none)[:2], velocity, casadi.jtimes(velocity, q, qd)
-            ).T,
-            "jacobian": casadi.jacobian(velocity, qd),
-            "mass": model.mass_matrix(q, none),
-            "bias": model.bias_force(q, qd, none),
-        }
-        self._function = casadi.Function("task", [q, qd], list(parts.values()))
-
-    def at(self, angle: Any, rate: Any) -> TaskState:
-        """See ``TaskSpace.at``."""
-        given = (casadi.vertcat(*map(plain, one)) for one in (angle, rate))
-        motion, jacobian, mass, bias = map(_entries, self._function(*given))
-        return TaskState(motion, jacobian, mass, bias[:, 0])
-
-    def torque(
-        self, state: TaskState, acceleration: Any, push: Any, posture: Any, added: Any
-    ) -> Any:
-        """See ``TaskSpace.torque``."""
-        torque = symbol_array(np.zeros(self.joints))
-        symbolic(tip_torque)(*state, posture, *acceleration, *push, added, torque)
-        return torque
-
-
-def _entries(matrix: Any) -> Any:
-    """Return a matrix of CasADi as an array of symbols."""
-    entries = objects(casadi.vertsplit(casadi.vec(casadi.densify(matrix.T))), casadi)
-    return symbol_array(entries.reshape(matrix.shape))
-
-
-class _Plan(TaskPlan):
-    """Requested motion of the tip, from the rigid model at the reference."""
-
-    def __init__(self, controller: Any) -> None:
-        super().__init__(controller.arm, controller.sample_time)
-        self._task = controller._task
-
-    def row(self, t: float, reference: Any) -> Any:
-        angle, rate = reference.joint_angle(t), reference.joint_rate(t)
-        acceleration = reference.joint_acceleration(t)
-        position, velocity, drift = (state := self._task.at(angle, rate)).motion
-        numbers = (position, velocity, drift + state.jacobian @ acceleration)
-        force = symbol_array([reference.contact_force(t)])
-        motion = (angle, rate, acceleration, reference.pressing_torque(t))
-        return symbol_array(np.concatenate([*numbers, force, reference.normal(t), *motion]))
-
-
-class _SurfacePlan(SurfacePlan):
-    """Requested motion along a surface, from symbols."""
-
-    def __init__(self, array: _Array) -> None:
-        speed, force_rate = array("path_speed", 1), array("reference_force_rate", 1)
-        self._motion_of = SurfaceMotion(*array("path_position", 2), *speed, *force_rate)
-
-    def along(self, t: float, reference: Any) -> SurfaceMotion:
-        return self._motion_of
-
-
-def _plan_task(controller: Any, array: _Array) -> None:
-    """Replace the requested motion of a controller by symbols."""
-    controller._plan = _Plan(controller)
-    if hasattr(controller, "_surface"):
-        controller._rougher, controller._surface = controller._plan, _SurfacePlan(array)
+def _constant(values: Any) -> Callable[[float], Any]:
+    return lambda t: values
 
 
 #: Packages whose objects belong to a controller.
@@ -286,7 +168,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
     table = gain_table(law)
     make_symbolic(law, _PACKAGES)
     shapes: dict[str, tuple[int, ...]] = {}
-    gains = table.trace(law, symbols.array) if table else None
+    stored = table.trace(law, symbols.array) if table else None
 
     def results(
         memory_of: Callable[[Measurement, Arrays], Arrays],
@@ -303,10 +185,10 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
         if {name: np.shape(value) for name, value in after.items()} != shapes:
             raise SymbolError("changes the names or the sizes of its memory")
         numbers = [np.ravel(after[name]) for name in shapes]
-        outputs = {"memory_out": np.concatenate(numbers)} if shapes else {}
+        outputs: dict[str, Any] = {"memory_out": np.concatenate(numbers)} if shapes else {}
         outputs["torque"] = torque
-        if gains is not None:
-            outputs["stored"] = gains.stored
+        if stored is not None:
+            outputs["stored"] = stored
         return {
             key: casadi.vertcat(*(casadi.SX(plain(one)) for one in np.ravel(values)))
             for key, values in outputs.items()
@@ -352,9 +234,9 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
             reason = "It has an update instead of a step."
         if reason is not None:
             raise refusal(part, reason)
-    presses = any(isinstance(part, TaskController) for part in around(controller))
-    pressed: Any = PressedInputs(_Inputs().array, arm.joints) if presses else None
-    needed = requirements_of(controller, arm, pressed)
+    reference: Any = ReferenceInputs(_Inputs().array, arm.joints)
+    follows = any(map(exports_plan, around(controller)))
+    needed = requirements_of(controller, arm, reference if follows else None)
     if needed.joints not in (None, arm.joints):
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("controller", rule, f"one for {needed.joints}"))
@@ -408,47 +290,39 @@ def refusal(controller: object, reason: str) -> InputError:
     return InputError(Problem("controller", rule, value, reason))
 
 
-@dataclass(eq=False)
-class _Gains:
-    """Gains at a posture as symbols, instead of `Interpolated`."""
-
-    arrays: list[Any]
-    joints: list[int]
-    stored: Any = ()
-
-    def at(self, angle: Any) -> list[Any]:
-        """Return the gains, and store the angles of the joints in the grid."""
-        self.stored = [angle[joint] for joint in self.joints]
-        return self.arrays
-
-
 class GainTable:
     """Gains at the nodes of a grid of postures, which exported code interpolates in a loop.
 
     The traced step has symbols for the gains at its posture, the ``view``, and returns this posture
-    as ``stored``. ``depth`` controllers are around the one with the table; ``ends`` (2, joints) rad
-    are the first and the last posture of the grid.
+    as ``stored``. ``depth`` controllers are around the one with the table, its attribute ``name``;
+    ``ends`` (2, joints) rad are the first and the last posture of the grid.
     """
 
-    def __init__(self, depth: int, table: Interpolated) -> None:
-        self._depth = depth
-        self._shapes, self.ends = table._shapes, table._grid.postures[[0, -1]]
-        self._grids = [np.array(values) for _, values, _ in table._grid._axes]
-        self._joints = [joint for joint, _, _ in table._grid._axes]
+    def __init__(self, depth: int, name: str, table: Interpolated) -> None:
+        self._depth, self._name, axes = depth, name, table.grid.axes
+        self._shapes, self.ends = table.shapes, table.grid.postures[[0, -1]]
+        self._grids = [np.array(values) for _, values, _ in axes]
+        self._joints = [joint for joint, _, _ in axes]
         # The last joint of the grid changes fastest, in CasADi the first one. The grid of places,
         # 0, 1, 2 and so on, is searched by a division instead of a loop.
         places = [list(range(len(values))) for values in reversed(self._grids)]
         search = {"lookup_mode": ["exact"] * len(places)}
-        self._lookup = casadi.interpolant("gains", "linear", places, table._values.ravel(), search)
+        self._lookup = casadi.interpolant("gains", "linear", places, table.values.ravel(), search)
 
-    def trace(self, law: Any, array: Callable[..., Any]) -> _Gains:
-        """Let a symbolic law use the view."""
+    def trace(self, law: Any, array: Callable[..., Any]) -> list[Any]:
+        """Let a symbolic law use the view; return the angles in the grid of its last evaluation."""
         sizes = [int(np.prod(shape)) for shape in self._shapes]
         parts = np.split(array("view", sum(sizes)), np.cumsum(sizes)[:-1])
         arrays = [part.reshape(shape) for part, shape in zip(parts, self._shapes, strict=True)]
-        gains = _Gains(arrays, self._joints)
-        list(around(law))[self._depth]._arrays = gains
-        return gains
+        stored: list[Any] = []
+
+        def at(angle: Any) -> list[Any]:
+            stored[:] = [angle[joint] for joint in self._joints]
+            return arrays
+
+        traced: Any = getattr(list(around(law))[self._depth], self._name)
+        traced.at = at
+        return stored
 
     def around(self, core: NamedFunction) -> NamedFunction:
         """Return a function without the view, which is interpolated at the posture of ``core``."""
@@ -473,8 +347,8 @@ def _place(angle: Any, values: Any) -> Any:
 
 def gain_table(controller: Any) -> GainTable | None:
     """Return the table of gains of a controller, or of a controller inside it; None without."""
-    for depth, one in enumerate(around(controller)):
-        table = getattr(one, "_arrays", None)
-        if isinstance(table, Interpolated) and table._grid._axes:
-            return GainTable(depth, table)
+    for depth, law in enumerate(around(controller)):
+        for name, table in getattr(law, "__dict__", {}).items():
+            if isinstance(table, Interpolated) and table.grid.axes:
+                return GainTable(depth, name, table)
     return None

@@ -25,9 +25,10 @@ from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.arm.stations import place_gauges
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.bridges.symbolic.scalars import Objects
+from flexarm.bridges.symbolic.scalars import Objects, objects, plain
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.compilation.numbers import tanh
+from flexarm.kernels.controller_terms.tip_motion import tip_motion
 from flexarm.kernels.layout import (
     ArmConstants,
     Loads,
@@ -52,7 +53,31 @@ def symbolic(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """Return the plain function of a kernel, for arrays of objects."""
     # Use NumPy's tanh, because automatic differentiation of the kernels' tanh, which is made for
     # complex numbers, gives slope 0 at 0.
-    return undecorated(kernel, {tanh: np.tanh})
+    return undecorated(kernel, {tanh: np.tanh, tip_motion: _tip_motion})
+
+
+def _tip_motion(
+    sizes: Any, constants: ArmConstants, state: Objects, _: Any, body_poses: Any, tip: Objects,
+    position: Objects, velocity: Objects, jacobian: Objects, bias: Objects,
+) -> None:  # fmt: skip
+    """Fill the results of ``tip_motion`` by derivatives of CasADi instead of complex steps."""
+    import casadi
+
+    n = len(jacobian[0])
+    symbols = casadi.SX.sym("motion", 2 * n)
+    moved, angles = np.zeros(state.shape, dtype=object), state[:, :, 0].ravel()
+    moved[:, :, 0] = objects(casadi.vertsplit(symbols), casadi).reshape(2, n)
+    body_poses, tip = body_poses.astype(object), tip.astype(object)
+    symbolic(poses)(sizes, constants, moved, body_poses, tip)
+    place, speed = (casadi.vertcat(*map(plain, tip[k : k + 2])) for k in (0, 3))
+    slopes = casadi.jacobian(speed, symbols)
+    drift = slopes[:, :n] @ symbols[n:]
+    results = casadi.horzcat(place, speed, drift, slopes[:, n:])
+    function = casadi.Function("tip_motion", [symbols], [casadi.densify(results)])
+    values = function(casadi.vertcat(*map(plain, angles)))
+    rows = [objects(casadi.horzsplit(row), casadi) for row in casadi.vertsplit(values)]
+    for axis, (position[axis], velocity[axis], bias[axis], *columns) in enumerate(rows):
+        jacobian[axis] = columns
 
 
 Force = Objects | None

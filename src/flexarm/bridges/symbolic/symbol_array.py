@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import casadi
 import numpy as np
@@ -30,6 +30,7 @@ class SymbolArray(np.ndarray):
 
     #: The result of ``dot`` with an array of numbers has this type.
     __array_priority__ = 1.0
+    symbolic: ClassVar[bool] = True
 
     def __array_ufunc__(
         self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **options: Any
@@ -74,16 +75,33 @@ class SymbolicKernels(KernelView):
 def make_symbolic(owner: Any, packages: tuple[str, ...]) -> None:
     """Convert the kernels and arrays of an object to symbolic ones, in place.
 
-    Kernels are those of its views of an arm, and static methods of its class. Objects of classes in
-    ``packages`` that the object refers to are converted, too.
+    Kernels are those of its views of an arm, and static methods of its class. Tuples of arrays, and
+    objects of classes in ``packages`` that the object refers to, are converted, too. References to
+    one array remain references to one array.
     """
-    for name, value in list(vars(owner).items()):
+    _convert(owner, packages, {})
+
+
+def _convert(owner: Any, packages: tuple[str, ...], done: dict[int, Any]) -> None:
+    """Convert the attributes of an object; ``done`` are values and their conversions, by id."""
+
+    def converted(value: Any) -> Any:
+        if id(value) in done:
+            return done[id(value)][1]
+        new = value
         if isinstance(value, KernelView):
-            vars(owner)[name] = SymbolicKernels(value.constants)
+            new = SymbolicKernels(value.constants)
         elif isinstance(value, np.ndarray) and value.dtype == np.float64:
-            vars(owner)[name] = symbol_array(value)
-        elif type(value).__module__.startswith(packages) and hasattr(value, "__dict__"):
-            make_symbolic(value, packages)
+            new = symbol_array(value)
+        elif isinstance(value, tuple):
+            parts = list(map(converted, value))
+            new = type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        done[id(value)] = value, new
+        if type(value).__module__.startswith(packages) and hasattr(value, "__dict__"):
+            _convert(value, packages, done)
+        return new
+
+    vars(owner).update({name: converted(value) for name, value in list(vars(owner).items())})
     for name, kernel in inspect.getmembers(type(owner), _is_kernel):
         vars(owner)[name] = symbolic(kernel)
 

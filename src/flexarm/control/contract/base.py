@@ -151,8 +151,9 @@ class Controller(ABC):
        the names and shapes stay the same. Not differentiated are numbers that are no floats, such
        as counters and truth values, and names with an underscore: iterates that change little.
     3. ``planned`` returns the inputs of a sample that are known in advance, by name: those of the
-       reference by default. Exported code has them as arguments. Without a reference, a loop
-       follows a `Rest` at its first measured angles.
+       reference by default. Exported code has them as arguments, or, if ``exports_plan`` is true,
+       computes them from the reference at each sample. Without a reference, a loop follows a
+       `Rest` at its first measured angles.
     4. ``sample_time`` (s) is constant during a run. ``reset`` is called once before a run; then
        ``update`` is called at 0, sample_time, 2 sample_time, ... in order.
     5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.
@@ -173,6 +174,7 @@ class Controller(ABC):
     vectorized: bool = False
     analytic: bool = False
     linearizable: bool = True
+    exports_plan: bool = False
     _memory: Arrays | None = None
     _rest: Rest | None = None
 
@@ -440,6 +442,13 @@ def check_controller(name: str, value: object) -> None:
         raise InputError(Problem(name, "have a sample_time", shown(value)))
 
 
+def numbers(values: Any) -> FloatArray:
+    """Return values as an array of floats; an array of symbols of exported code is kept."""
+    symbolic = getattr(values, "symbolic", False)
+    array: FloatArray = values if symbolic else np.asarray(values, dtype=np.float64)
+    return array
+
+
 #: Number of sample times evaluated in one call.
 _AHEAD = 512
 
@@ -472,7 +481,7 @@ class SampledFeedforward:
         """Return the torques (joints,) N m at time t (s)."""
         k = round(t / self._sample_time)
         if not self._many or k < 0 or k * self._sample_time != t:
-            return np.asarray(self._function(t + self._later), dtype=np.float64)
+            return numbers(self._function(t + self._later))
         if not self._first <= k < self._first + len(self._values):
             self._first = k
             times = np.arange(k, k + _AHEAD) * self._sample_time + self._later

@@ -17,6 +17,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.control.contract.base import Reference
+from flexarm.control.design.task_space import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
@@ -109,6 +110,7 @@ class PostureGrid:
 
     Attributes:
         postures: (k, joints) rad of all nodes.
+        axes: for each joint with several angles, its place, its angles, and the distance of nodes.
 
     Raises:
         InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
@@ -131,7 +133,7 @@ class PostureGrid:
             values.append(found.tolist())
         self.postures = np.array(list(product(*values)))
         strides = np.cumprod([1, *(len(v) for v in values[:0:-1])])[::-1]
-        self._axes = [
+        self.axes = [
             (k, v, int(stride))
             for k, (v, stride) in enumerate(zip(values, strides, strict=True))
             if len(v) > 1
@@ -140,7 +142,7 @@ class PostureGrid:
     def weights(self, angle: FloatArray) -> list[tuple[int, float]]:
         """Return nodes and their weights: linear in each angle, constant outside the grid."""
         corners = [(0, 1.0)]
-        for k, values, stride in self._axes:
+        for k, values, stride in self.axes:
             a = float(angle[k])
             i = min(max(bisect_right(values, a) - 1, 0), len(values) - 2)
             part = min(max((a - values[i]) / (values[i + 1] - values[i]), 0.0), 1.0)
@@ -158,46 +160,50 @@ class Interpolated:
 
     Args:
         grid: the grid. nodes: the arrays of each node, of equal shapes.
+
+    Attributes:
+        values: (k, numbers) of all arrays, at each node. shapes: of the arrays.
+        arrays: at the last posture, overwritten by ``at``.
     """
 
     def __init__(self, grid: PostureGrid, nodes: Sequence[Sequence[FloatArray]]) -> None:
-        self._grid = grid
-        self._values = np.array([np.concatenate([a.ravel() for a in node]) for node in nodes])
-        self._shapes = [array.shape for array in nodes[0]]
+        self.grid = grid
+        self.values = np.array([np.concatenate([a.ravel() for a in node]) for node in nodes])
+        self.shapes = [array.shape for array in nodes[0]]
         self._begin()
 
     def _begin(self) -> None:
-        self._now = self._values[0].copy()
+        self._now = self.values[0].copy()
         self._at: list[tuple[int, float]] | None = None
         self.arrays: list[FloatArray] = []
         start = 0
-        for shape in self._shapes:
+        for shape in self.shapes:
             size = math.prod(shape)
             self.arrays.append(self._now[start : start + size].reshape(shape))
             start += size
 
     def __getstate__(self) -> tuple[Any, ...]:
-        return self._grid, self._values, self._shapes
+        return self.grid, self.values, self.shapes
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         # Rebuild the arrays, because copies of them would not be views of the buffer of ``move``.
-        self._grid, self._values, self._shapes = state
+        self.grid, self.values, self.shapes = state
         self._begin()
 
     def at(self, angle: FloatArray) -> list[FloatArray]:
         """Return the arrays at a posture, which the next call overwrites."""
-        corners = self._grid.weights(angle)
+        corners = self.grid.weights(angle)
         if corners != self._at:
             self._at = corners
             first, weight = corners[0]
-            np.multiply(self._values[first], weight, out=self._now)
+            np.multiply(self.values[first], weight, out=self._now)
             for node, weight in corners[1:]:
-                self._now += weight * self._values[node]
+                self._now += weight * self.values[node]
         return self.arrays
 
     def first_at(self, angles: FloatArray) -> FloatArray:
         """Return the first array at postures (T, joints), with shape (T, ...)."""
-        if len(self._values) == 1:
+        if len(self.values) == 1:
             return np.broadcast_to(self.arrays[0], (len(angles), *self.arrays[0].shape))
         return np.array([self.at(angle)[0].copy() for angle in angles])
 
@@ -315,25 +321,19 @@ class PreviewedReference:
             self._start, self._end = 0, known
         samples = self._first_tick + np.arange(self._end, self._end + count)
         times = np.asarray(samples * self._sample_time, dtype=np.float64)
-        self._fill(*self._motion(times, reference, many))
+        self._fill(*self._motion(times, reference))
 
-    def _motion(self, times: FloatArray, reference: Reference, many: bool) -> list[FloatArray]:
+    def _motion(self, times: FloatArray, reference: Reference) -> list[FloatArray]:
         """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
         # Motions end at rest, and need not be defined beyond their end.
         end = float(getattr(reference, "end_time", np.inf))
         rests = times > end
         times = np.minimum(times, end)
         names = "joint_angle", "joint_rate", "joint_acceleration"
-        parts: list[Any] = [getattr(reference, name) for name in names]
-        if many:
-            found = [np.array(part(times), dtype=np.float64) for part in parts]
-        else:
-            found = [
-                np.array([part(t) for t in times.tolist()], dtype=np.float64) for part in parts
-            ]
-        for part in found[1:]:
-            part[rests] = 0.0
-        return found
+        angle, *rates = [values_of(reference, name, times).copy() for name in names]
+        for values in rates:
+            values[rests] = 0.0
+        return [angle, *rates]
 
     def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
         new = slice(self._end, self._end + len(angle))

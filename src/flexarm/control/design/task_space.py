@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.control.contract.base import Reference, SampledFeedforward
+from flexarm.control.contract.base import Reference, SampledFeedforward, numbers
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.controller_terms.task_dynamics import task_dynamics, tip_torque
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
@@ -30,6 +30,8 @@ class TaskSpace:
     Attributes:
         joints: number of joints.
     """
+
+    _tip_torque = staticmethod(tip_torque)
 
     def __init__(self, arm: Arm) -> None:
         assembly = arm.rigid().assembly
@@ -79,8 +81,8 @@ class TaskSpace:
                 close to.
             added: torque (joints,) N m that is added.
         """
-        torque = np.empty(self.joints)
-        tip_torque(*state, posture, *acceleration, *push, added, torque)
+        torque = np.empty_like(state.bias_torque)
+        self._tip_torque(*state, posture, *acceleration, *push, added, torque)
         return torque
 
 
@@ -136,9 +138,9 @@ class TaskPlan:
         """Return the request with the numbers of a row."""
         n = self._joints
         a, b, c, d = (NUMBERS + k * n for k in range(4))
-        numbers: Any = row[:NUMBERS].tolist()
+        of_tip: Any = row[:NUMBERS].tolist()
         arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
-        return TaskReference(*numbers, *arrays)
+        return TaskReference(*of_tip, *arrays)
 
     def _row(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
@@ -149,13 +151,15 @@ class TaskPlan:
         velocity = np.einsum("tij,tj->ti", J, rate)
         tip_acceleration = np.einsum("tij,tj->ti", J, acceleration)
         tip_acceleration += np.einsum("tij,tj->ti", J_rate, rate)
-        force, normal, pressing = np.zeros((len(t), 1)), np.zeros((len(t), 2)), np.zeros_like(angle)
+        # The arrays have the type of the angles, which are symbols in exported controllers.
+        force, normal = (np.zeros_like(angle, shape=(len(t), count)) for count in (1, 2))
+        pressing = np.zeros_like(angle)
         if hasattr(of, "contact_force"):
             force[:, 0] = values_of(of, "contact_force", t)
             normal[:] = values_of(of, "normal", t)
             pressing[:] = values_of(of, "pressing_torque", t)
-        numbers = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
-        return np.concatenate([*numbers, angle, rate, acceleration, pressing], axis=1)
+        of_tip = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
+        return np.concatenate([*of_tip, angle, rate, acceleration, pressing], axis=1)
 
     def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows (T, numbers) at times (T,)."""
@@ -189,7 +193,7 @@ def values_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
     function = getattr(reference, name)
     if getattr(reference, "vectorized", False):
         return np.asarray(function(t), dtype=np.float64)
-    return np.array([function(now) for now in t.tolist()], dtype=np.float64)
+    return np.concatenate([numbers(function(now))[None] for now in t.tolist()])
 
 
 class SurfaceMotion(NamedTuple):

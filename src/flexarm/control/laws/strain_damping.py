@@ -111,6 +111,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
     """
 
     inner: Controller
+    exports_plan = True
 
     def __post_init__(self) -> None:
         arm = self.arm

@@ -62,6 +62,8 @@ class TaskSample(NamedTuple):
 class TaskController(OfArm, Controller):
     """Base of controllers of the tip of a rigid model in contact with a surface."""
 
+    exports_plan = True
+
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
