@@ -222,7 +222,6 @@ AREAS: dict[str, Area] = {
             Group(
                 sources=(
                     "model/**/links.py",
-                    "model/**/sections.py",
                     "model/arm/spec.py",
                 ),
                 tests=(

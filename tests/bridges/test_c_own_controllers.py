@@ -173,7 +173,19 @@ class Number(Own):
         return memory, readings.joint_angle[0]
 
 
+class LooksAhead(Plans, Own):
+    def planned(self, t, reference):
+        return {"reference_angle": reference.joint_angle(t + 0.05)}
+
+
+class Swings(Plans, Own):
+    def planned(self, t, reference):
+        return {"reference_angle": reference.joint_angle(t) + np.sin(3.0 * t)}
+
+
 REASONS = {
+    LooksAhead: "plans by the reference at another time",
+    Swings: "plans by the time itself",
     Counts: "changes attributes",
     Shifts: "changes attributes",
     Last: "changes attributes",

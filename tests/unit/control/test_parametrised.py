@@ -1,5 +1,6 @@
 """Constructors of controllers, made from the declared parameters."""
 
+import functools
 import inspect
 import pickle
 
@@ -111,3 +112,19 @@ def test_drives_can_be_pickled(kind):
     inner = {"inner": {"kind": "lqg"}} if kind == "estimator" else {"posture": [0.1]}
     drive = CONTROLLED[kind](**inner)
     assert pickle.loads(pickle.dumps(drive)) == drive
+
+
+def test_an_update_around_that_of_a_base_class_is_called_in_loops():
+    """``functools.wraps`` copies attributes, so that a mark on a function would follow it."""
+
+    class Silent(fa.JointPD):
+        @functools.wraps(fa.JointPD.update)
+        def update(self, t, measurement, reference):
+            return np.zeros(2)
+
+    arm = rigid_arm()
+    quiet = fa.simulate(arm, 0.02, controller=Silent(8.0, 0.8, 0.004), initial=[0.3, -0.2])
+    np.testing.assert_array_equal(quiet.torque, 0.0)
+    law = Silent(8.0, 0.8, 0.004)
+    law.update = lambda t, measurement, reference: np.ones(2)
+    np.testing.assert_array_equal(fa.simulate(arm, 0.02, controller=law).torque, 1.0)

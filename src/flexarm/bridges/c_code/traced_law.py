@@ -42,10 +42,14 @@ def plan_over_symbols(law: Any, arm: Arm, array: _Array) -> Arrays | None:
     """Return the planned inputs of a symbolic law; None if they are inputs of the code."""
     if not any(map(exports_plan, around(law))):
         return None
-    reference: Any = ReferenceInputs(array, arm.joints)
+    outside = any(not _planned_here(part) for part in around(law) if exports_plan(part))
+    now = float("nan") if outside else 0.0
+    reference: Any = ReferenceInputs(array, arm.joints, now=now if outside else None)
     sizes = {"path_speed": 1, "reference_force_rate": 1, "path_position": 2}
     speed, force_rate, position = (array(*size) for size in sizes.items())
-    planned = dict(law.planned(0.0, reference))
+    planned = dict(law.planned(now, reference))
+    if outside and _has_nan(planned):
+        raise SymbolError("plans by the time itself, which exported code does not know")
     # These depend on the reference at other times, or on its own bending.
     if "nominal_strain" in planned:
         correction = array("strain_correction", len(arm.gauges))
@@ -62,6 +66,21 @@ def exports_plan(controller: Any) -> bool:
     return bool(getattr(controller, "exports_plan", False))
 
 
+def _has_nan(planned: Arrays) -> bool:
+    """Return whether NaN, the time of a sample, is a constant of planned inputs."""
+    values = [plain(value) for array in planned.values() for value in np.ravel(array)]
+    column = casadi.vertcat(*map(casadi.SX, values))
+    function = casadi.Function("planned", casadi.symvar(column), [column])
+    places = range(function.n_instructions())
+    constants = (k for k in places if function.instruction_id(k) == casadi.OP_CONST)
+    return any(np.isnan(function.instruction_constant(k)) for k in constants)
+
+
+def _planned_here(controller: Any) -> bool:
+    """Return whether this package wrote a plan, which may read the reference at other times."""
+    return str(type(controller).planned.__module__).startswith("flexarm.")
+
+
 def around(controller: Any) -> Iterator[Any]:
     """Iterate over a controller, the controller inside it, and so on."""
     while controller is not None:
@@ -72,26 +91,33 @@ def around(controller: Any) -> Iterator[Any]:
 class ReferenceInputs:
     """Reference that presses, such as `PressedMotion`, whose values are symbols at every time.
 
-    ``rougher`` has the same force, and other joint motions for more friction.
+    ``rougher`` has the same force, and other joint motions for more friction. ``now`` is the only
+    object that is accepted as time; None accepts all times.
     """
 
-    def __init__(self, array: _Array, joints: int, prefix: str = "reference") -> None:
-        self._array, self._joints = array, joints
-        self.joint_angle = _constant(array(f"{prefix}_angle", joints))
-        self.joint_rate = _constant(array(f"{prefix}_rate", joints))
-        self.joint_acceleration = _constant(array(f"{prefix}_acceleration", joints))
-        self.contact_force = _constant(array("reference_force", 1).reshape(()))
-        self.normal = _constant(array("reference_normal", 2))
-        self.pressing_torque = _constant(array(f"{prefix}_pressing", joints))
+    def __init__(
+        self, array: _Array, joints: int, prefix: str = "reference", now: float | None = None
+    ) -> None:
+        self._array, self._joints, self._now = array, joints, now
+        self.joint_angle = self._constant(array(f"{prefix}_angle", joints))
+        self.joint_rate = self._constant(array(f"{prefix}_rate", joints))
+        self.joint_acceleration = self._constant(array(f"{prefix}_acceleration", joints))
+        self.contact_force = self._constant(array("reference_force", 1).reshape(()))
+        self.normal = self._constant(array("reference_normal", 2))
+        self.pressing_torque = self._constant(array(f"{prefix}_pressing", joints))
         self.friction = array(f"{prefix}_friction", 1)[0]
 
     @property
     def rougher(self) -> ReferenceInputs:
-        return ReferenceInputs(self._array, self._joints, "rougher")
+        return ReferenceInputs(self._array, self._joints, "rougher", self._now)
 
+    def _constant(self, values: Any) -> Callable[[float], Any]:
+        def at(t: float) -> Any:
+            if self._now is not None and t is not self._now:
+                raise SymbolError("plans by the reference at another time than that of the sample")
+            return values
 
-def _constant(values: Any) -> Callable[[float], Any]:
-    return lambda t: values
+        return at
 
 
 #: Packages whose objects belong to a controller.

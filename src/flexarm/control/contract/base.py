@@ -79,16 +79,23 @@ def _checked_update(update: Callable[..., Any]) -> Callable[..., Any]:
             check_reference(reference)
         return update(self, t, measurement, reference)
 
-    vars(checked)["unchecked"] = public_call(update)
-    return public_call(checked)
+    call = public_call(checked)
+    _UNCHECKED[call] = public_call(update)
+    return call
+
+
+#: For each ``update`` with checks the same without them. An attribute of the function would be
+#: copied by ``functools.wraps`` to a user's function around it, which would then never be called.
+_UNCHECKED: dict[Callable[..., Any], Callable[..., Any]] = {}
 
 
 def update_of(controller: Any) -> Callable[..., Any]:
     """Return ``update`` of a controller for a loop, whose arguments need no checks."""
-    unchecked = getattr(getattr(type(controller), "update", None), "unchecked", None)
-    if unchecked is None or "update" in vars(controller):
-        return cast("Callable[..., Any]", controller.update)
-    return MethodType(unchecked, controller)
+    if isinstance(controller, Controller) and "update" not in vars(controller):
+        unchecked = _UNCHECKED.get(type(controller).update)
+        if unchecked is not None:
+            return MethodType(unchecked, controller)
+    return cast("Callable[..., Any]", controller.update)
 
 
 def _checked_requirements(
@@ -152,8 +159,8 @@ class Controller(ABC):
        as counters and truth values, and names with an underscore: iterates that change little.
     3. ``planned`` returns the inputs of a sample that are known in advance, by name: those of the
        reference by default. Exported code has them as arguments, or, if ``exports_plan`` is true,
-       computes them from the reference at each sample. Without a reference, a loop follows a
-       `Rest` at its first measured angles.
+       computes them from the reference at the time of the sample alone. Without a reference, a
+       loop follows a `Rest` at its first measured angles.
     4. ``sample_time`` (s) is constant during a run. ``reset`` is called once before a run; then
        ``update`` is called at 0, sample_time, 2 sample_time, ... in order.
     5. ``requirements`` is called before ``reset`` and returns the requirements of the controller.

@@ -222,8 +222,8 @@ class SurfacePlan:
         if self._rows is None or reference is not self._reference:
             self._reference = reference
             self._rows = SampledFeedforward(Rows(self._motion, reference), self._sample_time)
-        numbers: Any = self._rows(t).tolist()
-        return SurfaceMotion(*numbers)
+        row: Any = self._rows(t).tolist()
+        return SurfaceMotion(*row)
 
     def _motion(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows of ``SurfaceMotion`` at times (T,), with central differences as rates."""

@@ -117,7 +117,7 @@ class LanePlants:
         for place, frequency in zip(places.tolist(), fastest.tolist(), strict=True):
             tolerance = self._tolerance._replace(fastest=frequency)
             choice = choose_integrator("auto", None, self.arm, tolerance, duration=self._horizon)
-            choice = choose_by_samples(choice, self.arm, self._sample_time)
+            choice = choose_by_samples(choice, self.arm, self._sample_time, np.inf, tolerance)
             method = lane_method(choice.integrator)
             assert method is not None  # "auto" has step control
             if method not in self._methods:
@@ -287,7 +287,7 @@ class ClosedLanes(Lanes):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
         longest = float(run.drive.controller.sample_time)
-        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration)
+        choice = choose_by_samples(choice, run.arm, longest, self._shared.duration, tolerance)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
 
     def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:

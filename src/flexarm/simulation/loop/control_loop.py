@@ -260,8 +260,9 @@ class RunLoop(ControlLoop):
     def __init__(
         self, run: Run, sample_time: float, hardware: Hardware | None, keep: bool = True
     ) -> None:
-        touching = run.loads.placed.contacts.body.size > 0
-        run.adopt(choose_by_samples(run.choice, run.arm, sample_time, run.duration, touching))
+        rough = run.changes is not None or run.loads.placed.contacts.body.size > 0
+        times = sample_time, run.duration
+        run.adopt(choose_by_samples(run.choice, run.arm, *times, run.tolerance, rough))
         run.doubt = friction_doubt(run.integrator, run.arm, sample_time) or run.choice.doubt
         self.run, self.hardware = run, hardware
         self._sensing, self._sensed = sensing_of_run(run, hardware, sample_time), run.arm

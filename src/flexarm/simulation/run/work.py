@@ -21,6 +21,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
+from flexarm.model import Joint
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.integrator_choice import (
     Choice,
@@ -29,6 +30,7 @@ from flexarm.simulation.run.integrator_choice import (
     settling,
 )
 from flexarm.simulation.run.stepping import Run, system_of
+from flexarm.simulation.run.tolerance import RTOL
 
 #: Explicit work above which a trial is made. Below, a run takes some milliseconds, and a second
 #: method would have to be compiled.
@@ -55,8 +57,9 @@ _PER_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop.
 #: In 24 stable loops of random arms with a phase of 8 to 40, the implicit method takes 0.50 times
 #: the evaluations of the explicit one (median; at most 0.82) at the default tolerance, and errs by
-#: 4e-6 of the reach at most. Below, it sometimes takes 1.8 times as many, or errs by 6e-5. The
-#: second number holds where friction, stops or contacts may amplify its errors.
+#: 4e-6 of the reach at most. Below, it sometimes takes 1.8 times as many, or errs by 6e-5. At
+#: smaller tolerances its steps shorten as tolerance^(1/5). The second number holds where friction,
+#: backlash, stops, contacts or changes of the arm may amplify its errors, and is the largest one.
 _SAMPLED, _SAMPLED_ROUGH = 8.0, 60.0
 #: Work, in evaluations times coordinates, at which a run is refused: hours of computing; or, if
 #: another method takes less than a hundredth, a minute.
@@ -108,28 +111,30 @@ def choose_by_samples(
     choice: Choice,
     arm: Arm,
     sample_time: float,
-    duration: float = 0.0,
-    touching: bool = False,
+    duration: float,
+    tolerance: Tolerance,
+    rough: bool = False,
 ) -> Choice:
     """Return the integrator of a sampled loop, whose torques are not known in advance.
 
     Args:
         choice: choice without the loop.
         sample_time: s, which no step exceeds.
-        duration: s; 0 if it is not known.
-        touching: whether the run has contacts.
+        duration: s; infinite if it is not known.
+        rough: whether the run has contacts or changes of the arm.
 
     Raises:
         InputError: if the run would take hours.
     """
     if choice.insisted:
         return choice
-    joints = arm.spec.joints
-    rough = touching or any(joint.friction or joint.limits for joint in joints)
-    if choice.open and choice.fastest * sample_time > (_SAMPLED_ROUGH if rough else _SAMPLED):
+    rough = rough or any(map(_pushes, arm.spec.joints))
+    limit = _SAMPLED * max(1.0, (RTOL / tolerance.relative) ** 0.2)
+    phase = choice.fastest * sample_time
+    if choice.open and phase > (_SAMPLED_ROUGH if rough else min(limit, _SAMPLED_ROUGH)):
         reason = (
-            "order 5 with bending implicit: the fastest vibration turns by "
-            f"{choice.fastest * sample_time:.3g} rad in a sample time and need not be followed"
+            f"order 5 with bending implicit: the fastest vibration turns by {phase:.3g} rad in a "
+            "sample time and need not be followed"
         )
         choice = choice._replace(integrator=KennedyCarpenter5(), reason=reason)
     if np.isfinite(duration):
@@ -141,6 +146,11 @@ def choose_by_samples(
             choice.integrator, work, implicit, duration, arm.assembly.constants.mode[:, :, 0].size
         )
     return choice
+
+
+def _pushes(joint: Joint) -> bool:
+    """Return whether a joint has friction, stops or backlash."""
+    return joint.friction is not None or joint.limits is not None or joint.backlash > 0.0
 
 
 def _implicit(start: Start) -> Integrator:
