@@ -25,6 +25,8 @@ from flexarm.base.errors import (
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.model.quantities import length_of
 
+__all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
+
 #: Readings that nearly every controller uses.
 JOINTS = ("joint_angle", "joint_rate")
 
@@ -47,9 +49,6 @@ def joints_of(expected: int, *numbers: FloatArray) -> int:
     """Return the number of joints of lists: the first length other than ``expected``, if any."""
     lengths = [len(value) for value in numbers if np.ndim(value)]
     return next((length for length in lengths if length != expected), expected)
-
-
-__all__ = ["Controller", "ControllerRequirements", "FloatArray", "Measurement", "Reference"]
 
 
 class Reference(Protocol):
