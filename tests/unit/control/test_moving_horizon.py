@@ -185,8 +185,8 @@ def _stalled(*args, **options):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("flexarm.control.filters.horizon._MOST", 1),
-        ("flexarm.control.filters.horizon._HALVINGS", -1),
+        ("flexarm.control.filters.moving_horizon._MOST", 1),
+        ("flexarm.control.filters.moving_horizon._HALVINGS", -1),
         ("scipy.optimize.lsq_linear", _stalled),
     ],
 )

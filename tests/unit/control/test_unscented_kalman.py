@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 import flexarm as fa
+from flexarm.control.filters.kalman_filter import _covariance, _mean, _sigma_points
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.control.filters.unscented_kalman import _covariance, _mean, _sigma_points
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
 

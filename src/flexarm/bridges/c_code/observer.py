@@ -26,18 +26,22 @@ from flexarm.bridges.c_code.model_functions import (
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm
 from flexarm.bridges.symbolic.scalars import objects, plain
-from flexarm.control.filters.extended_kalman import ITERATIONS, ExtendedKalmanFilter
 from flexarm.control.filters.first_estimate import (
     LEAST_STIFFNESS,
     SAG_DIFFERENCE,
     first_variance,
     tip_mass,
 )
-from flexarm.control.filters.kalman_filter import KalmanFilter
+from flexarm.control.filters.kalman_filter import (
+    ITERATIONS,
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    UnscentedKalmanFilter,
+    split,
+    widest_single,
+)
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
-from flexarm.control.filters.payload_hypotheses import split, widest_single
 from flexarm.control.filters.predicted_readings import PredictedReadings
-from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.linear.models.state_space import find_outputs
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 

@@ -24,7 +24,7 @@ from flexarm.bridges.c_code.traced_law import (
 )
 from flexarm.control.contract.base import Arrays
 from flexarm.control.design.nominal import strain_matrix
-from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian

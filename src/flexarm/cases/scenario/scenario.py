@@ -27,9 +27,8 @@ from flexarm.cases.scenario.references import (
 )
 from flexarm.control.contract.base import Controller
 from flexarm.control.filters.estimator import StateEstimator
-from flexarm.control.filters.extended_kalman import ExtendedKalmanFilter
+from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter, UnscentedKalmanFilter
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
-from flexarm.control.filters.unscented_kalman import UnscentedKalmanFilter
 from flexarm.control.laws import CONTROLLERS
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium

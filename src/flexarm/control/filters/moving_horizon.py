@@ -1,18 +1,288 @@
-"""Moving-horizon estimator of states, payload, parameters and disturbances, with bounds."""
+"""Moving-horizon estimator of states, payload, parameters and disturbances, with bounds.
+
+Bounded least squares over the last samples, with the arrival cost of a filter. Symbols: x the
+estimated numbers of `Layout`, slow numbers those without [q, qd]; w the errors of the torque
+relative to their deviation, of unit variance; F, G derivatives of x at the next sample by x and w;
+H, D derivatives of the readings by x and the w that led to the sample.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
+from flexarm.control.filters.estimates import Layout, innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import MASS, StateEstimator
-from flexarm.control.filters.horizon import ArmModel, Arrival, HorizonProblem, Node, next_arrival
-from flexarm.control.filters.innovation_test import innovation_covariance, squared_innovation
+from flexarm.control.filters.kalman_filter import square_root
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model.drives.around import MovingHorizonParameters
+
+#: Largest number of Gauss-Newton steps, and the largest change of a number relative to its
+#: deviation that ends them.
+_MOST, _SMALL = 10, 1e-8
+#: Change of the last step, relative to the deviations, up to which the estimates have converged:
+#: small compared with the errors of the estimates.
+_TOLERATED = 1e-2
+#: Smallest eigenvalue of a correlation matrix, relative to the largest: it is zero for perfectly
+#: correlated numbers, so the matrix has no inverse.
+_LEAST = 1e-12
+#: Relative increase of the cost by rounding, and the number of halvings of a step that exceeds it.
+_ROUNDING, _HALVINGS = 1e-9, 4
+
+
+@dataclass
+class Node:
+    """A sample: the torque (joints,) that led to it, its readings, and the estimates of x and w."""
+
+    torque: FloatArray
+    x: FloatArray
+    error: FloatArray
+    readings: list[tuple[PredictedReadings, FloatArray]] = field(default_factory=list)
+
+
+class Arrival(NamedTuple):
+    """Mean and covariance of x at the first sample by all earlier readings, and that with w."""
+
+    x: FloatArray  # (s,)
+    P: FloatArray  # (s, s)
+    moved: FloatArray  # (s, joints)
+
+
+class Link(NamedTuple):
+    """The next sample, and its derivatives."""
+
+    after: FloatArray  # (s,)
+    F: FloatArray  # (s, s)
+    G: FloatArray  # (s, joints)
+
+
+class Readings(NamedTuple):
+    """Predicted readings, and their derivatives."""
+
+    values: FloatArray  # (size,)
+    H: FloatArray  # (size, s)
+    D: FloatArray  # (size, joints)
+
+
+class ArmModel:
+    """The equations of an arm for a horizon.
+
+    Attributes:
+        noise: (joints,) deviation of the torque, N m. walk: (s,) variances of the random walks over
+            a sample.
+    """
+
+    def __init__(
+        self, step: SampledStep, layout: Layout, noise: FloatArray, walk: FloatArray
+    ) -> None:
+        self.step, self.layout, self.noise, self.walk = step, layout, noise, walk
+
+    def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
+        """Return x at the next sample under a torque with an error w."""
+        layout = self.layout
+        acting = layout.acting(x, torque + self.noise * error)
+        step = self.step.take(x[layout.states], acting, self._changes(x))
+        after, F = x.copy(), np.eye(layout.size)
+        after[layout.states] = step.after
+        F[layout.states] = layout.derivative(step.state, step.parameters, step.torque)
+        G = np.zeros((layout.size, self.noise.size))
+        G[layout.states] = step.torque * self.noise
+        return Link(after, F, G)
+
+    def observe(
+        self, seen: PredictedReadings, x: FloatArray, torque: FloatArray, error: FloatArray
+    ) -> Readings:
+        """Return the readings at a sample to which a torque with an error w has led."""
+        layout = self.layout
+        constants = self.step.free.at(self._changes(x))
+        acting = layout.acting(x, torque + self.noise * error)
+        observed = seen.predict(x[layout.states], acting, constants)
+        slopes = observed.state, observed.parameters, observed.torque
+        H = layout.derivative(*slopes, biases=seen.bias)
+        values = observed.values + seen.bias @ x[layout.biases]
+        return Readings(values, H, observed.torque * self.noise)
+
+    def _changes(self, x: FloatArray) -> FloatArray:
+        return self.layout.changes(x, x[-1], self.step.free.values)
+
+
+class Evaluated(NamedTuple):
+    """Residuals of a horizon, their derivatives by its variables, and the samples."""
+
+    residuals: FloatArray  # (r,)
+    slopes: FloatArray  # (r, v)
+    x: list[FloatArray]
+    errors: list[FloatArray]
+    last: FloatArray  # (s, v), derivative of x at the last sample
+    links: list[Link]
+
+
+class HorizonProblem:
+    """Residuals of a horizon as a function of its variables, all of about unit deviation.
+
+    The variables are the uncertain slow numbers at the first sample, so that their bounds are those
+    of variables, the other deviations there (a root of their covariance, given the slow numbers),
+    and for each later sample w and the slow numbers that walk.
+    """
+
+    def __init__(
+        self,
+        model: ArmModel,
+        arrival: Arrival,
+        nodes: list[Node],
+        lower: FloatArray,
+        upper: FloatArray,
+    ) -> None:
+        self._model, self._arrival, self._nodes = model, arrival, nodes
+        s, joints, dof2 = arrival.x.size, model.noise.size, model.layout.states.stop
+        slow = np.arange(dof2, s)
+        self._active = active = slow[np.diag(arrival.P)[slow] > 0.0]
+        self._walking = slow[model.walk[slow] > 0.0]
+        self._step = np.sqrt(model.walk[self._walking])
+        self._scale = scale = np.sqrt(np.diag(arrival.P)[active])
+        rest = np.concatenate([np.arange(dof2), s + np.arange(joints)])
+        whole = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])
+        mean = np.concatenate([arrival.x, np.zeros(joints)])
+        own, across = whole[np.ix_(active, active)], whole[np.ix_(rest, active)]
+        values, vectors = np.linalg.eigh(own / np.outer(scale, scale))
+        values = np.maximum(values, _LEAST * np.max(values, initial=0.0))
+        self._inverse = vectors.T / np.sqrt(values)[:, None]
+        gain = (across / scale) @ self._inverse.T @ self._inverse / scale
+        self._root = square_root(whole[np.ix_(rest, rest)] - gain @ across.T)
+        self._first = first = active.size + rest.size
+        self._each = joints + self._walking.size
+        self.size = first + (len(nodes) - 1) * self._each
+        # [x, w] at the first sample is base + slope @ variables.
+        self._base, self._slope = mean.copy(), np.zeros((s + joints, self.size))
+        self._base[active] = 0.0
+        self._base[rest] -= gain @ arrival.x[active]
+        self._slope[active, np.arange(active.size)] = scale
+        self._slope[rest, : active.size] = gain * scale
+        self._slope[rest, active.size : first] = self._root
+        self._rest = rest
+        self.lower, self.upper = (
+            np.concatenate(
+                [
+                    bound[active] / scale,
+                    np.full(rest.size, infinite),
+                    np.tile(
+                        np.append(np.full(joints, infinite), bound[self._walking] / self._step),
+                        len(nodes) - 1,
+                    ),
+                ]
+            )
+            for bound, infinite in ((lower, -np.inf), (upper, np.inf))
+        )
+
+    def start(self) -> FloatArray:
+        """Return the variables (v,) of the estimates of the nodes, within their bounds."""
+        first, size = self._nodes[0], self._active.size
+        found = np.zeros(self.size)
+        found[:size] = first.x[self._active] / self._scale
+        found[:size] = np.clip(found[:size], self.lower[:size], self.upper[:size])
+        whole = np.concatenate([first.x, first.error])
+        missed = (whole - self._base - self._slope @ found)[self._rest]
+        size_of = np.maximum(np.linalg.norm(self._root, axis=1), np.finfo(float).tiny)
+        scaled = self._root / size_of[:, None]
+        found[size : self._first] = np.linalg.lstsq(scaled, missed / size_of, rcond=1e-10)[0]
+        parts = [[n.error, n.x[self._walking] / self._step] for n in self._nodes[1:]]
+        found[self._first :] = [number for part in parts for one in part for number in one]
+        return np.clip(found, self.lower, self.upper)
+
+    def evaluate(self, v: FloatArray) -> Evaluated:
+        """Return the residuals at the variables v, and all derivatives."""
+        model, joints = self._model, self._model.noise.size
+        whole, size = self._base + self._slope @ v, self._arrival.x.size
+        x, error = whole[:size], whole[size:]
+        X, W = self._slope[:size], self._slope[size:]
+        unit = np.eye(self.size)
+        early = self._inverse @ (
+            v[: self._active.size] - self._arrival.x[self._active] / self._scale
+        )
+        residuals = [early, v[self._active.size : self._first]]
+        slopes = [
+            self._inverse @ unit[: self._active.size],
+            unit[self._active.size : self._first],
+        ]
+        xs, errors, links = [x], [error], []
+        for k, node in enumerate(self._nodes):
+            if k:
+                at = self._first + (k - 1) * self._each
+                own, walked = slice(at, at + joints), slice(at + joints, at + self._each)
+                link = model.carry(x, node.torque, v[own])
+                before, X_before = x, X
+                x, error, W = link.after.copy(), v[own], unit[own]
+                X = link.F @ X + link.G @ W
+                x[self._walking] = self._step * v[walked]
+                X[self._walking] = self._step[:, None] * unit[walked]
+                residuals += [v[own], (x - before)[self._walking] / self._step]
+                slopes += [W, (X - X_before)[self._walking] / self._step[:, None]]
+                xs.append(x)
+                errors.append(error)
+                links.append(link)
+            for seen, reading in node.readings:
+                found = model.observe(seen, x, node.torque, error)
+                deviation = np.sqrt(seen.variance)
+                residuals.append((found.values - reading) / deviation)
+                slopes.append((found.H @ X + found.D @ W) / deviation[:, None])
+        whole, slope = np.concatenate(residuals), np.vstack(slopes)
+        return Evaluated(whole, slope, xs, errors, X, links)
+
+    def solve(self) -> tuple[Evaluated, bool]:
+        """Return the least squares within the bounds, and whether the search converged.
+
+        By Gauss-Newton steps of SciPy.
+        """
+        from scipy.optimize import lsq_linear
+
+        v = self.start()
+        best = self.evaluate(v)
+        for _ in range(_MOST):
+            bounds = np.minimum(self.lower - v, 0.0), np.maximum(self.upper - v, 0.0)
+            found = lsq_linear(best.slopes, -best.residuals, bounds, method="bvls", tol=1e-14)
+            change, largest = found.x, float(np.max(np.abs(found.x)))
+            if largest < _SMALL:
+                break
+            limit = (1.0 + _ROUNDING) * float(best.residuals @ best.residuals)
+            for _ in range(1 + _HALVINGS):
+                trial = self.evaluate(v + change)
+                if float(trial.residuals @ trial.residuals) <= limit:
+                    break
+                change = 0.5 * change
+            else:
+                break
+            v, best = v + change, trial
+        return best, found.status > 0 and largest < _TOLERATED
+
+
+def next_arrival(model: ArmModel, arrival: Arrival, node: Node, link: Link) -> Arrival:
+    """Return the arrival at the second sample: an extended Kalman filter along the estimates.
+
+    Args:
+        node: the first sample, with its estimates.
+        link: their next sample; the torque error in it is that of its derivatives.
+    """
+    size, joints = arrival.x.size, model.noise.size
+    mean = np.concatenate([arrival.x, np.zeros(joints)])
+    P = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])
+    at = np.concatenate([node.x, node.error])
+    for seen, reading in node.readings:
+        observed = model.observe(seen, node.x, node.torque, node.error)
+        H, R = np.hstack([observed.H, observed.D]), np.diag(seen.variance)
+        K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+        mean = mean + K @ (reading - observed.values - H @ (mean - at))
+        left = np.eye(mean.size) - K @ H
+        P = left @ P @ left.T + K @ R @ K.T
+    after = link.after + link.F @ (mean[:size] - node.x)
+    covariance = link.F @ P[:size, :size] @ link.F.T + link.G @ link.G.T + np.diag(model.walk)
+    return Arrival(after, 0.5 * (covariance + covariance.T), link.G)
+
 
 _DISTURBANCE = "disturbance"
 
