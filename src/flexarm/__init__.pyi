@@ -45,8 +45,8 @@ from .control.contract.base import ControllerRequirements as ControllerRequireme
 from .control.design.input_shaping import shaped as shaped
 from .control.design.input_shaping import shaper_sensitivity as shaper_sensitivity
 from .control.filters.kalman_filter import ExtendedKalmanFilter as ExtendedKalmanFilter
-from .control.filters.moving_horizon import MovingHorizonEstimator as MovingHorizonEstimator
 from .control.filters.kalman_filter import UnscentedKalmanFilter as UnscentedKalmanFilter
+from .control.filters.moving_horizon import MovingHorizonEstimator as MovingHorizonEstimator
 from .control.hardware.measurement import Measurement as Measurement
 from .control.laws import LQG as LQG
 from .control.laws import MPC as MPC

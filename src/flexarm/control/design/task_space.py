@@ -108,31 +108,55 @@ class TaskReference(NamedTuple):
 NUMBERS = 9
 
 
-class TaskPlan:
-    """Plan of the requested tip motion along a reference.
+class _SampledRows:
+    """Rows of numbers along a reference at the sample times.
 
     A reference with ``vectorized`` true accepts arrays of times, and is evaluated at many sample
-    times at once. A reference without ``contact_force``, ``normal`` and ``pressing_torque``
-    requests no force.
+    times at once.
     """
 
-    def __init__(self, arm: Arm, sample_time: float) -> None:
-        self._chain = rigid_chain(arm)
-        self._joints = arm.joints
+    def __init__(self, sample_time: float) -> None:
         self._sample_time = sample_time
-        self._reference: Any = None
-        self._rows: SampledFeedforward | None = None
+        self.reset()
 
     def reset(self) -> None:
         """Clear the reference."""
-        self._reference = self._rows = None
+        self._reference: Any = None
+        self._sampled: SampledFeedforward | None = None
 
-    def row(self, t: float, reference: Reference) -> FloatArray:
-        """Return the numbers of the request at t (s), in the order of ``TaskReference``."""
-        if self._rows is None or reference is not self._reference:
+    def row(self, t: float, reference: Any) -> FloatArray:
+        """Return the row (n,) at t (s)."""
+        if self._sampled is None or reference is not self._reference:
             self._reference = reference
-            self._rows = SampledFeedforward(Rows(self.rows, reference), self._sample_time)
-        return self._rows(t)
+            self._sampled = SampledFeedforward(_Rows(self.rows, reference), self._sample_time)
+        return self._sampled(t)
+
+    def rows(self, reference: Any, t: FloatArray) -> FloatArray:
+        """Return rows (T, n) at times (T,)."""
+        raise NotImplementedError
+
+
+class _Rows:
+    """Rows along a reference as a function of time, for ``SampledFeedforward``."""
+
+    def __init__(self, rows: Callable[[Any, FloatArray], FloatArray], reference: Any) -> None:
+        self._rows, self._reference = rows, reference
+        self.vectorized = bool(getattr(reference, "vectorized", False))
+
+    def __call__(self, t: Any) -> FloatArray:
+        rows = self._rows(self._reference, np.atleast_1d(np.asarray(t, dtype=np.float64)))
+        return rows if np.ndim(t) else rows[0]
+
+
+class TaskPlan(_SampledRows):
+    """Plan of the requested tip motion along a reference: the numbers of ``TaskReference``.
+
+    A reference without ``contact_force``, ``normal`` and ``pressing_torque`` requests no force.
+    """
+
+    def __init__(self, arm: Arm, sample_time: float) -> None:
+        super().__init__(sample_time)
+        self._chain, self._joints = rigid_chain(arm), arm.joints
 
     def request(self, row: FloatArray) -> TaskReference:
         """Return the request with the numbers of a row."""
@@ -142,10 +166,10 @@ class TaskPlan:
         arrays: Any = (row[a:b], row[b:c], row[c:d], row[d : d + n])
         return TaskReference(*of_tip, *arrays)
 
-    def _row(
-        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, of: Any, t: FloatArray
-    ) -> FloatArray:
-        """Return rows of ``TaskReference`` from joint motions (T, joints)."""
+    def rows(self, reference: Any, t: FloatArray) -> FloatArray:
+        """Return rows (T, numbers) at times (T,)."""
+        names = "joint_angle", "joint_rate", "joint_acceleration"
+        angle, rate, acceleration = (values_of(reference, name, t) for name in names)
         lengths, turned = self._chain.lengths, angle + self._chain.offset
         J, J_rate = tip_jacobian(lengths, turned), tip_jacobian_rate(lengths, turned, rate)
         velocity = np.einsum("tij,tj->ti", J, rate)
@@ -154,38 +178,12 @@ class TaskPlan:
         # The arrays have the type of the angles, which are symbols in exported controllers.
         force, normal = (np.zeros_like(angle, shape=(len(t), count)) for count in (1, 2))
         pressing = np.zeros_like(angle)
-        if hasattr(of, "contact_force"):
-            force[:, 0] = values_of(of, "contact_force", t)
-            normal[:] = values_of(of, "normal", t)
-            pressing[:] = values_of(of, "pressing_torque", t)
+        if hasattr(reference, "contact_force"):
+            force[:, 0] = values_of(reference, "contact_force", t)
+            normal[:] = values_of(reference, "normal", t)
+            pressing[:] = values_of(reference, "pressing_torque", t)
         of_tip = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
         return np.concatenate([*of_tip, angle, rate, acceleration, pressing], axis=1)
-
-    def rows(self, reference: Any, t: FloatArray) -> FloatArray:
-        """Return rows (T, numbers) at times (T,)."""
-        angle = values_of(reference, "joint_angle", t)
-        rate = values_of(reference, "joint_rate", t)
-        acceleration = values_of(reference, "joint_acceleration", t)
-        return self._row(angle, rate, acceleration, reference, t)
-
-
-class Rows:
-    """Rows of numbers along a reference as a function of time, for ``SampledFeedforward``.
-
-    Args:
-        rows: function of the reference and times (T,) that returns rows (T, n).
-        reference: the reference.
-    """
-
-    def __init__(self, rows: Callable[[Any, FloatArray], FloatArray], reference: Any) -> None:
-        self._rows, self._reference = rows, reference
-        self.vectorized = bool(getattr(reference, "vectorized", False))
-
-    def __call__(self, t: Any) -> FloatArray:
-        """Return the row (n,) at t (s), or the rows (T, n) at times (T,)."""
-        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
-        rows = self._rows(self._reference, times)
-        return rows if np.ndim(t) else rows[0]
 
 
 def values_of(reference: Any, name: str, t: FloatArray) -> FloatArray:
@@ -205,27 +203,15 @@ class SurfaceMotion(NamedTuple):
     force_rate: float  # N/s
 
 
-class SurfacePlan:
+class SurfacePlan(_SampledRows):
     """Plan of the requested motion along the surface; at rest for a reference without ``tip``."""
-
-    def __init__(self, sample_time: float) -> None:
-        self._sample_time = sample_time
-        self.reset()
-
-    def reset(self) -> None:
-        """Clear the reference."""
-        self._reference: Any = None
-        self._rows: SampledFeedforward | None = None
 
     def along(self, t: float, reference: Reference) -> SurfaceMotion:
         """Return the requested motion along the surface at t (s)."""
-        if self._rows is None or reference is not self._reference:
-            self._reference = reference
-            self._rows = SampledFeedforward(Rows(self._motion, reference), self._sample_time)
-        row: Any = self._rows(t).tolist()
+        row: Any = self.row(t, reference).tolist()
         return SurfaceMotion(*row)
 
-    def _motion(self, reference: Any, t: FloatArray) -> FloatArray:
+    def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows of ``SurfaceMotion`` at times (T,), with central differences as rates."""
         rows = np.zeros((len(t), 4))
         before, after = t - self._sample_time, t + self._sample_time

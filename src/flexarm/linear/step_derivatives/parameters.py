@@ -8,23 +8,22 @@ needed, and the derivatives are exact for reduced modes too; theory page "separa
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import (
-    Piece,
     constants_of_links,
-    move_root,
     place_joints_and_payload,
 )
 from flexarm.arm.stations import place_gauges
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array
-from flexarm.model import ArmSpec, Link, RayleighDamping
-from flexarm.model.paths import with_number
+from flexarm.model import ArmSpec, Link
+from flexarm.model.paths import number_at, with_number
 
 #: Exponents of the constants of a body for a factor on its whole link. Constants that are not
 #: listed do not change. They are constants of the link about its root, without the hub.
@@ -85,48 +84,25 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
     known = parameter_names(arm)
     if parameter not in known:
         raise InputError(Problem("parameters", f"be one of {', '.join(known)}", shown(parameter)))
-    constants = arm.assembly.constants
-    by = ArmConstants(*(np.zeros(array.shape) for array in constants))
-    beams = constants_of_links(arm.spec, arm.assembly.pieces)
+    scales: list[dict[str, Any]] = [{} for _ in arm.spec.links]
     found = _LINK.fullmatch(parameter)
+    spec = arm.spec
     if found is None:
-        _payload(arm, by, parameter)
-        return by
-    link, name = int(found[1]) - 1, found[2]
-    for piece in arm.assembly.pieces_of(link):
-        shapes = piece.shapes
-        if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
-            rule = f"{parameter} is not supported for a link with rotary inertia or shear"
-            hint = "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
-            raise InputError(Problem("parameter", rule, hint=hint))
-        _scale(arm, beams, by, piece, name)
-    return by
-
-
-def _scale(arm: Arm, beams: ArmConstants, by: ArmConstants, piece: Piece, name: str) -> None:
-    i = piece.body
-    for field, power in POWERS[name].items():
-        getattr(by, field)[i] = np.asarray(power) * getattr(beams, field)[i]
-    move_root(by, i, piece.offset)
-    damping = arm.spec.links[piece.link].damping
-    if isinstance(damping, RayleighDamping):
-        by.damping[i] = damping.stiffness_coefficient * by.w2[i]
-    elif damping is not None:
-        by.damping[i] = 0.5 * POWERS[name]["w2"] * arm.assembly.constants.damping[i]
-
-
-def _payload(arm: Arm, by: ArmConstants, parameter: str) -> None:
-    payload = arm.spec.payload
-    if not (payload.mass > 0.0 and any(payload.offset)):
-        (by.tip_mass if parameter == "payload.mass" else by.tip_inertia)[-1] = 1.0
-        return
-    x, y = payload.offset
-    if parameter == "payload.inertia":
-        by.inertia[-1] = by.residual_inertia[-1, 2] = 1.0
-        return
-    by.mass[-1], by.first_moment_x[-1], by.first_moment_y[-1] = 1.0, x, y
-    by.inertia[-1] = x * x + y * y
-    by.residual_inertia[-1] = 1.0, x, x * x + y * y
+        value = number_at(parameter, spec, parameter) + 1j * STEP
+        spec = with_number(spec, parameter, value, checked=False)
+    else:
+        link, name = int(found[1]) - 1, found[2]
+        for piece in arm.assembly.pieces_of(link):
+            shapes = piece.shapes
+            if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
+                rule = f"{parameter} is not supported for a link with rotary inertia or shear"
+                hint = (
+                    "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
+                )
+                raise InputError(Problem("parameter", rule, hint=hint))
+        scales[link][name] = 1.0 + 1j * STEP
+    moved = _scaled_constants(arm, spec, scales, complex)
+    return ArmConstants(*(array.imag / STEP for array in moved))
 
 
 def constants_at(
@@ -139,19 +115,27 @@ def constants_at(
     rigidity, mass or length as a whole, the mode shapes do not change. There is no formula for any
     other number of a link.
     """
-    spec, assembly = arm.spec, arm.assembly
+    spec = arm.spec
     for path, value in values.items():
         spec = with_number(spec, path, value, checked=False)
-    own = constants_of_links(arm.spec, assembly.pieces)
-    constants = ArmConstants(*(array.astype(dtype) for array in own))
     scales = [scales_of(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
-    for piece in assembly.pieces:
+    return _scaled_constants(arm, spec, scales, dtype), _gauge_rows(arm, spec, scales, dtype)
+
+
+def _scaled_constants(
+    arm: Arm, spec: ArmSpec, scales: Sequence[Mapping[str, Any]], dtype: Any
+) -> ArmConstants:
+    """Return constants with the factors ``scales`` of whole links, and the joints of ``spec``."""
+    pieces = arm.assembly.pieces
+    own = constants_of_links(arm.spec, pieces)
+    constants = ArmConstants(*(array.astype(dtype) for array in own))
+    for piece in pieces:
         for law, factor in scales[piece.link].items():
             for field, power in POWERS[law].items():
                 column = getattr(constants, field)
                 column[piece.body] = scaled(column[piece.body], factor, power)
-    place_joints_and_payload(constants, spec, assembly.pieces, assembly.seats)
-    return constants, _gauge_rows(arm, spec, scales, dtype)
+    place_joints_and_payload(constants, spec, pieces, arm.assembly.seats)
+    return constants
 
 
 def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]], dtype: Any) -> Array:
