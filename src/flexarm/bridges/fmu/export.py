@@ -29,7 +29,7 @@ from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
 from flexarm.bridges.c_code.model_functions import NamedFunction
-from flexarm.bridges.c_code.source import Exported, array, origin
+from flexarm.bridges.c_code.source import EXTENTS, MEANINGS, PLANNED, Exported, array, origin
 from flexarm.bridges.symbolic.casadi_model import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
@@ -190,6 +190,7 @@ _UNITS: dict[str, dict[str, int]] = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N m": {"kg": 1, "m": 2, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
+    "N/s": {"kg": 1, "m": 1, "s": -3},
 }
 
 
@@ -414,33 +415,13 @@ _OUTPUTS = {
 }
 #: Readings of the controller that the arm has as variables.
 _READINGS = ("joint_angle", "joint_rate", "strain", "tip")
-_JOINT_INPUTS = {
-    "reference_angle": ("rad", "joint angle to follow"),
-    "reference_rate": ("rad/s", "rate of the joint angle to follow"),
-    "reference_acceleration": ("rad/s^2", "acceleration of the joint angle to follow"),
-    "feedforward": ("N m", "torque that is added, in the middle of the sample"),
-    "reference_pressing": ("N m", "torque to press, in addition to that of the rigid model"),
-    "rougher_angle": ("rad", "joint angle of the reference for more friction"),
-    "rougher_rate": ("rad/s", "joint rate of the reference for more friction"),
-    "rougher_acceleration": ("rad/s^2", "joint acceleration of the reference for more friction"),
-    "rougher_pressing": ("N m", "torque to press of the reference for more friction"),
-    "nominal_angle": ("rad", "joint angle of the nominal motion"),
-    "nominal_torque": ("N m", "torque of the nominal motion"),
-}
-_OTHER_INPUTS = {
-    "strain_correction": ("", "strain along the reference minus static strain"),
-    "nominal_reading": ("", "reading of the nominal motion"),
-    "nominal_tip": ("m", "x and y of the nominal tip, of straight links along a reference"),
-    "nominal_force": ("", "elastic force of the nominal motion at a node of the preview"),
-    "contact_force": ("N", "measured force of the contact on the arm, x and y, world axes"),
-    "reference_force": ("N", "contact force on the surface; 0 for motion without contact"),
-    "reference_normal": ("", "outward unit normal of the surface; zero without a surface"),
-    "reference_force_rate": ("N/s", "rate of the contact force"),
-    "reference_friction": ("", "coefficient of friction of the reference"),
-    "rougher_friction": ("", "coefficient of friction of the reference for more friction"),
-    "path_position": ("m", "x and y of the path of the tip on the surface"),
-    "path_speed": ("m/s", "speed along the surface, in the direction (-normal y, normal x)"),
-}
+
+
+def _described(argument: str) -> tuple[str, str]:
+    """Return the meaning and the unit of an argument of the controller."""
+    text = MEANINGS.get(argument, PLANNED).partition("; NULL")[0]
+    meaning, _, unit = text.rpartition(", ")
+    return (meaning, unit) if unit in _UNITS else (text, "")
 
 
 @dataclass(frozen=True)
@@ -544,9 +525,9 @@ class _Variables:
             if start is None and name == "reference_angle":
                 start = q[arm.joint_index]
             values = [0.0] * size if start is None else [float(one) for one in start]
-            planned = ("", "planned input of the controller")
-            unit, meaning = (_JOINT_INPUTS | _OTHER_INPUTS).get(name, planned)
-            numbers = arm.joint_numbers if name in _JOINT_INPUTS else range(1, size + 1)
+            meaning, unit = _described(name)
+            by_joint = EXTENTS.get(name) == "{JOINTS}"
+            numbers = arm.joint_numbers if by_joint else range(1, size + 1)
             rows = [
                 _Variable(f"{name}[{number}]", unit, meaning, "input", start=value)
                 for number, value in zip(numbers, values, strict=True)
