@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import Any
 
 import casadi
@@ -115,15 +116,21 @@ def _step_jacobian(model: CasadiModel) -> NamedFunction:
     n, m = model.arm.dof, model.arm.joints
     of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
     inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
-    places = {"q": slice(0, n), "qd": slice(n, 2 * n), "torque": slice(2 * n, 2 * n + m)}
-    unit = casadi.MX(casadi.DM.eye(2 * n + m))
-    columns = {name: casadi.horzcat(inputs[name], unit[at, :]) for name, at in places.items()}
+    columns = with_derivatives({name: inputs[name] for name in ("q", "qd", "torque")})
     after = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
     outputs = {"by_state": after[:, 1 : 2 * n + 1]}
     if m:
         outputs["by_torque"] = after[:, 2 * n + 1 :]
     summary = "Derivatives of a step, exact to rounding."
     return named("step_jacobian", summary, inputs, outputs)
+
+
+def with_derivatives(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return columns [value, derivatives of the value by all values] by name."""
+    ends = [0, *accumulate(value.numel() for value in values.values())]
+    unit = casadi.MX(casadi.DM.eye(ends[-1]))
+    rows = zip(values.items(), pairwise(ends), strict=True)
+    return {name: casadi.horzcat(value, unit[slice(*pair), :]) for (name, value), pair in rows}
 
 
 def dynamics_of_columns(model: CasadiModel, names: Sequence[str]) -> Callable[..., Any]:

@@ -7,7 +7,6 @@ size of the code does not grow with the cube of the number of states.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +21,7 @@ from flexarm.bridges.c_code.model_functions import (
     dynamics_of_columns,
     named,
     runge_kutta,
+    with_derivatives,
 )
 from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm
@@ -33,15 +33,14 @@ from flexarm.control.filters.first_estimate import (
     tip_mass,
 )
 from flexarm.control.filters.kalman_filter import (
-    ITERATIONS,
     ExtendedKalmanFilter,
-    KalmanFilter,
-    UnscentedKalmanFilter,
+    corrected,
+    linearisations,
+    propagated,
     split,
     widest_single,
 )
-from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
-from flexarm.control.filters.predicted_readings import PredictedReadings
+from flexarm.control.filters.predicted_readings import Link, PredictedReadings, Readings
 from flexarm.linear.models.state_space import find_outputs
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 
@@ -49,11 +48,6 @@ _PAYLOAD = "payload.mass"
 #: Steps of Newton's method for the sag at the start, which a fixed cost requires. Four are exact to
 #: rounding for links that bend by 15 % of their length, linear or of second order.
 _NEWTON_STEPS = 6
-#: Reasons why a filter cannot be exported.
-_REFUSED: dict[type[Any], str] = {
-    UnscentedKalmanFilter: "An unscented filter needs eigenvectors at every sample.",
-    MovingHorizonEstimator: "It solves an optimisation problem at every sample.",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +83,7 @@ class Observer:
 def exported_observer(arm: Arm, observer: object) -> Observer:
     """Return the functions of a filter for an arm; InputError if the code cannot contain it."""
     if not isinstance(observer, ExtendedKalmanFilter):
-        hint = next((why for kind, why in _REFUSED.items() if isinstance(observer, kind)), "")
+        hint = getattr(observer, "not_exported", "")
         raise InputError(
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
@@ -104,7 +98,7 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
     if observer.arm.joints != arm.joints:
         rule = f"be for an arm with {arm.joints} joints"
         raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
-    widest = widest_single(_nominal(observer) + tip_mass(observer.arm))
+    widest = widest_single(observer.arm.spec.payload.mass + tip_mass(observer.arm))
     if observer.payload_deviation > widest:
         rule = f"have a payload_deviation of at most {widest:.3g} kg"
         hint = "Above it the filter is a sum of Gaussians, whose number changes during a run."
@@ -125,12 +119,14 @@ class _Writer:
         self.states = 2 * self.arm.dof + 1
         self.shown = PredictedReadings(self.arm, observer.instruments)
         self.predicted = self._predicted_readings()
-        self.own, self.nominal = tip_mass(self.arm), _nominal(observer)
+        self.own, self.nominal = tip_mass(self.arm), observer.arm.spec.payload.mass
         mean, variance = [self.nominal + self.own], [[observer.payload_deviation**2]]
         self.scale, (prior,) = split(np.array(mean), np.array(variance))
         self.spread = float(prior.P[-1, -1])
         self.steps = SampledStep(self.arm, observer.sample_time).steps
         self.joints = self.arm.joint_index.tolist()
+        self.bending = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
+        self.static = self._static()
         self.angle = next(i for i in observer.instruments if i.signal == "joint_angle")
 
     def start(self) -> NamedFunction:
@@ -188,109 +184,87 @@ class _Writer:
 
     def _at_rest(self, q: Any, mass: float) -> Any:
         """Return the coordinates at rest with locked joints."""
-        free = self._free()
-        force, stiffness = self._static()
-        for _ in range(_NEWTON_STEPS if free else 0):
+        for _ in range(_NEWTON_STEPS if self.bending else 0):
             now = casadi.MX(q)
-            now[free] -= _solved(stiffness(q, mass), force(q, mass))
+            force, stiffness = self.static(q, mass)
+            now[self.bending] -= _solved(stiffness, force)
             q = now
         return q
 
-    def _free(self) -> list[int]:
-        """Return the places of coordinates that are not joint angles."""
-        places: list[int] = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
-        return places
-
-    def _static(self) -> tuple[Any, Any]:
-        """Return static force and stiffness of bending, functions of q and payload."""
-        q, mass, free = casadi.SX.sym("q", self.arm.dof), casadi.SX.sym("mass"), self._free()
-        force = self.model.bias_force(q, casadi.DM.zeros(self.arm.dof), mass)[free]
-        slope = casadi.densify(casadi.jacobian(force, q)[:, free])
-        functions = ("force", force), ("stiffness", slope)
-        pair = [casadi.Function(name, [q, mass], [casadi.densify(one)]) for name, one in functions]
-        return pair[0], pair[1]
+    def _static(self) -> Any:
+        """Return static force and stiffness of bending, a function of q and payload."""
+        q, mass, zero = casadi.SX.sym("q", self.arm.dof), casadi.SX.sym("mass"), casadi.DM.zeros
+        force = self.model.bias_force(q, zero(self.arm.dof), mass)[self.bending]
+        results = force, casadi.jacobian(force, q)[:, self.bending]
+        return casadi.Function("static", [q, mass], list(map(casadi.densify, results)))
 
     def _first_variance(self, straight: Any) -> Any:
         """Return the variances (states,) before the first reading; the mass has its own."""
         rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
         variance = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
-        free = self._free()
-        if free:
-            stiffness = casadi.diag(self._static()[1](straight, self.nominal))
+        if self.bending:
+            stiffness = casadi.diag(self.static(straight, self.nominal)[1])
             least = LEAST_STIFFNESS * casadi.mmax(stiffness)
-            variance[free] /= casadi.fmax(stiffness, least)
+            variance[self.bending] /= casadi.fmax(stiffness, least)
         return variance
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
         """Return mean, covariance, and its part with the torque error, after a sample time."""
         given, n, m = self.filter, self.arm.dof, self.arm.joints
         mass, moving = self._mass(x)
-        unit = casadi.MX(casadi.DM.eye(2 * n + m + 1))
-        columns: dict[str, Any] = {
-            name: casadi.horzcat(value, unit[rows, :])
-            for name, value, rows in (
-                ("q", x[:n], slice(0, n)),
-                ("qd", x[n : 2 * n], slice(n, 2 * n)),
-                ("torque", torque, slice(2 * n, 2 * n + m)),
-                ("parameters", mass, slice(2 * n + m, 2 * n + m + 1)),
-            )
-        }
-        after = casadi.vertcat(*self._stepped(columns))
+        values = {"q": x[:n], "qd": x[n : 2 * n], "torque": torque, "parameters": mass}
+        after = casadi.vertcat(*self._stepped(with_derivatives(values)))
         states, by_torque, by_mass = after[:, 1 : 2 * n + 1], after[:, 2 * n + 1 : -1], after[:, -1]
         last = casadi.horzcat(casadi.DM.zeros(1, 2 * n), 1.0)
         F = casadi.vertcat(casadi.horzcat(states, by_mass * moving), last)
-        noise = casadi.DM(np.broadcast_to(np.asarray(given.torque_noise), m))
-        noisy = casadi.vertcat(by_torque * casadi.repmat(noise.T, 2 * n, 1), casadi.DM.zeros(1, m))
-        P = F @ P @ F.T + noisy @ noisy.T
+        G = casadi.vertcat(self._noisy(by_torque), casadi.DM.zeros(1, m))
+        link = Link(casadi.vertcat(after[:, 0], x[-1]), F, G)
+        P = propagated(P, link)
         if given.payload_drift:
             wandered = given.payload_drift**2 * given.sample_time
             grown = casadi.log1p(wandered / moving**2)
             P = P + casadi.diag(casadi.vertcat(casadi.DM.zeros(2 * n), grown))
-        return casadi.vertcat(after[:, 0], x[-1]), P, noisy
+        return link.after, P, link.G
 
-    def _stepped(self, columns: Mapping[str, Any]) -> tuple[Any, Any]:
+    def _stepped(self, columns: dict[str, Any]) -> tuple[Any, Any]:
         """Return columns of q and qd after the steps of a sample time."""
-        steps = self.steps
         symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
-        others = {"step": self.filter.sample_time / steps, "tip_force": casadi.DM.zeros(3)}
+        others = {"step": self.filter.sample_time / self.steps, "tip_force": casadi.DM.zeros(3)}
         of_columns = dynamics_of_columns(self.model, tuple(columns))
         after = runge_kutta(of_columns, symbols | others)
         step = casadi.Function("substep", list(symbols.values()), list(after))
         q, qd, *constant = columns.values()
-        for _ in range(steps):
+        for _ in range(self.steps):
             q, qd = step(q, qd, *constant)
         return q, qd
 
+    def _noisy(self, by_torque: Any) -> Any:
+        """Return derivatives by the torque times the deviation of its error."""
+        noise = np.broadcast_to(np.asarray(self.filter.torque_noise), self.arm.joints)
+        return by_torque * casadi.repmat(casadi.DM(noise).T, by_torque.shape[0], 1)
+
     def _corrected(self, x: Any, P: Any, moved: Any, torque: Any, readings: Any) -> dict[str, Any]:
-        """Return the outputs of a sample; ``_update`` of the filter has the same steps."""
-        size, before = self.states, x
-        for iteration in range(1 if self.shown.linear else ITERATIONS):
+        """Return the outputs of a sample."""
+
+        def observe(x: Any) -> Readings:
             mass, moving = self._mass(x)
             values, by_state, by_mass, by_torque = self.predicted(x[:-1], torque, mass)
-            H = casadi.horzcat(by_state, by_mass * moving)
-            noise = casadi.DM(
-                np.broadcast_to(np.asarray(self.filter.torque_noise), self.arm.joints)
+            return Readings(
+                values, casadi.horzcat(by_state, by_mass * moving), self._noisy(by_torque)
             )
-            felt = by_torque * casadi.repmat(noise.T, self.shown.size, 1)
-            R = casadi.diag(casadi.DM(self.shown.variance)) + felt @ felt.T
-            N = moved @ felt.T
-            S = H @ P @ H.T + H @ N + N.T @ H.T + R
-            K = _solved(S, (P @ H.T + N).T).T
-            expected = values + H @ (before - x)
-            if iteration == 0:
-                missed = readings - expected
-                innovation = casadi.dot(missed, _solved(S, missed)) / self.shown.size
-            x = before + K @ (readings - expected)
-        left = casadi.DM.eye(size) - K @ H
-        both = left @ N @ K.T
-        P = left @ P @ left.T + K @ R @ K.T - both - both.T
+
+        constants = casadi.DM.eye(self.states), casadi.diag(casadi.DM(self.shown.variance))
+        x, P, predicted, S = corrected(
+            observe, readings, x, P, moved, *constants, linearisations(self.shown), _solved
+        )
+        missed = readings - predicted
         n, payload = self.arm.dof, self.scale * casadi.exp(x[-1] + 0.5 * P[-1, -1])
         return {
             "observer_memory_out": casadi.vertcat(x, casadi.vec(P.T)),
             "estimated_q": x[:n],
             "estimated_qd": x[n : 2 * n],
             "estimated_payload": casadi.fmax(payload - self.own, 0.0),
-            "innovation": innovation,
+            "innovation": casadi.dot(missed, _solved(S, missed)) / self.shown.size,
         }
 
     def _predicted_readings(self) -> Any:
@@ -312,11 +286,6 @@ class _Writer:
                 values[place] = casadi.vertcat(*(plain(one) for one in row[sensor.columns]))
         slopes = [casadi.densify(casadi.jacobian(values, one)) for one in (x, mass, torque)]
         return casadi.Function("readings", [x, torque, mass], [casadi.densify(values), *slopes])
-
-
-def _nominal(observer: KalmanFilter) -> float:
-    """Return the payload mass of the filter's arm, kg."""
-    return observer.arm.spec.payload.mass
 
 
 def _solved(A: Any, B: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,8 @@ from flexarm.base.errors import (
 )
 from flexarm.control.hardware.measurement import FloatArray
 
+#: Matrix of NumPy or CasADi.
+Matrix = Any
 #: Number of samples over which normalised innovations squared are averaged.
 WINDOW = 100
 #: Probability that a consistent filter fails the test in a given window.
@@ -52,8 +54,8 @@ def band(size: int, probability: float) -> tuple[float, float]:
 
 
 def innovation_covariance(
-    P: FloatArray, moved: FloatArray, H: FloatArray, felt: FloatArray, variance: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    P: Matrix, moved: Matrix, H: Matrix, felt: Matrix, noise: Matrix
+) -> tuple[Matrix, Matrix, Matrix]:
     """Return the covariance S of readings, that of their errors R, and N of state and errors.
 
     The error of the torque affects both the state and the accelerometers, so their errors are
@@ -62,9 +64,9 @@ def innovation_covariance(
     Args:
         P: (s, s), covariance of the state. H: (readings, s), derivative by the state.
         moved, felt: (s, joints), (readings, joints), changes of state and readings by the error of
-            the torque relative to its deviation. variance: (readings,) of the instruments.
+            the torque relative to its deviation. noise: (readings, readings) of the instruments.
     """
-    N, R = moved @ felt.T, np.diag(variance) + felt @ felt.T
+    N, R = moved @ felt.T, noise + felt @ felt.T
     return H @ P @ H.T + H @ N + N.T @ H.T + R, R, N
 
 

@@ -12,15 +12,17 @@ References:
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
-from flexarm.control.filters.estimates import innovation_covariance, squared_innovation
+from flexarm.control.filters.estimates import Matrix, innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import StateEstimator
 from flexarm.control.filters.first_estimate import tip_mass
-from flexarm.control.filters.predicted_readings import PredictedReadings
+from flexarm.control.filters.predicted_readings import ArmModel, Link, PredictedReadings, Readings
 from flexarm.control.hardware.measurement import FloatArray
 
 #: Number of Gaussians; distance of the outermost ones from the mean, in standard deviations; and
@@ -37,11 +39,16 @@ _LEAST, _CLOSE = 1e-6, 0.5
 
 @dataclass
 class Hypothesis:
-    """Gaussian over [state, log(mass / scale)]: mean (n + 1,), covariance and log weight."""
+    """Gaussian over [state, log(mass / scale)]: mean (n + 1,), covariance and log weight.
+
+    ``moved`` (n + 1, joints) is its covariance with the error of the last torque, relative to
+    ``torque_noise``; zero after a correction.
+    """
 
     x: FloatArray
     P: FloatArray
     log_weight: float
+    moved: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def split(x: FloatArray, P: FloatArray) -> tuple[float, list[Hypothesis]]:
@@ -139,7 +146,7 @@ class KalmanFilter(StateEstimator):
     logarithm of the payload mass plus the effective mass of the tip, the last number of each.
     """
 
-    _changing = ("_parts", "_moved")
+    _changing = ("_parts",)
 
     def __post_init__(self) -> None:
         self._own = tip_mass(self.arm)
@@ -147,10 +154,15 @@ class KalmanFilter(StateEstimator):
 
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
         """See ``StateEstimator._start``."""
+        assert self._step is not None
+        self._model = ArmModel(self._step, self._layout, self._noise, self._walk, self._mass)
         self._scale, parts = split(x + self._own * np.eye(x.size)[-1], covariance)  # kg
         self._parts = [part for part in parts if self._moving(part.x) >= self._own] or parts
-        # Change of the numbers of each hypothesis by the error of the last torque.
-        self._moved = [np.zeros((x.size, self.arm.joints))] * len(self._parts)
+        self._stay()
+
+    def _stay(self) -> None:
+        for part in self._parts:
+            part.moved = np.zeros((part.x.size, self.arm.joints))
 
     def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
         """See ``StateEstimator._correct``."""
@@ -159,8 +171,8 @@ class KalmanFilter(StateEstimator):
         # The innovation test needs the weights of the hypotheses before the update changes them.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
-        for part, moved in zip(self._parts, self._moved, strict=True):
-            values, S = self._update(part, moved, seen, readings)
+        for part in self._parts:
+            values, S = self._update(part, seen, readings)
             predicted.append(values)
             expected.append(S)
             factor = cho_factor(S)
@@ -169,32 +181,21 @@ class KalmanFilter(StateEstimator):
             part.log_weight -= float(np.sum(np.log(np.diag(factor[0]))))
         mean, covariance = combined(before, predicted, expected)
         self._parts = reduced(self._parts)
-        self._moved = [np.zeros_like(self._moved[0])] * len(self._parts)
+        self._stay()
         return squared_innovation(readings - mean, covariance)
 
     def _predict(self) -> None:
         """See ``StateEstimator._predict``."""
-        self._moved = [self._propagate(part) for part in self._parts]
+        for part in self._parts:
+            self._propagate(part)
 
     @abstractmethod
-    def _propagate(self, part: Hypothesis) -> FloatArray:
-        """Carry a hypothesis to the next sample; return its covariance with the torque error.
-
-        (s, joints), for torque errors relative to ``torque_noise``.
-        """
+    def _propagate(self, part: Hypothesis) -> None:
+        """Carry a hypothesis to the next sample."""
 
     @abstractmethod
-    def _update(
-        self,
-        part: Hypothesis,
-        moved: FloatArray,
-        seen: PredictedReadings,
-        readings: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Correct a hypothesis; return its predicted readings and their covariance.
-
-        ``moved`` is the result of ``_propagate``, zero before the first prediction.
-        """
+    def _update(self, part: Hypothesis, seen: PredictedReadings, readings: FloatArray) -> Predicted:
+        """Correct a hypothesis; return its predicted readings and their covariance."""
 
     def _add_drift(self, part: Hypothesis) -> None:
         """Add the random walks over a sample to the covariance."""
@@ -211,14 +212,16 @@ class KalmanFilter(StateEstimator):
         """Return the mass (kg) whose logarithm is estimated: payload plus effective tip mass."""
         return self._scale * float(np.exp(x[-1]))
 
-    def _change(self, x: FloatArray) -> FloatArray:
-        """Return the changes (1 + p,) of payload mass and parameters for the step."""
-        mass = max(self._moving(x) - self._own, 0.0)
-        return self._layout.changes(x, mass, self._nominal)
+    def _mass(self, x: FloatArray) -> tuple[float, float]:
+        """Return the mass of the payload, and its derivative by its logarithm, kg."""
+        moving = self._moving(x)
+        return max(moving - self._own, 0.0), moving
 
 
 #: Number of linearisations in an update by readings that are not linear in the state.
-ITERATIONS = 3
+_ITERATIONS = 3
+#: Predicted readings and their covariance.
+Predicted = tuple[FloatArray, FloatArray]
 
 
 class ExtendedKalmanFilter(KalmanFilter):
@@ -238,48 +241,60 @@ class ExtendedKalmanFilter(KalmanFilter):
     The filter starts at the first readings of the encoders, with links at rest under gravity.
     """
 
-    def _propagate(self, part: Hypothesis) -> FloatArray:
-        assert self._step is not None
-        layout = self._layout
-        step = self._step.take(part.x[layout.states], self._acting(part.x), self._change(part.x))
-        F, states = np.eye(layout.size), layout.states
-        moving = self._moving(part.x)
-        F[states] = layout.derivative(step.state, step.parameters, step.torque, moving)
-        part.x[states] = step.after
-        noisy = np.zeros((layout.size, self.arm.joints))
-        noisy[states] = step.torque * self._noise
-        part.P = F @ part.P @ F.T + noisy @ noisy.T
+    def _propagate(self, part: Hypothesis) -> None:
+        link = self._model.carry(part.x, self._torque, np.zeros(self.arm.joints))
+        part.x, part.P, part.moved = link.after, propagated(part.P, link), link.G
         self._add_drift(part)
-        return noisy
 
-    def _update(
-        self,
-        part: Hypothesis,
-        moved: FloatArray,
-        seen: PredictedReadings,
-        readings: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        from scipy.linalg import cho_factor, cho_solve
+    def _update(self, part: Hypothesis, seen: PredictedReadings, readings: FloatArray) -> Predicted:
+        none = np.zeros(self.arm.joints)
+        constants = np.eye(part.x.size), np.diag(seen.variance)
+        part.x, part.P, *predicted = corrected(
+            lambda x: self._model.observe(seen, x, self._torque, none),
+            *(readings, part.x, part.P, part.moved, *constants, linearisations(seen)),
+        )
+        return predicted[0], predicted[1]
 
-        assert self._step is not None
-        before, x, layout = part.x, part.x, self._layout
-        for iteration in range(1 if seen.linear else ITERATIONS):
-            constants = self._step.free.at(self._change(x))
-            found = seen.predict(x[layout.states], self._acting(x), constants)
-            slopes = found.state, found.parameters, found.torque
-            H = layout.derivative(*slopes, self._moving(x), seen.bias)
-            felt = found.torque * self._noise
-            S, R, N = innovation_covariance(part.P, moved, H, felt, seen.variance)
-            K = cho_solve(cho_factor(S), (part.P @ H.T + N).T).T
-            expected = found.values + seen.bias @ x[layout.biases] + H @ (before - x)
-            if iteration == 0:
-                predicted, deviation = expected, S
-            x = before + K @ (readings - expected)
-        left = np.eye(x.size) - K @ H
-        # The Joseph form keeps the covariance symmetric and positive despite rounding.
-        both = left @ N @ K.T
-        part.x, part.P = x, left @ part.P @ left.T + K @ R @ K.T - both - both.T
-        return predicted, deviation
+
+def propagated(P: Matrix, link: Link) -> Matrix:
+    """Return the covariance (s, s) after a sample, without random walks."""
+    return link.F @ P @ link.F.T + link.G @ link.G.T
+
+
+def _solved(A: Matrix, B: Matrix) -> Matrix:
+    from scipy.linalg import cho_factor, cho_solve
+
+    return cho_solve(cho_factor(A), B)
+
+
+def linearisations(seen: PredictedReadings) -> int:
+    """Return the number of linearisations in an update."""
+    return 1 if seen.linear else _ITERATIONS
+
+
+def corrected(
+    observe: Callable[[Matrix], Readings],
+    readings: Matrix, before: Matrix, P: Matrix, moved: Matrix, unit: Matrix, noise: Matrix,
+    iterations: int, solved: Callable[[Matrix, Matrix], Matrix] = _solved,
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
+    """Return mean and covariance after readings, and the prediction of these with its covariance.
+
+    ``before``, ``P`` and ``moved`` are those of a `Hypothesis`, ``unit`` (n, n) is the identity,
+    ``noise`` (k, k) the covariance of the instruments; ``solved`` solves A X = B for A > 0.
+    """
+    x = before
+    for iteration in range(iterations):
+        values, H, felt = observe(x)
+        S, R, N = innovation_covariance(P, moved, H, felt, noise)
+        K = solved(S, (P @ H.T + N).T).T
+        expected = values + H @ (before - x)
+        if iteration == 0:
+            predicted, deviation = expected, S
+        x = before + K @ (readings - expected)
+    left = unit - K @ H
+    # The Joseph form keeps the covariance symmetric and positive despite rounding.
+    both = left @ N @ K.T
+    return x, left @ P @ left.T + K @ R @ K.T - both - both.T, predicted, deviation
 
 
 #: Weight of the central point for the covariance, beyond its weight for the mean (van der Merwe's
@@ -305,8 +320,9 @@ class UnscentedKalmanFilter(KalmanFilter):
         E. A. Wan and R. van der Merwe, IEEE Adaptive Systems Symposium, 2000, 153-158.
     """
 
-    def _propagate(self, part: Hypothesis) -> FloatArray:
-        assert self._step is not None
+    not_exported: ClassVar[str] = "An unscented filter needs eigenvectors at every sample."
+
+    def _propagate(self, part: Hypothesis) -> None:
         joints = self.arm.joints
         points = _sigma_points(part.x, part.P, np.zeros((part.x.size, joints)))
         before, errors = points[:, :-joints], points[:, -joints:]
@@ -314,33 +330,24 @@ class UnscentedKalmanFilter(KalmanFilter):
         states = self._layout.states
         for old, error, new in zip(before, errors, after, strict=True):
             torque = self._acting(old) + self._noise * error
-            new[states] = self._step.advance(old[states], torque, self._change(old))
+            new[states] = self._model.step.advance(old[states], torque, self._model.changes(old))
         part.x, part.P = _mean(after), _covariance(after, after)
         self._add_drift(part)
-        return _covariance(after, errors)
+        part.moved = _covariance(after, errors)
 
-    def _update(
-        self,
-        part: Hypothesis,
-        moved: FloatArray,
-        seen: PredictedReadings,
-        readings: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        from scipy.linalg import cho_factor, cho_solve
-
-        assert self._step is not None
+    def _update(self, part: Hypothesis, seen: PredictedReadings, readings: FloatArray) -> Predicted:
         joints = self.arm.joints
         # Accelerometers measure the error of the torque that has changed the state.
-        points = _sigma_points(part.x, part.P, moved)
+        points = _sigma_points(part.x, part.P, part.moved)
         states, outputs = points[:, :-joints], np.zeros((len(points), seen.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
             torque = self._acting(x) + self._noise * error
-            constants = self._step.free.at(self._change(x))
+            constants = self._model.step.free.at(self._model.changes(x))
             outputs[k] = seen.values(x[self._layout.states], torque, constants)
             outputs[k] += seen.bias @ x[self._layout.biases]
         predicted = _mean(outputs)
         S = _covariance(outputs, outputs) + np.diag(seen.variance)
-        K = cho_solve(cho_factor(S), _covariance(states, outputs).T).T
+        K = _solved(S, _covariance(states, outputs).T).T
         part.x = part.x + K @ (readings - predicted)
         part.P = part.P - K @ S @ K.T
         part.P = 0.5 * (part.P + part.P.T)

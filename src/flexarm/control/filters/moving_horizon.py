@@ -10,17 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
-from flexarm.control.filters.estimates import Layout, innovation_covariance, squared_innovation
+from flexarm.control.filters.estimates import innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import MASS, StateEstimator
 from flexarm.control.filters.kalman_filter import square_root
-from flexarm.control.filters.predicted_readings import PredictedReadings
+from flexarm.control.filters.predicted_readings import ArmModel, Link, PredictedReadings
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model.drives.around import MovingHorizonParameters
 
 #: Largest number of Gauss-Newton steps, and the largest change of a number relative to its
@@ -52,64 +51,6 @@ class Arrival(NamedTuple):
     x: FloatArray  # (s,)
     P: FloatArray  # (s, s)
     moved: FloatArray  # (s, joints)
-
-
-class Link(NamedTuple):
-    """The next sample, and its derivatives."""
-
-    after: FloatArray  # (s,)
-    F: FloatArray  # (s, s)
-    G: FloatArray  # (s, joints)
-
-
-class Readings(NamedTuple):
-    """Predicted readings, and their derivatives."""
-
-    values: FloatArray  # (size,)
-    H: FloatArray  # (size, s)
-    D: FloatArray  # (size, joints)
-
-
-class ArmModel:
-    """The equations of an arm for a horizon.
-
-    Attributes:
-        noise: (joints,) deviation of the torque, N m. walk: (s,) variances of the random walks over
-            a sample.
-    """
-
-    def __init__(
-        self, step: SampledStep, layout: Layout, noise: FloatArray, walk: FloatArray
-    ) -> None:
-        self.step, self.layout, self.noise, self.walk = step, layout, noise, walk
-
-    def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
-        """Return x at the next sample under a torque with an error w."""
-        layout = self.layout
-        acting = layout.acting(x, torque + self.noise * error)
-        step = self.step.take(x[layout.states], acting, self._changes(x))
-        after, F = x.copy(), np.eye(layout.size)
-        after[layout.states] = step.after
-        F[layout.states] = layout.derivative(step.state, step.parameters, step.torque)
-        G = np.zeros((layout.size, self.noise.size))
-        G[layout.states] = step.torque * self.noise
-        return Link(after, F, G)
-
-    def observe(
-        self, seen: PredictedReadings, x: FloatArray, torque: FloatArray, error: FloatArray
-    ) -> Readings:
-        """Return the readings at a sample to which a torque with an error w has led."""
-        layout = self.layout
-        constants = self.step.free.at(self._changes(x))
-        acting = layout.acting(x, torque + self.noise * error)
-        observed = seen.predict(x[layout.states], acting, constants)
-        slopes = observed.state, observed.parameters, observed.torque
-        H = layout.derivative(*slopes, biases=seen.bias)
-        values = observed.values + seen.bias @ x[layout.biases]
-        return Readings(values, H, observed.torque * self.noise)
-
-    def _changes(self, x: FloatArray) -> FloatArray:
-        return self.layout.changes(x, x[-1], self.step.free.values)
 
 
 class Evaluated(NamedTuple):
@@ -312,6 +253,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE Trans. Automatic Control 48 (2003) 246-258.
     """
 
+    not_exported: ClassVar[str] = "It solves an optimisation problem at every sample."
     _changing = ("_arrival", "_nodes", "_current", "_unconverged")
 
     def __post_init__(self) -> None:
@@ -395,7 +337,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         x, P, moved = self._current
         node = self._nodes[-1]
         expected = self._model.observe(seen, x, node.torque, np.zeros_like(node.torque))
-        S, _, _ = innovation_covariance(P, moved, expected.H, expected.D, seen.variance)
+        S, _, _ = innovation_covariance(P, moved, expected.H, expected.D, np.diag(seen.variance))
         squared = squared_innovation(readings - expected.values, S)
         node.readings.append((seen, readings))
         problem = HorizonProblem(self._model, self._arrival, self._nodes, *self._limited)

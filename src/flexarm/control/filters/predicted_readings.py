@@ -1,8 +1,8 @@
-"""Predicted readings of a state and their derivatives, for filters."""
+"""Predicted samples and readings of an arm and their derivatives, for filters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +13,13 @@ from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import InputError, Problem, few, shown
+from flexarm.control.filters.estimates import Layout
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.derivatives.point_sensitivity import point_jacobian
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS
-from flexarm.linear.step_derivatives.sampled_step import state_places
+from flexarm.linear.step_derivatives.sampled_step import SampledStep, state_places
 from flexarm.model import Instrument, Sensor
 
 #: Largest accepted reading in its standard deviations: rounding of larger ones becomes noise.
@@ -197,6 +198,79 @@ class PredictedReadings:
             self._motions,
             found,
         )
+
+
+class Link(NamedTuple):
+    """The next sample, and its derivatives."""
+
+    after: FloatArray  # (s,)
+    F: FloatArray  # (s, s)
+    G: FloatArray  # (s, joints)
+
+
+class Readings(NamedTuple):
+    """Predicted readings, and their derivatives."""
+
+    values: FloatArray  # (size,)
+    H: FloatArray  # (size, s)
+    D: FloatArray  # (size, joints)
+
+
+def _last(x: FloatArray) -> tuple[float, float]:
+    return float(x[-1]), 1.0
+
+
+class ArmModel:
+    """Next samples and readings of an arm as functions of the estimated numbers x of `Layout`.
+
+    Args:
+        step, layout: of the filter. noise: (joints,) deviation of the torque, N m.
+        walk: (s,) variances of the random walks over a sample.
+        mass: function of x that returns the payload mass, kg, and its derivative by the last number
+            of x; by default it is this number.
+    """
+
+    def __init__(
+        self,
+        step: SampledStep,
+        layout: Layout,
+        noise: FloatArray,
+        walk: FloatArray,
+        mass: Callable[[FloatArray], tuple[float, float]] = _last,
+    ) -> None:
+        self.step, self.layout, self.noise, self.walk = step, layout, noise, walk
+        self._mass = mass
+
+    def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
+        """Return x at the next sample under a torque with an error w."""
+        layout = self.layout
+        acting = layout.acting(x, torque + self.noise * error)
+        step = self.step.take(x[layout.states], acting, self.changes(x))
+        after, F = x.copy(), np.eye(layout.size)
+        after[layout.states] = step.after
+        F[layout.states] = layout.derivative(
+            step.state, step.parameters, step.torque, self._mass(x)[1]
+        )
+        G = np.zeros((layout.size, self.noise.size))
+        G[layout.states] = step.torque * self.noise
+        return Link(after, F, G)
+
+    def observe(
+        self, seen: PredictedReadings, x: FloatArray, torque: FloatArray, error: FloatArray
+    ) -> Readings:
+        """Return the readings at a sample to which a torque with an error w has led."""
+        layout = self.layout
+        constants = self.step.free.at(self.changes(x))
+        acting = layout.acting(x, torque + self.noise * error)
+        observed = seen.predict(x[layout.states], acting, constants)
+        slopes = observed.state, observed.parameters, observed.torque
+        H = layout.derivative(*slopes, self._mass(x)[1], seen.bias)
+        values = observed.values + seen.bias @ x[layout.biases]
+        return Readings(values, H, observed.torque * self.noise)
+
+    def changes(self, x: FloatArray) -> FloatArray:
+        """Return the changes (1 + p,) of payload mass and parameters from their nominals."""
+        return self.layout.changes(x, self._mass(x)[0], self.step.free.values)
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
