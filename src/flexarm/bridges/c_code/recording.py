@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,16 @@ from flexarm.bridges.c_code.traced_law import (
     around,
     exports_plan,
     gain_table,
+    plan_over,
     refusal,
 )
-from flexarm.control.contract.base import Arrays
-from flexarm.control.design.nominal import strain_matrix
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian
 from flexarm.motion import joint_motion
 from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.real_time.partners import REFERENCE
 
 #: Number of recorded samples, and number of steps of the run between two of them.
 SAMPLES, _STRIDE = 32, 8
@@ -56,6 +56,8 @@ _NO_CONTACT = ((0, 3), (10, 12), (23, 25))
 _NO_FORCE, _FREE = (20, 23), (25, 27)
 #: Directions of the contact force and of the normal of the surface.
 _FORCE, _NORMAL = np.array([0.8, 0.6]), np.array([0.6, 0.8])
+#: Rotation of a row by a right angle.
+_QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])
 #: Pressing torque (N m), and coefficients of friction.
 _PRESSING, _FRICTION, _ROUGHER = 0.05, 0.1, 0.2
 #: Joint angle (rad) by which the motion for more friction differs, relative to the other.
@@ -272,40 +274,37 @@ def replay(
     The motion passes the grid of postures of a controller with a schedule, and the recorded angles
     are moved with it. InputError if the step depends on attributes that it changes.
     """
-    mine: Any = deepcopy(traced.controller)
-    mine.reset()
-    planner = deepcopy(mine)  # plans for a second time would advance those of ``mine``
+    law: Any = deepcopy(traced.controller)
+    law.reset()
     h, count = traced.sample_time, len(readings["joint_angle"])
-    start = readings["joint_angle"][0]
-    table = gain_table(mine)
+    times, start = np.arange(count) * h, readings["joint_angle"][0]
+    table = gain_table(law)
     reference: Any = joint_motion(arm, start, start + _TURN, count * h)
+    columns = dict(readings)
     if table:
         reference = SlowRun(arm, table.ends, count * h)
-    planning = next(filter(exports_plan, around(planner)), None)
+        columns["joint_angle"] = readings["joint_angle"] - start + reference.joint_angle(times)
+    motion = [getattr(reference, name)(times) for name in REFERENCE.values()]
+    columns |= dict(zip(REFERENCE, motion, strict=True))
+    planning = next(filter(exports_plan, around(law)), None)
     if planning is not None:
-        reference = _Pressed(arm, reference, planning, count)
-    rows, torques = [], []
-    for k, t in enumerate((np.arange(count) * h).tolist()):
-        row = {name: values[k] for name, values in readings.items()}
-        if table:
-            row["joint_angle"] = row["joint_angle"] - start + reference.joint_angle(t)
-        given = Measurement(**row)
-        before = mine.memory
-        torques.append(np.array(mine.update(t, given, reference), dtype=np.float64))
-        planned = planner.planned(t, reference)
-        row |= {
-            "reference_angle": reference.joint_angle(t),
-            "reference_rate": reference.joint_rate(t),
-            "reference_acceleration": reference.joint_acceleration(t),
-            **{name: np.asarray(value, dtype=np.float64) for name, value in planned.items()},
-        }
-        if planning is not None:
-            row |= _values(planned, t, reference)
+        columns |= _pressed(arm, motion, planning, times)
+    rows, torques, after = [], [], {}
+    for k, t in enumerate(times.tolist()):
+        row = {name: values[k] for name, values in columns.items()}
+        given = Measurement(**{name: row[name] for name in readings})
+        planned = plan_over(law, arm, lambda name, *size, row=row: row[name].reshape(size), t)
+        if planned is None:
+            planned = law.planned(t, reference)
+            row |= {name: np.array(value, dtype=np.float64) for name, value in planned.items()}
+        before = after if k else law.initial_memory(given, planned)
+        after, torque = law.step(before, given, planned)
+        torques.append(np.array(torque, dtype=np.float64))
         rows.append(row)
     other: Any = deepcopy(traced.controller)  # has made no step
     other.reset()
     if not np.array_equal(other.step(before, given, planned)[1], torques[-1]):
-        raise refusal(mine, "Its step changes attributes of the controller.")
+        raise refusal(law, "Its step changes attributes of the controller.")
     inputs = {name: np.array([np.ravel(row[name]) for row in rows]) for name in rows[0]}
     return inputs, np.array(torques)
 
@@ -337,104 +336,44 @@ class SlowRun:
         return self._motion.joint_acceleration(self._ratio * t)
 
 
-def _within(k: int, *intervals: tuple[int, int]) -> bool:
-    return any(first <= k < end for first, end in intervals)
-
-
 def contact_readings(controller: object, count: int) -> FloatArray:
     """Return contact forces (count, 1, 2) N of a tip that touches and leaves a surface."""
-    size = getattr(controller, "nominal_force", 1.0)
-    felt = [
-        0.0 if _within(k, *_NO_CONTACT) else size * (1.0 + 0.3 * np.sin(k)) for k in range(count)
-    ]
-    forces: FloatArray = np.outer(felt, _FORCE)[:, None]
-    return forces
+    size = getattr(controller, "nominal_force", 1.0) * (1.0 + 0.3 * np.sin(np.arange(count)))
+    for interval in _NO_CONTACT:
+        size[slice(*interval)] = 0.0
+    return np.outer(size, _FORCE)[:, None]
 
 
-@dataclass(frozen=True, eq=False)
-class _Pressed:
-    """Reference with a motion of the joints and vibrating links, with and without a force.
+def _pressed(
+    arm: Arm, motion: list[FloatArray], controller: Any, times: FloatArray
+) -> dict[str, FloatArray]:
+    """Return inputs (T, size) of a controller that plans along a motion with and without a force.
 
-    Nominal force and speed of the controller are exceeded; ``bent`` is a factor of the motion.
+    Nominal force and speed of the controller are exceeded. ``motion``: angles, rates and
+    accelerations of the joints (T, joints).
     """
-
-    arm: Arm
-    motion: Any
-    controller: Any
-    count: int
-    bent: float = 1.0
-    friction: float = _FRICTION
-
-    @property
-    def rougher(self) -> _Pressed:
-        return replace(self, bent=_BENT, friction=_ROUGHER)
-
-    @property
-    def _turn(self) -> float:
-        return 2.0 * np.pi / (self.count * float(self.controller.sample_time))
-
-    def joint_angle(self, t: Any) -> FloatArray:
-        return self.bent * np.asarray(self.motion.joint_angle(t))
-
-    def joint_rate(self, t: float) -> FloatArray:
-        return self.bent * np.asarray(self.motion.joint_rate(t))
-
-    def joint_acceleration(self, t: float) -> FloatArray:
-        return self.bent * np.asarray(self.motion.joint_acceleration(t))
-
-    def coordinates(self, times: FloatArray) -> list[FloatArray]:
-        """Return q (T, dof) at times (T,), s; rates and accelerations are not used."""
-        phase = 2.0 * np.pi * times / self.motion.duration
-        size = _STRAIN / np.abs(strain_matrix(self.arm)).max()
-        q = size * np.sin(phase[:, None] + np.arange(self.arm.dof))
-        q[:, self.arm.joint_index] = self.joint_angle(times)
-        return [q]
-
-    def tip(self, t: float) -> FloatArray:
-        """Return the position of the tip (2,), m, which slides to and fro."""
-        reach = _FAST * getattr(self.controller, "nominal_speed", 0.1) / self._turn
-        place = reach * np.sin(self._turn * t)
-        return np.array([-place * _NORMAL[1], place * _NORMAL[0]])
-
-    def contact_force(self, t: float) -> float:
-        size = getattr(self.controller, "nominal_force", 1.0)
-        force = size * (1.0 + 0.5 * np.sin(self._turn * t))
-        return 0.0 if _within(self._sample(t), _NO_FORCE) else float(force)
-
-    def normal(self, t: float) -> FloatArray:
-        k = self._sample(t)
-        if _within(k, _FREE):
-            return np.zeros(2)
-        return _NORMAL if k < _FREE[1] else np.array([0.0, 1.0])
-
-    def pressing_torque(self, t: float) -> FloatArray:
-        return _PRESSING * self.bent * np.ones_like(self.joint_angle(t))
-
-    def _sample(self, t: float) -> int:
-        return int(np.round(t / self.controller.sample_time))
-
-
-def _values(planned: Arrays, t: float, reference: _Pressed) -> dict[str, FloatArray]:
-    """Return the inputs of an exported controller that plans at t (s), by name."""
-    inputs: dict[str, Any] = {
-        "reference_force": [reference.contact_force(t)],
-        "reference_normal": reference.normal(t),
+    h, count = float(controller.sample_time), len(times)
+    turn = 2.0 * np.pi / (count * h)
+    ones, wave = np.ones((count, 1)), np.sin(turn * times)[:, None]
+    force = getattr(controller, "nominal_force", 1.0) * (1.0 + 0.5 * wave)
+    force[slice(*_NO_FORCE)] = 0.0
+    normal = np.tile(_NORMAL, (count, 1))
+    normal[_FREE[1] :] = 0.0, 1.0
+    normal[slice(*_FREE)] = 0.0
+    reach, tangent = _FAST * getattr(controller, "nominal_speed", 0.1) / turn, _NORMAL @ _QUARTER
+    speed = reach * turn * np.cos(turn * times)[:, None]
+    inputs = {
+        "reference_force": force,
+        "reference_normal": normal,
+        "reference_force_rate": np.gradient(force, h, axis=0),
+        "path_position": reach * wave * tangent,
+        "path_speed": speed * (normal @ _NORMAL)[:, None],
+        "strain_correction": _STRAIN * np.sin(turn * times[:, None] + np.arange(len(arm.gauges))),
+        "feedforward": _PRESSING * wave * np.ones(arm.joints),
     }
-    for prefix, motion in {"reference": reference, "rougher": reference.rougher}.items():
-        inputs |= {
-            f"{prefix}_angle": motion.joint_angle(t),
-            f"{prefix}_rate": motion.joint_rate(t),
-            f"{prefix}_acceleration": motion.joint_acceleration(t),
-            f"{prefix}_pressing": motion.pressing_torque(t),
-            f"{prefix}_friction": [motion.friction],
-        }
-    if "surface" in planned:
-        *path, speed, force_rate = planned["surface"]
-        inputs |= {
-            "path_position": path,
-            "path_speed": [speed],
-            "reference_force_rate": [force_rate],
-        }
-    if hasattr(reference.controller, "strain_correction"):
-        inputs["strain_correction"] = reference.controller.strain_correction(t, reference)
-    return {name: np.array(value, dtype=np.float64) for name, value in inputs.items()}
+    for prefix, bent, friction in (("reference", 1.0, _FRICTION), ("rougher", _BENT, _ROUGHER)):
+        names = (f"{prefix}_{name}" for name in ("angle", "rate", "acceleration"))
+        inputs |= {name: bent * values for name, values in zip(names, motion, strict=True)}
+        inputs[f"{prefix}_pressing"] = _PRESSING * bent * ones * np.ones(arm.joints)
+        inputs[f"{prefix}_friction"] = friction * ones
+    return inputs

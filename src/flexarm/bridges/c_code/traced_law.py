@@ -38,12 +38,15 @@ FRICTION = {"reference_friction": np.zeros(1), "rougher_friction": np.ones(1)}
 _Array = Callable[..., Any]
 
 
-def plan_over_symbols(law: Any, arm: Arm, array: _Array) -> Arrays | None:
-    """Return the planned inputs of a symbolic law; None if they are inputs of the code."""
+def plan_over(law: Any, arm: Arm, array: _Array, t: float = 0.0) -> Arrays | None:
+    """Return the planned inputs of a law at a time t (s); None if they are inputs of the code.
+
+    ``array`` returns the array of an input of the code, by name and shape: symbols or numbers.
+    """
     if not any(map(exports_plan, around(law))):
         return None
     outside = any(not _planned_here(part) for part in around(law) if exports_plan(part))
-    now = float("nan") if outside else 0.0
+    now = float("nan") if outside else t
     reference: Any = ReferenceInputs(array, arm.joints, now=now if outside else None)
     sizes = {"path_speed": 1, "reference_force_rate": 1, "path_position": 2}
     speed, force_rate, position = (array(*size) for size in sizes.items())
@@ -200,7 +203,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
         memory_of: Callable[[Measurement, Arrays], Arrays],
     ) -> dict[str, Any]:
         readings = Measurement(**{name: symbols.array(name, *sizes[name]) for name in names})
-        inputs = plan_over_symbols(law, arm, symbols.array) or {
+        inputs = plan_over(law, arm, symbols.array) or {
             name: symbols.array(name, *np.shape(value)) for name, value in planned.items()
         }
         memory = memory_of(readings, inputs)
