@@ -109,106 +109,6 @@ class Frames:
         return self._of[places], np.concatenate([sample.readings[place] for place in places])
 
 
-class SampledEstimator(ABC):
-    """Base of estimators: corrects by the readings of each sample, and predicts the next one.
-
-    Readings with a delay correct the estimate at the time of their frame, from which the later
-    samples are computed again.
-    """
-
-    #: Attributes that change with the estimate.
-    _changing: ClassVar[tuple[str, ...]] = ()
-    sample_time: float
-    _readings: PredictedReadings
-    _torque: FloatArray
-
-    def _restart(self) -> None:
-        """Forget all samples."""
-        self._test = InnovationTest(type(self).__name__)
-        self._frames: Frames | None = None
-        self._number = 0
-        self._waiting: list[Sample] = []
-
-    @abstractmethod
-    def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
-        """Correct the estimate by readings (k,); return the normalised innovation squared."""
-
-    @abstractmethod
-    def _predict(self) -> None:
-        """Carry the estimate to the next sample under ``_torque``."""
-
-    def _carry(self, torque: FloatArray) -> None:
-        """Carry the estimate to the next sample under a torque (joints,) N m."""
-        if self._waiting:
-            self._sample().torque = torque
-        self._advance(torque)
-        self._close(self._number - 1)  # readings may arrive at the present sample
-
-    def _take(self, readings: FloatArray) -> None:
-        """Correct by the readings (size,) whose frames are new, from the oldest of these on."""
-        if self._frames is None:  # the sample time is now known
-            self._frames = Frames(self._readings, self.sample_time)
-        again = bool(self._waiting) and self._waiting[-1].number == self._number
-        self._latest, age = self._sample(), 0
-        for place, late, values in self._frames.arrived(self._number, readings):
-            if late < len(self._waiting):
-                self._waiting[-1 - late].readings[place] = values
-                age = max(age, late)
-        samples = self._waiting[-1 - age :]
-        if age or again:
-            self._return_to(samples[0].before)
-        for sample, following in zip_longest(samples, samples[1:]):
-            if sample.readings:
-                seen, values = self._frames.of(sample)
-                sample.squared, sample.size = self._correct(seen, values), values.size
-            if following is not None:
-                self._number = sample.number
-                self._advance(sample.torque)
-                following.before = self._present()
-        if not self._frames.latest:
-            self._close(self._number)
-
-    def _finish(self) -> None:
-        """Add all samples to the test, although some may lack readings."""
-        assert self._frames is not None
-        self._close(self._number + self._frames.latest)
-
-    def _sample(self) -> Sample:
-        """Return the present sample, which may wait for readings."""
-        if not self._waiting or self._waiting[-1].number != self._number:
-            self._waiting.append(Sample(self._number, self._present()))
-        return self._waiting[-1]
-
-    def _close(self, number: int) -> None:
-        """Add the samples to the test that have all their readings after sample ``number``."""
-        latest = self._frames.latest if self._frames is not None else 0
-        while self._waiting and self._waiting[0].number <= number - latest:
-            sample = self._waiting.pop(0)
-            sample.before = None
-            if sample.size:
-                self._test.add(sample.squared, sample.size)
-
-    def _advance(self, torque: FloatArray) -> None:
-        self._torque = torque
-        self._number += 1
-        self._predict()
-
-    def _present(self) -> Any:
-        """Return a copy of the present estimate, if readings may arrive that return to it."""
-        if self._frames is None or not self._frames.latest:
-            return None
-        return self._copied({name: getattr(self, name) for name in ("_torque", *self._changing)})
-
-    def _return_to(self, estimate: Any) -> None:
-        for name, value in self._copied(estimate or {}).items():
-            setattr(self, name, value)
-
-    def _copied(self, estimate: Any) -> Any:
-        """Return a copy of an estimate, with the same predictions of readings."""
-        assert self._frames is not None
-        return deepcopy(estimate, {id(one): one for one in self._frames.predictions})
-
-
 #: Default torque noise, relative to `typical_torque`, and default deviation of the initial rates,
 #: relative to `typical_rate`.
 _NOISE, _TURNING = 0.01, 1.0 / 80.0
@@ -218,14 +118,17 @@ _LARGEST = 1e9
 MASS = "payload.mass"
 
 
-class StateEstimator(FilterParameters, OfArm, SampledEstimator):
+class StateEstimator(FilterParameters, OfArm, ABC):
     """Base of estimators: their start, their samples, and the test of their innovations.
 
     The estimated numbers are those of `Layout`. Parameters, disturbance torques and biases of
-    readings are random walks; the disturbance torques act on the joints beside the torque. An
-    estimator defines ``_start``, ``_moments``, and what `SampledEstimator` requires.
+    readings are random walks; the disturbance torques act on the joints beside the torque.
+    Readings with a delay correct the estimate at the time of their frame, from which the later
+    samples are computed again.
     """
 
+    #: Attributes that change with the estimate.
+    _changing: ClassVar[tuple[str, ...]] = ()
     instruments: Sequence[Instrument] = Field(
         description='Instruments of "joint_angle" (required), "joint_rate", "strain" or a '
         "`Sensor`; their noise and resolution determine their weights."
@@ -307,7 +210,10 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         for name, places in layout.by_instrument.items():
             self._walk[places] = self.sample_time * self._wandering.get(name, 0.0) ** 2
         self._begun = False
-        self._restart()
+        self._test = InnovationTest(type(self).__name__)
+        self._frames: Frames | None = None
+        self._number = 0
+        self._waiting: list[Sample] = []
         mean = np.concatenate([np.zeros(layout.size - 1), self._nominal[:1]])
         mean[layout.parameters] = self._nominal[1:]
         self._start(mean, np.zeros((layout.size, layout.size)))
@@ -441,7 +347,27 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         if not all(np.isfinite(part).all() for part in self._moments()):
             hint = "Correct the arm, the readings or the torques, and call reset."
             raise InputError(Problem("the estimate", "is not finite", hint=hint))
-        self._take(readings)
+        if self._frames is None:  # the sample time is now known
+            self._frames = Frames(self._readings, self.sample_time)
+        again = bool(self._waiting) and self._waiting[-1].number == self._number
+        self._latest, age = self._sample(), 0
+        for place, late, values in self._frames.arrived(self._number, readings):
+            if late < len(self._waiting):
+                self._waiting[-1 - late].readings[place] = values
+                age = max(age, late)
+        samples = self._waiting[-1 - age :]
+        if age or again:
+            self._return_to(samples[0].before)
+        for sample, following in zip_longest(samples, samples[1:]):
+            if sample.readings:
+                seen, values = self._frames.of(sample)
+                sample.squared, sample.size = self._correct(seen, values), values.size
+            if following is not None:
+                self._number = sample.number
+                self._advance(sample.torque)
+                following.before = self._present()
+        if not self._frames.latest:
+            self._close(self._number)
 
     @public_call
     def predict(self, torque: ArrayLike) -> None:
@@ -450,7 +376,11 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
         Raises:
             InputError: if the torque does not have shape (joints,), or is not finite.
         """
-        self._carry(check_array("torque", torque, self._torque.shape))
+        given = check_array("torque", torque, self._torque.shape)
+        if self._waiting:
+            self._sample().torque = given
+        self._advance(given)
+        self._close(self._number - 1)  # readings may arrive at the present sample
 
     @public_call
     def run(self, torque: ArrayLike, readings: Mapping[str, ArrayLike]) -> Estimates:
@@ -489,7 +419,9 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
                 self.predict(torques[k - 1])
             self.correct(Measurement(**{name: values[k] for name, values in arrays.items()}))
             kept.append((*self._moments(), self._latest))
-        self._finish()
+        assert self._frames is not None
+        # Add all samples to the test, although some may lack readings.
+        self._close(self._number + self._frames.latest)
         x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
         samples = [sample for _, _, sample in kept]
         layout = self._layout
@@ -550,3 +482,46 @@ class StateEstimator(FilterParameters, OfArm, SampledEstimator):
             P += deviation**2 * np.outer(along, along)
         self._start(self._mean(np.append(q, np.zeros(count)), self._nominal[0]), P)
         self._begun = True
+
+    @abstractmethod
+    def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
+        """Correct the estimate by readings (k,); return the normalised innovation squared."""
+
+    @abstractmethod
+    def _predict(self) -> None:
+        """Carry the estimate to the next sample under ``_torque``."""
+
+    def _sample(self) -> Sample:
+        """Return the present sample, which may wait for readings."""
+        if not self._waiting or self._waiting[-1].number != self._number:
+            self._waiting.append(Sample(self._number, self._present()))
+        return self._waiting[-1]
+
+    def _close(self, number: int) -> None:
+        """Add the samples to the test that have all their readings after sample ``number``."""
+        latest = self._frames.latest if self._frames is not None else 0
+        while self._waiting and self._waiting[0].number <= number - latest:
+            sample = self._waiting.pop(0)
+            sample.before = None
+            if sample.size:
+                self._test.add(sample.squared, sample.size)
+
+    def _advance(self, torque: FloatArray) -> None:
+        self._torque = torque
+        self._number += 1
+        self._predict()
+
+    def _present(self) -> Any:
+        """Return a copy of the present estimate, if readings may arrive that return to it."""
+        if self._frames is None or not self._frames.latest:
+            return None
+        return self._copied({name: getattr(self, name) for name in ("_torque", *self._changing)})
+
+    def _return_to(self, estimate: Any) -> None:
+        for name, value in self._copied(estimate or {}).items():
+            setattr(self, name, value)
+
+    def _copied(self, estimate: Any) -> Any:
+        """Return a copy of an estimate, with the same predictions of readings."""
+        assert self._frames is not None
+        return deepcopy(estimate, {id(one): one for one in self._frames.predictions})
