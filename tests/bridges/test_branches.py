@@ -6,7 +6,7 @@ import casadi
 import numpy as np
 import pytest
 
-from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.kernel_calls import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import MOST_PATHS, branched, symbol_array
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from conformance.controller_examples import two_links
-from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.kernel_calls import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, make_symbolic, symbol_array
-from flexarm.control.design.task_space import TaskSpace
+from flexarm.control.design.rigid_model import TaskSpace
 
 A = np.array([-1.2, -0.3, 0.0, 0.4, 2.5])
 B = np.array([0.7, -0.3, 0.1, 0.4, -2.0])

@@ -6,7 +6,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.control.design.arm_scales import slow_rate
-from flexarm.control.design.task_space import TaskPlan
+from flexarm.control.design.rigid_model import TaskPlan
 from flexarm.control.hardware.measurement import Measurement
 
 LINK = {"mass_per_length": 0.6, "flexural_rigidity": 105.0, "elements": 1}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.control.design.task_space import TaskSpace
+from flexarm.control.design.rigid_model import TaskSpace
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 ROD = {"mass_per_length": 0.5, "flexural_rigidity": 30.0}

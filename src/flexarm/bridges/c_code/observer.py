@@ -24,9 +24,8 @@ from flexarm.bridges.c_code.model_functions import (
     with_derivatives,
 )
 from flexarm.bridges.symbolic.casadi_model import casadi_model
-from flexarm.bridges.symbolic.kernel_calls import ParametricArm
-from flexarm.bridges.symbolic.scalars import objects, plain
-from flexarm.control.filters.first_estimate import (
+from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
+from flexarm.control.filters.estimator import (
     LEAST_STIFFNESS,
     SAG_DIFFERENCE,
     first_variance,

@@ -19,11 +19,11 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.c_code.model_functions import NamedFunction, named
-from flexarm.bridges.symbolic.scalars import SymbolError, objects, plain
+from flexarm.bridges.symbolic.kernel_calls import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, branched, make_symbolic, symbol_array
 from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
 from flexarm.control.design.nominal import Interpolated
-from flexarm.control.design.task_space import SurfaceMotion
+from flexarm.control.design.rigid_model import SurfaceMotion
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import (
     LQG,

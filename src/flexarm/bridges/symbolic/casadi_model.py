@@ -13,8 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import public_call
-from flexarm.bridges.symbolic.kernel_calls import KernelCalls, ParametricArm
-from flexarm.bridges.symbolic.scalars import objects, plain
+from flexarm.bridges.symbolic.kernel_calls import KernelCalls, ParametricArm, objects, plain
 from flexarm.linear.statics.gaps import warn_of_creep
 
 if TYPE_CHECKING:

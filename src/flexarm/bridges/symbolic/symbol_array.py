@@ -16,8 +16,14 @@ import casadi
 import numpy as np
 
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.bridges.symbolic.kernel_calls import symbolic
-from flexarm.bridges.symbolic.scalars import FUNCTIONS, Scalar, SymbolError, choose, plain
+from flexarm.bridges.symbolic.kernel_calls import (
+    FUNCTIONS,
+    Scalar,
+    SymbolError,
+    choose,
+    plain,
+    symbolic,
+)
 from flexarm.kernels.layout import ArmConstants, Workspace
 
 

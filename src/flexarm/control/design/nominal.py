@@ -17,7 +17,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.control.contract.base import Reference
-from flexarm.control.design.task_space import values_of
+from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many

@@ -20,8 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from flexarm.control.filters.estimates import Matrix, innovation_covariance, squared_innovation
-from flexarm.control.filters.estimator import StateEstimator
-from flexarm.control.filters.first_estimate import tip_mass
+from flexarm.control.filters.estimator import StateEstimator, tip_mass
 from flexarm.control.filters.predicted_readings import ArmModel, Link, PredictedReadings, Readings
 from flexarm.control.hardware.measurement import FloatArray
 

@@ -21,7 +21,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import arm_scales, set_defaults, slow_rate
-from flexarm.control.design.task_space import (
+from flexarm.control.design.rigid_model import (
     NUMBERS,
     SurfaceMotion,
     SurfacePlan,
