@@ -22,7 +22,7 @@ from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.design.linear_design import held
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.state_space import OutputName
+from flexarm.linear.models.state_space import OutputName, component_places
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
@@ -358,11 +358,7 @@ def model_at(
     found: dict[OutputName, Signal] = {}
     for signal in signals:
         names = signal.labels() if isinstance(signal, Sensor) else [signal]
-        rows = [
-            k
-            for k, label in enumerate(model.outputs)
-            if any(label == name or label.startswith(f"{name}[") for name in names)
-        ]
+        rows = component_places(model.outputs, names)
         ends = tuple("".join(model.outputs[k].rpartition("[")[1:]) for k in rows)
         found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows], ends)
     return PlantModel(model.A, model.B, found)

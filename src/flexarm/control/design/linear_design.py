@@ -14,7 +14,7 @@ from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.state_space import INPUTS, LinearModel
+from flexarm.linear.models.state_space import INPUTS, LinearModel, component_places
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.wording import nearest
 
@@ -107,6 +107,8 @@ def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, 
     from scipy.linalg import expm, matrix_balance
 
     n, m = B.shape
+    if sample_time == 0.0:  # a delay of whole samples leaves nothing of a sample
+        return np.eye(n), np.zeros((n, m))
     # The exponential is accurate relative to its norm, so that no unit may dominate it.
     scale = matrix_balance(A, permute=False, separate=True)[1][0][:, None]
     pushed = B * sample_time / scale
@@ -120,13 +122,7 @@ def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, 
 
 def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
     """Return the rows of C for the outputs of the named channels, in this order."""
-    rows = [
-        k
-        for name in names
-        for k, label in enumerate(model.outputs)
-        if label == name or label.startswith(f"{name}[")
-    ]
-    taken: FloatArray = model.C[rows]
+    taken: FloatArray = model.C[component_places(model.outputs, names)]
     return taken
 
 
@@ -145,7 +141,7 @@ def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) 
     labels = (*model.outputs, *model.inputs)
     found = [np.zeros(0)]
     for name, value in given.items():
-        count = sum(label == name or label.startswith(f"{name}[") for label in labels)
+        count = len(component_places(labels, [name]))
         found.append(scales(f"{argument}[{name!r}]", value, count))
     return np.concatenate(found)
 
@@ -241,13 +237,7 @@ def bend_weight(unsure: float, stiffness: FloatArray, energy: float) -> FloatArr
 
 def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
     """Return the columns of B for the named inputs, in this order."""
-    chosen = [
-        k
-        for name in names
-        for k, label in enumerate(model.inputs)
-        if label == name or label.startswith(f"{name}[")
-    ]
-    taken: FloatArray = B[:, chosen]
+    taken: FloatArray = B[:, component_places(model.inputs, names)]
     return taken
 
 

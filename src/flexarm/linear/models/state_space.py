@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -161,6 +161,16 @@ def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -
         found.append(Output(names, unit, channel=item))
     _check_names("outputs", [name for item in found for name in item.names])
     return found
+
+
+def component_places(labels: Sequence[str], names: Iterable[str]) -> list[int]:
+    """Return the places of the components of named signals in labels, by the order of the names."""
+    return [
+        k
+        for name in names
+        for k, label in enumerate(labels)
+        if label == name or label.startswith(f"{name}[")
+    ]
 
 
 def _listed(requested: object) -> list[object]:
