@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.recording import SAMPLES, Recording
 from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.simulation.real_time.partners import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
@@ -192,37 +191,24 @@ def program(export: Exported, recording: Recording) -> str:
 
 def _call(export: Exported, test: str, step: float) -> str:
     """Return a function that calls an exported one with the arguments of sample k."""
-    functions = {function.name: function for function in export.all_functions}
-    if test in ("controller", "observer"):
-        lines = [_invoked(export, functions[f"{test}_update"], step)]
-        if f"{test}_start" in functions:
-            first = _invoked(export, functions[f"{test}_start"], step)
-            lines = ["if (k == 0) {", f"    {first}", "} else {", f"    {lines[0]}", "}"]
-    else:
-        lines = [_invoked(export, functions[test], step)]
+    parts = {"controller": export.controller, "observer": export.observer}
+    part = parts.get(test)
+    functions = part.functions if part else [f for f in export.functions if f.name == test]
+    expressions = {"parameters": "NULL", "step": repr(step)}
+    if test.startswith("step"):  # steps are recorded without a force
+        expressions["tip_force"] = "NULL"
+    start = 0
+    for name in functions[-1].function.name_out():
+        if name.endswith("memory_out"):
+            expressions[name.removesuffix("_out")] = name.removesuffix("_out")
+            continue
+        expressions[name] = f"found + {start}" if start else "found"
+        start += functions[-1].function.numel_out(name)
+    lines = export.sampled_call(
+        functions, "k == 0", lambda name: expressions.get(name, f"recorded_{name}[k]")
+    )
     body = "\n".join(f"    {line}" for line in lines)
     return f"static void call_{test}(int k)\n{{\n{body}\n}}\n"
-
-
-def _invoked(export: Exported, function: NamedFunction, step: float) -> str:
-    outputs, start, own = [], 0, function.function
-    for name in own.name_out():
-        if function.memory and name == f"{function.memory}_out":
-            outputs.append(function.memory)
-            continue
-        outputs.append(f"found + {start}" if start else "found")
-        start += own.numel_out(name)
-    arguments = ", ".join([*_given(export, function, step), *outputs])
-    return f"{export.name}_{function.name}({arguments});"
-
-
-def _given(export: Exported, function: NamedFunction, step: float) -> list[str]:
-    """Return the arguments; steps are recorded without a force, at the nominal parameters."""
-    is_step = function.name.startswith("step")
-    fixed = {"parameters": "NULL", "step": repr(step)}
-    if is_step:
-        fixed["tip_force"] = "NULL"
-    return [fixed.get(name, f"recorded_{name}[k]") for name in function.given]
 
 
 _UDP_PROGRAM = """\
@@ -472,21 +458,15 @@ def packet_layout(export: Exported) -> Layout | None:
 def udp_program(export: Exported, layout: Layout) -> str:
     """Return the program for a layout of the packets of the plant."""
     assert export.controller is not None
-    places, first = {}, 0
+    places, first = {"memory": "memory", "torque": "torque"}, 0
     for name, (size,) in layout.shapes.items():
         places[name] = f"values + {first}" if first else "values"
         first += size
-    calls = {one.name: _sample_call(export, one, places) for one in export.controller.functions}
-    body, memory = [f"    {calls['controller_update']}"], ""
-    if "controller_start" in calls:
+    functions, memory = export.controller.functions, ""
+    body = export.sampled_call(functions, "!started", lambda name: places.get(name, "NULL"))
+    if len(functions) > 1:
         memory = f"\nstatic double memory[{export.macro('MEMORY')}];\n"
-        body = ["    static int started = 0;", "    if (started) {", f"    {body[0]}"]
-        body += [
-            "    } else {",
-            f"        {calls['controller_start']}",
-            "    }",
-            "    started = 1;",
-        ]
+        body = ["static int started = 0;", *body, "started = 1;"]
     title = "controller over UDP, for POSIX systems"
     rules = f" *\n * Packets of the plant are little-endian doubles:\n * {layout}.\n"
     rules += " * Answers are token, sequence number, time, torques. The number -1 ends the run.\n"
@@ -501,13 +481,7 @@ def udp_program(export: Exported, layout: Layout) -> str:
         sample_time=export.macro("SAMPLE_TIME"),
         other_time=OTHER_TIME,
         memory=memory,
-        calls="\n".join(body),
+        calls="\n".join(f"    {line}" for line in body),
         layout=str(layout),
     )
     return origin(f"{export.name}_udp.c", title) + rules + filled
-
-
-def _sample_call(export: Exported, function: NamedFunction, places: dict[str, str]) -> str:
-    given = [places.get(name, "NULL") for name in function.inputs if name != "memory"]
-    keeps = ["memory"] if "memory" in function.inputs or function.name.endswith("start") else []
-    return f"{export.name}_{function.name}({', '.join([*given, *keeps, 'torque'])});"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import chain
@@ -112,6 +112,20 @@ class Exported:
         outputs = {name: own.numel_out(name) for name in own.name_out()}
         written = [self._array(name.removesuffix("_out"), size) for name, size in outputs.items()]
         return given + written
+
+    def call(self, function: NamedFunction, place: Callable[[str], str]) -> str:
+        """Return a call; ``place`` returns the C expression of an argument or a result by name."""
+        results = [name.removesuffix("_out") for name in function.function.name_out()]
+        return f"{self.name}_{function.name}({', '.join(map(place, [*function.given, *results]))});"
+
+    def sampled_call(
+        self, functions: Sequence[NamedFunction], first: str, place: Callable[[str], str]
+    ) -> list[str]:
+        """Return the lines of a call of the first function if ``first`` is true, else the last."""
+        *start, later = (self.call(function, place) for function in functions)
+        if not start:
+            return [later]
+        return [f"if ({first}) {{", f"    {start[0]}", "} else {", f"    {later}", "}"]
 
     def _array(self, name: str, size: int) -> str:
         macros = {key: self.macro(key) for key in self.sizes}

@@ -362,15 +362,19 @@ def _equations(export: Exported, places: dict[str, int]) -> str:
     given = {name: f"v + {place}" for name, place in places.items()}
     moved = given | {"q": "q", "qd": "qd", "qdd": "qdd"}
     head = "double *v, const double *q, const double *qd, double *qdd"
+
+    def call(function: NamedFunction, places: dict[str, str]) -> str:
+        return export.call(function, lambda name: places.get(name) or places[function.name])
+
     text = [
         f"static void fmu_accelerations({head})",
         "{",
-        f"    {_call(export, functions['forward_dynamics'], moved)}",
+        f"    {call(functions['forward_dynamics'], moved)}",
         "}",
         "",
         "static void fmu_outputs(double *v)",
         "{",
-        *(f"    {_call(export, functions[name], given)}" for name in _OUTPUTS if name in functions),
+        *(f"    {call(functions[name], given)}" for name in _OUTPUTS if name in functions),
         "}",
         "",
     ]
@@ -389,21 +393,10 @@ def _sample(export: Exported, given: dict[str, str]) -> list[str]:
             copies.append(f"    const double {name}[{len(joints)}] = {{{values}}};")
             given = given | {name: name}
     given = given | {"memory": "memory"}
-    *first, later = export.controller.functions
-    lines = [f"    {_call(export, later, given)}"]
-    if first:
-        start = _call(export, first[0], given)
-        lines = ["    if (first) {", f"        {start}", "    } else {", f"    {lines[0]}", "    }"]
+    copies += ["    (void)memory;", "    (void)first;"]
+    lines = export.sampled_call(export.controller.functions, "first", given.__getitem__)
     head = "static void fmu_sample(double *v, double *memory, int first)"
-    return [head, "{", *copies, "    (void)memory;", "    (void)first;", *lines, "}", ""]
-
-
-def _call(export: Exported, function: NamedFunction, given: dict[str, str]) -> str:
-    """Return a call; an output is at the place of its name or of the function's."""
-    inputs = [given[name] for name in function.inputs if name != "memory"]
-    names = [name.removesuffix("_out") for name in function.function.name_out()]
-    outputs = [given.get(name) or given[function.name] for name in names]
-    return f"{export.name}_{function.name}({', '.join([*inputs, *outputs])});"
+    return [head, "{", *copies, *(f"    {line}" for line in lines), "}", ""]
 
 
 #: Functions of the exported code that give outputs, and the channels of their results.

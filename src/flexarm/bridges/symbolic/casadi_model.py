@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import public_call
-from flexarm.bridges.symbolic.kernel_calls import KernelCalls, ParametricArm, objects, plain
+from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
 from flexarm.linear.statics.gaps import warn_of_creep
 
 if TYPE_CHECKING:
@@ -117,57 +117,40 @@ def casadi_model(
     except ImportError:
         raise library_missing("CasADi", "casadi") from None
     check_kind("arm", arm, Arm)
-    return _Writer(casadi, ParametricArm(arm, parameters, prescribed)).model()
-
-
-class _Writer:
-    """Construction of the functions of one arm; ``casadi`` is the module."""
-
-    def __init__(self, casadi: Any, parametric: ParametricArm) -> None:
-        self.casadi, self.parametric = casadi, parametric
-        arm = parametric.arm
-        sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
-        sizes["parameters"] = len(parametric.paths)
-        self.symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
-        self.entries = {
-            name: objects(casadi.vertsplit(symbol) if symbol.numel() else [], casadi)
-            for name, symbol in self.symbols.items()
-        }
-
-    def model(self) -> CasadiModel:
-        """Return all functions."""
-        calls = self.parametric.at(list(self.entries["parameters"]))
-        functions = {
-            name: self.function(calls, name, inputs, outputs)
-            for name, (inputs, outputs) in _FUNCTIONS.items()
-        }
-        parametric = self.parametric
-        return CasadiModel(parametric.arm, parametric.paths, parametric.nominal, **functions)
-
-    def function(
-        self, calls: KernelCalls, name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]
-    ) -> Any:
-        """Return a ``casadi.Function``; several outputs are the entries of one vector."""
-        values = getattr(calls, name)(*(self.entries[one] for one in inputs))
+    parametric = ParametricArm(arm, parameters, prescribed)
+    sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
+    sizes["parameters"] = len(parametric.paths)
+    symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
+    entries = {
+        name: objects(casadi.vertsplit(symbol) if symbol.numel() else [], casadi)
+        for name, symbol in symbols.items()
+    }
+    calls, functions = parametric.at(list(entries["parameters"])), {}
+    for name, (inputs, outputs) in _FUNCTIONS.items():
+        values = getattr(calls, name)(*(entries[one] for one in inputs))
         names = [*inputs, "parameters"]
         # By default CasADi uses zero for a missing input, which is silently a wrong state.
         default = [0.0 if one == "tip_force" else math.nan for one in names]
-        return self.casadi.Function(
+        functions[name] = casadi.Function(
             name,
-            [self.symbols[one] for one in names],
-            [self.matrix(part) for part in (values if len(outputs) > 1 else [values])],
+            [symbols[one] for one in names],
+            [_matrix(part) for part in (values if len(outputs) > 1 else [values])],
             names,
             list(outputs),
             {"default_in": default},
         )
+    return CasadiModel(parametric.arm, parametric.paths, parametric.nominal, **functions)
 
-    def matrix(self, values: Any) -> Any:
-        """Return a number, a vector or a matrix of objects as one expression."""
-        sx, array = self.casadi.SX, np.atleast_1d(np.asarray(values, dtype=object))
-        if array.size == 0:  # an arm without gauges
-            return sx(0, 1)
-        rows = [[sx(plain(one)) for one in row] for row in array.reshape(len(array), -1)]
-        return self.casadi.vertcat(*(self.casadi.horzcat(*row) for row in rows))
+
+def _matrix(values: Any) -> Any:
+    """Return a number, a vector or a matrix of objects as one expression."""
+    import casadi
+
+    array = np.atleast_1d(np.asarray(values, dtype=object))
+    if array.size == 0:  # an arm without gauges
+        return casadi.SX(0, 1)
+    rows = [[casadi.SX(plain(one)) for one in row] for row in array.reshape(len(array), -1)]
+    return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
 
 
 _STATE, _MOTION = ("q", "qd"), ("q", "qd", "qdd")

@@ -33,16 +33,20 @@ _MOST_STATES, _MOST_SAMPLES = 1000, 300
 _GRID = 1e-9
 
 
-class Reading(NamedTuple):
-    """Instrument and its reading of the linear model without errors: C x + D (acting torque).
+class Signal(NamedTuple):
+    """Linear signal of an arm: value + C x + D (acting torque).
 
-    ``components`` are the ends of the names of its components; empty if unused.
+    ``components`` are the ends of the names of its components, such as ``[1]``; empty if unused.
     """
 
-    instrument: Instrument
+    value: FloatArray
     C: FloatArray
     D: FloatArray
     components: tuple[str, ...] = ()
+
+
+#: Instrument and its signal, with the factors of its faults.
+Reading = tuple[Instrument, Signal]
 
 
 class SampledPlant(NamedTuple):
@@ -88,7 +92,7 @@ def sampled_plant(
     n = len(A)
     starts = n + m * past + np.cumsum([0, *(count * width for count, width in slots)])
     size = int(starts[-1])
-    period = math.lcm(*(stride_and_delay(item.instrument, sample_time)[0] for item in readings))
+    period = math.lcm(*(stride_and_delay(item, sample_time)[0] for item, _ in readings))
     if size > _MOST_STATES or period > _MOST_SAMPLES:
         rule = f"repeat within {_MOST_SAMPLES} samples and have at most {_MOST_STATES} states"
         value = f"{period} samples and {size} states"
@@ -109,16 +113,17 @@ def sampled_plant(
     for k in range(period):
         now, shown = step.copy(), []
         for reading, start, (count, width) in zip(readings, starts, slots, strict=False):
-            exact = reading.D @ acting
-            exact[:, : reading.C.shape[1]] += reading.C
-            shown.append(_read(reading, exact, now, int(start), count, width, k, sample_time))
+            signal = reading[1]
+            exact = signal.D @ acting
+            exact[:, : signal.C.shape[1]] += signal.C
+            shown.append(_read(reading[0], exact, now, int(start), count, width, k, sample_time))
         steps.append(now)
         outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
     names = tuple(
         label + end
-        for reading in readings
-        for label in reading.instrument.labels
-        for end in reading.components
+        for item, signal in readings
+        for label in item.labels
+        for end in signal.components
     )
     return SampledPlant(steps, push, outputs, sample_time, names)
 
@@ -137,14 +142,14 @@ def _places(count: int, start: int, size: int) -> FloatArray:
 
 def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
     """Return the number of earlier frames that an instrument stores, and the size of each."""
-    every, late = stride_and_delay(reading.instrument, sample_time)
-    filtered = reading.instrument.rate_cutoff is not None
+    every, late = stride_and_delay(reading[0], sample_time)
+    filtered = reading[0].rate_cutoff is not None
     count = max(late, 1) if filtered or every > 1 else late
-    return count, len(reading.C) * (1 + filtered)
+    return count, len(reading[1].C) * (1 + filtered)
 
 
 def _read(
-    reading: Reading,
+    item: Instrument,
     exact: FloatArray,
     step: FloatArray,
     start: int,
@@ -154,14 +159,14 @@ def _read(
     sample_time: float,
 ) -> FloatArray:
     """Return the rows of a reading over the state; write its memory into ``step``."""
-    every, late = stride_and_delay(reading.instrument, sample_time)
+    every, late = stride_and_delay(item, sample_time)
     p, size = len(exact), exact.shape[1]
     if tick % every:  # without a new frame, the last one remains
         frame = _places(width, start, size)
-    elif reading.instrument.rate_cutoff is None:
+    elif item.rate_cutoff is None:
         frame = exact
     else:
-        forget, per_change = filter_of(reading.instrument.rate_cutoff, every * sample_time)
+        forget, per_change = filter_of(item.rate_cutoff, every * sample_time)
         last, rate = _places(p, start, size), _places(p, start + p, size)
         frame = np.vstack([exact, forget * rate + per_change * (exact - last)])
     if count:
@@ -248,18 +253,6 @@ def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> Co
 
 #: Factors on the rate, and weights of a mean that cancels terms of first to third order.
 _RATES = ((1.0, 2.0 / 3.0), (-1.0, 2.0 / 3.0), (2.0, -1.0 / 6.0), (-2.0, -1.0 / 6.0))
-
-
-class Signal(NamedTuple):
-    """Linear signal of an arm: value + C x + D (acting torque).
-
-    ``components`` are the ends of the names of its components, such as ``[1]``; empty if unused.
-    """
-
-    value: FloatArray
-    C: FloatArray
-    D: FloatArray
-    components: tuple[str, ...] = ()
 
 
 class PlantModel(NamedTuple):
@@ -424,7 +417,7 @@ def _reading(item: Instrument, signal: Signal) -> Reading:
     ]
     shape = (-1, 2) if item.signal == "contact_force" else (-1,)
     factor = faulty(np.ones(len(signal.C)).reshape(shape), gains, 0.0).reshape(-1, 1)
-    return Reading(item, factor * signal.C, factor * signal.D, signal.components)
+    return item, signal._replace(C=factor * signal.C, D=factor * signal.D)
 
 
 def _is_rate(item: Instrument) -> bool:
