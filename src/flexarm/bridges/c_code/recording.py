@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from flexarm.bridges.c_code.traced_law import (
     plan_over,
     refusal,
 )
+from flexarm.control.contract.base import Arrays
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement
@@ -277,19 +279,21 @@ def replay(
     law: Any = deepcopy(traced.controller)
     law.reset()
     h, count = traced.sample_time, len(readings["joint_angle"])
-    times, start = np.arange(count) * h, readings["joint_angle"][0]
+    times = h * np.arange(count, dtype=np.float64)
+    start = readings["joint_angle"][0]
     table = gain_table(law)
     reference: Any = joint_motion(arm, start, start + _TURN, count * h)
     columns = dict(readings)
     if table:
-        reference = SlowRun(arm, table.ends, count * h)
+        reference = _slow_run(arm, table.ends, count * h)
         columns["joint_angle"] = readings["joint_angle"] - start + reference.joint_angle(times)
     motion = [getattr(reference, name)(times) for name in REFERENCE.values()]
     columns |= dict(zip(REFERENCE, motion, strict=True))
     planning = next(filter(exports_plan, around(law)), None)
     if planning is not None:
         columns |= _pressed(arm, motion, planning, times)
-    rows, torques, after = [], [], {}
+    rows, torques = [], []
+    after: Arrays = {}
     for k, t in enumerate(times.tolist()):
         row = {name: values[k] for name, values in columns.items()}
         given = Measurement(**{name: row[name] for name in readings})
@@ -309,31 +313,16 @@ def replay(
     return inputs, np.array(torques)
 
 
-class SlowRun:
-    """Reference that passes a grid of postures in few samples, at the torques of a slow motion.
+def _slow_run(arm: Arm, ends: FloatArray, duration: float) -> Any:
+    """Return a reference that passes a grid of postures, with the torques of a slow motion.
 
     ``ends`` (2, joints) rad are the first and the last posture; the ``duration`` (s) includes both.
     """
-
-    vectorized = True
-
-    def __init__(self, arm: Arm, ends: FloatArray, duration: float) -> None:
-        first, last = ends[0] - _TURN, ends[1] + _TURN
-        self.duration = self.end_time = duration
-        self._motion = joint_motion(arm, first, last, np.max(last - first) / _SPEED)
-        self._ratio = self._motion.duration / duration
-
-    def joint_angle(self, t: FloatArray) -> FloatArray:
-        """Return the joint angles, rad."""
-        return self._motion.joint_angle(self._ratio * t)
-
-    def joint_rate(self, t: FloatArray) -> FloatArray:
-        """Return the joint rates of the slow motion, rad/s."""
-        return self._motion.joint_rate(self._ratio * t)
-
-    def joint_acceleration(self, t: FloatArray) -> FloatArray:
-        """Return the joint accelerations of the slow motion, rad/s^2."""
-        return self._motion.joint_acceleration(self._ratio * t)
+    first, last = ends[0] - _TURN, ends[1] + _TURN
+    motion = joint_motion(arm, first, last, np.max(last - first) / _SPEED)
+    ratio, names = motion.duration / duration, REFERENCE.values()
+    methods = {name: lambda t, name=name: getattr(motion, name)(ratio * t) for name in names}
+    return SimpleNamespace(vectorized=True, end_time=duration, **methods)
 
 
 def contact_readings(controller: object, count: int) -> FloatArray:

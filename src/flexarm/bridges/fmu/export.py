@@ -493,19 +493,12 @@ class _Variables:
 
     def _put_inputs(self, export: Exported, q: FloatArray) -> None:
         arm = export.arm
+        force = find_inputs(arm, ["tip_force", "tip_moment"])
         about = "force or moment on the last tip, world axes"
-        force = [
-            _Variable(one.name, one.unit, about, "input", start=0.0)
-            for one in find_inputs(arm, ["tip_force", "tip_moment"])
-        ]
-        self._put("tip_force", force)
+        self._put("tip_force", [_Variable(*one[:2], about, "input", start=0.0) for one in force])
         if not export.controller:
-            meaning = CHANNELS["torque"].meaning
-            rows = [
-                _Variable(one.name, one.unit, meaning, "input", start=0.0)
-                for one in find_inputs(arm, ["torque"])
-            ]
-            self._put("torque", rows)
+            torque, about = find_inputs(arm, ["torque"]), CHANNELS["torque"].meaning
+            self._put("torque", [_Variable(*one[:2], about, "input", start=0.0) for one in torque])
             return
         sizes = {
             name: function.function.numel_in(name)
@@ -541,8 +534,6 @@ class _Variables:
                 self._put(function.name, rows)
         if export.controller:
             meaning = "torque of the controller, constant from sample to sample"
-            rows = [
-                _Variable(one.name, one.unit, meaning, "output", "discrete")
-                for one in find_inputs(export.arm, ["torque"])
-            ]
+            torque = find_inputs(export.arm, ["torque"])
+            rows = [_Variable(*one[:2], meaning, "output", "discrete") for one in torque]
             self._put("torque", rows)

@@ -343,11 +343,9 @@ class SmoothMatrices:
     def _fit(self, a: float, b: float) -> FloatArray:
         count = _FIRST
         while True:
-            places = chebyshev.chebpts1(count)
-            values = self._packed(0.5 * (a + b) + 0.5 * (b - a) * places)
-            # Chebyshev polynomials are orthogonal over these points, so no system is solved.
-            series = chebyshev.chebvander(places, count - 1).T @ values * (2.0 / count)
-            series[0] *= 0.5
+            series: Any = chebyshev.chebinterpolate(  # type: ignore[type-var]
+                lambda x: self._packed(0.5 * (a + b) + 0.5 * (b - a) * x), count - 1
+            )
             scale = np.max(np.abs(series), axis=0)
             k = self._model.kept.size
             scale = np.maximum(scale, 1e-3 * np.max(scale[-k:], initial=0.0))
