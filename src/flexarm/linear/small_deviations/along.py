@@ -343,7 +343,7 @@ class SmoothMatrices:
     def _fit(self, a: float, b: float) -> FloatArray:
         count = _FIRST
         while True:
-            series: Any = chebyshev.chebinterpolate(  # type: ignore[type-var]
+            series: Any = chebyshev.chebinterpolate(
                 lambda x: self._packed(0.5 * (a + b) + 0.5 * (b - a) * x), count - 1
             )
             scale = np.max(np.abs(series), axis=0)
