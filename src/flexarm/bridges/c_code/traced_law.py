@@ -25,13 +25,7 @@ from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
 from flexarm.control.design.nominal import Interpolated
 from flexarm.control.design.rigid_model import SurfaceMotion
 from flexarm.control.hardware.measurement import Measurement
-from flexarm.control.laws import (
-    LQG,
-    MPC,
-    Controller,
-    EstimatorController,
-    RepetitiveControl,
-)
+from flexarm.control.laws import LQG, MPC, Controller, EstimatorController, RepetitiveControl
 
 #: Coefficients of friction of the two references, where they are not given.
 FRICTION = {"reference_friction": np.zeros(1), "rougher_friction": np.ones(1)}
@@ -199,9 +193,7 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
     shapes: dict[str, tuple[int, ...]] = {}
     stored = table.trace(law, symbols.array) if table else None
 
-    def results(
-        memory_of: Callable[[Measurement, Arrays], Arrays],
-    ) -> dict[str, Any]:
+    def results(memory_of: Callable[[Measurement, Arrays], Arrays]) -> dict[str, Any]:
         readings = Measurement(**{name: symbols.array(name, *sizes[name]) for name in names})
         inputs = plan_over(law, arm, symbols.array) or {
             name: symbols.array(name, *np.shape(value)) for name, value in planned.items()

@@ -16,11 +16,7 @@ except ImportError:
 
 from flexarm.bridges.gymnasium_env.base import ArmEnv, laboratory_arm
 from flexarm.bridges.gymnasium_env.tasks import ReachEnv, TrackForceEnv, TrackPathEnv
-from flexarm.bridges.gymnasium_env.vector import (
-    ArmVectorEnv,
-    ReachVectorEnv,
-    TrackPathVectorEnv,
-)
+from flexarm.bridges.gymnasium_env.vector import ArmVectorEnv, ReachVectorEnv, TrackPathVectorEnv
 
 __all__ = [
     "ENVIRONMENTS",

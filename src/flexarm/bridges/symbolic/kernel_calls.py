@@ -258,12 +258,7 @@ class KernelCalls:
     """
 
     def __init__(
-        self,
-        arm: Arm,
-        constants: ArmConstants,
-        gauge_bodies: Any,
-        gauge_rows: Objects,
-        free: Any,
+        self, arm: Arm, constants: ArmConstants, gauge_bodies: Any, gauge_rows: Objects, free: Any
     ) -> None:
         self.arm, self.constants = arm, constants
         self.gauge_bodies, self.gauge_rows = gauge_bodies, gauge_rows

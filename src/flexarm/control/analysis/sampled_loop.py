@@ -335,10 +335,7 @@ def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
 
 
 def model_at(
-    arm: Arm,
-    posture: ArrayLike,
-    signals: Sequence[OutputName],
-    contacts: Sequence[Contact] = (),
+    arm: Arm, posture: ArrayLike, signals: Sequence[OutputName], contacts: Sequence[Contact] = ()
 ) -> PlantModel:
     """Linearise an arm at rest in a posture (joints,) rad.
 

@@ -391,10 +391,7 @@ def _unsolvable(argument: str) -> Problem:
                 "name no integral that the joints cannot control there."
             ),
         ),
-        "measured": (
-            "does not detect an undamped mode",
-            "Measure joint_angle.",
-        ),
+        "measured": ("does not detect an undamped mode", "Measure joint_angle."),
     }
     rule, hint = rules[argument]
     return Problem(argument, rule, hint=hint)

@@ -250,12 +250,7 @@ class PreviewedReference:
     """
 
     def __init__(
-        self,
-        model: FlexibleModel,
-        sag: Interpolated,
-        sample_time: float,
-        steps: int,
-        show: Shown,
+        self, model: FlexibleModel, sag: Interpolated, sample_time: float, steps: int, show: Shown
     ) -> None:
         self._show = show
         self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps

@@ -147,10 +147,7 @@ class HorizonProblem:
             v[: self._active.size] - self._arrival.x[self._active] / self._scale
         )
         residuals = [early, v[self._active.size : self._first]]
-        slopes = [
-            self._inverse @ unit[: self._active.size],
-            unit[self._active.size : self._first],
-        ]
+        slopes = [self._inverse @ unit[: self._active.size], unit[self._active.size : self._first]]
         xs, errors, links = [x], [error], []
         for k, node in enumerate(self._nodes):
             if k:

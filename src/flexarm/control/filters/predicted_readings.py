@@ -53,10 +53,7 @@ class PredictedReadings:
     """
 
     def __init__(
-        self,
-        arm: Arm,
-        instruments: Sequence[Instrument],
-        biased: Sequence[tuple[str, int]] = (),
+        self, arm: Arm, instruments: Sequence[Instrument], biased: Sequence[tuple[str, int]] = ()
     ) -> None:
         self.arm, self.instruments, self.biased = arm, tuple(instruments), biased
         self._labels = [item.label for item in instruments]
@@ -122,12 +119,7 @@ class PredictedReadings:
             raise InputError(Problem("measurement", rule, few(readings)))
         return readings
 
-    def predict(
-        self,
-        x: FloatArray,
-        torque: FloatArray,
-        constants: Constants,
-    ) -> Predicted:
+    def predict(self, x: FloatArray, torque: FloatArray, constants: Constants) -> Predicted:
         """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
 
         ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
@@ -159,12 +151,7 @@ class PredictedReadings:
                 found.torque[place, joint] = change / step
         return found
 
-    def values(
-        self,
-        x: FloatArray,
-        torque: FloatArray,
-        constants: Constants,
-    ) -> FloatArray:
+    def values(self, x: FloatArray, torque: FloatArray, constants: Constants) -> FloatArray:
         """Return the readings (size,) of ``predict`` alone."""
         found: FloatArray = self.linear_rows @ x
         if self.sensors:

@@ -143,13 +143,7 @@ class _Perturbed:
     Row 0 is the operating point; rows 1 to 2 dof perturb a state, the other rows an input.
     """
 
-    def __init__(
-        self,
-        arm: Arm,
-        point: _Point,
-        inputs: list[Input],
-        outputs: list[Output],
-    ) -> None:
+    def __init__(self, arm: Arm, point: _Point, inputs: list[Input], outputs: list[Output]) -> None:
         self.arm, self.point = arm, point
         self.inputs, self.outputs = inputs, outputs
         self.kernels = KernelView(arm.assembly.constants, complex)

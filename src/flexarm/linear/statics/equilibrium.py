@@ -42,11 +42,7 @@ class Tangent(NamedTuple):
 
 
 def tangent(
-    arm: Arm,
-    q: FloatArray,
-    qd: FloatArray,
-    qdd: FloatArray,
-    environment: Environment = EMPTY,
+    arm: Arm, q: FloatArray, qd: FloatArray, qdd: FloatArray, environment: Environment = EMPTY
 ) -> Tangent:
     """Linearise the inverse dynamics about a motion q, qd, qdd, each (dof,); exact to rounding.
 

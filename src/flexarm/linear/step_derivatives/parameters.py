@@ -14,10 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.assemble import (
-    constants_of_links,
-    place_joints_and_payload,
-)
+from flexarm.arm.assembly.assemble import constants_of_links, place_joints_and_payload
 from flexarm.arm.stations import place_gauges
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels.derivatives.sensitivity import STEP

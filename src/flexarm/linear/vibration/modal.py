@@ -14,12 +14,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
-from flexarm.base.arguments import (
-    as_list,
-    check_count,
-    check_number,
-    check_posture,
-)
+from flexarm.base.arguments import as_list, check_count, check_number, check_posture
 from flexarm.base.errors import (
     InputError,
     Problem,
