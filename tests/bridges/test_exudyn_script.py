@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from bridges.test_rigid_chain import arm, fixed_at_joint_2
-from flexarm.bridges.rigid_chain.chain import coordinates, rigid_chain
+from flexarm.bridges.rigid_chain.export import coordinates, rigid_chain
 from flexarm.cli.main import app
 
 DURATION = 0.5

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from typer.testing import CliRunner
 
 import flexarm as fa
-from flexarm.bridges.rigid_chain.chain import _quadrature, coordinates, rigid_chain
+from flexarm.bridges.rigid_chain.export import _quadrature, coordinates, rigid_chain
 from flexarm.cli.main import app
 
 ROD = {"flexural_rigidity": 105.0, "mass_per_length": 0.6}
