@@ -45,7 +45,7 @@ from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.parameters import constants_at
+from flexarm.linear.step_derivatives.parameters import constants_at, same_arrays
 from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Array of objects: `Scalar` objects and numbers.
@@ -437,25 +437,11 @@ def _is_exact(arm: Arm, path: str) -> bool:
             changed = Arm(with_number(arm.spec, path, other))
         except InputError:  # the model limits this number on one side
             continue
-        constants, rows = constants_at(arm, {path: other})
+        constants, rows = constants_at(arm, {path: other}, float)
         places = arm.assembly.coordinates, changed.assembly.coordinates
         exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
-        return np.array_equal(*places) and all(
-            _agree(formula.astype(np.float64), expected)
-            for formula, expected in zip((*constants, rows), exact, strict=True)
-        )
+        return np.array_equal(*places) and same_arrays(exact, (*constants, rows), _ROUNDING)
     return False
-
-
-def _agree(values: FloatArray, expected: FloatArray) -> bool:
-    if values.shape != expected.shape:
-        return False
-    difference = np.abs(values - expected)
-    # Scale by the column, which has one unit, because small entries may be rounding of larger ones.
-    scale = np.abs(expected)
-    if expected.ndim > 1:
-        scale = scale.max(axis=tuple(range(expected.ndim - 1)), initial=0.0)
-    return bool(np.all(difference <= _ROUNDING * scale))
 
 
 def _not_exact(name: str, arm: Arm, path: str) -> InputError:

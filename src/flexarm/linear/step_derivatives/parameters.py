@@ -8,7 +8,7 @@ needed, and the derivatives are exact for reduced modes too; theory page "separa
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -133,6 +133,20 @@ def _scaled_constants(
                 column[piece.body] = scaled(column[piece.body], factor, power)
     place_joints_and_payload(constants, spec, pieces, arm.assembly.seats)
     return constants
+
+
+def same_arrays(one: Iterable[Array], other: Iterable[Array], tolerance: float) -> bool:
+    """Return whether arrays agree, relative to the largest number of each column.
+
+    A column has one unit, and small entries may be rounding of larger ones.
+    """
+    return all(
+        a.shape == b.shape
+        and np.all(
+            np.abs(a - b) <= tolerance * np.abs(a).max(axis=tuple(range(a.ndim - 1)), initial=0.0)
+        )
+        for a, b in zip(one, other, strict=True)
+    )
 
 
 def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]], dtype: Any) -> Array:

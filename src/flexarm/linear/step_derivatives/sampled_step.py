@@ -32,7 +32,7 @@ from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.parameters import constants_at, constants_by
+from flexarm.linear.step_derivatives.parameters import constants_at, constants_by, same_arrays
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Positive
 
@@ -354,7 +354,7 @@ class FreeParameters:
         self._by = [self._slope(k) for k in range(len(paths))]
         # All numbers change at once, each by another fraction, so that products are noticed.
         moved = np.where(self.values, 0.1 * self.values, _PROBE) * (1.0 + np.arange(len(paths)))
-        self._affine = _same(self._by_formula(moved), self._linear(moved))
+        self._affine = same_arrays(self._by_formula(moved), self._linear(moved), _SAME)
 
     def at(
         self, changes: FloatArray | None = None
@@ -410,25 +410,15 @@ def _check(arm: Arm, path: str, name: str) -> None:
     if ".bristle_" in path or (alike and not np.any(rows - gauges)):
         rule = "have an effect on the model of a filter"
         raise InputError(Problem(name, rule, shown(path)))
-    if _same(changed.assembly.constants, found) and not any(np.any(part) for part in moved):
+    if same_arrays(changed.assembly.constants, found, _SAME) and not any(
+        np.any(part) for part in moved
+    ):
         return
     rule = (
         "be a number of the joints, the payload, gravity, damping or the rigidity of a whole link"
     )
     hint = "" if value else "It is 0 in this arm, so that the equations may omit its terms."
     raise InputError(Problem(name, rule, shown(path), hint))
-
-
-def _same(one: ArmConstants, other: ArmConstants) -> bool:
-    return all(
-        a.shape == b.shape and np.all(np.abs(a - b) <= _SAME * _largest(a))
-        for a, b in zip(one, other, strict=True)
-    )
-
-
-def _largest(array: FloatArray) -> FloatArray:
-    """Return the largest magnitude of each column, which is one kind of number."""
-    return np.asarray(np.max(np.abs(array), axis=tuple(range(array.ndim - 1)), initial=0.0))
 
 
 #: Largest product of step and fastest rate. The classical Runge-Kutta method changes the frequency
