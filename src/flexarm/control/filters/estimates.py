@@ -187,11 +187,6 @@ class Layout(NamedTuple):
         """Return the torques (joints,) on the joints, N m: a torque and the disturbance of x."""
         return torque + x[self.disturbance] if self.disturbed else torque
 
-    def changes(self, x: FloatArray, mass: float, nominal: FloatArray) -> FloatArray:
-        """Return the changes (1 + p,) of payload mass (kg) and parameters from their nominals."""
-        found: FloatArray = np.append(mass, x[self.parameters]) - nominal
-        return found
-
     def derivative(
         self,
         state: FloatArray,

@@ -517,10 +517,6 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         layout = self._layout
         return x[layout.disturbance].copy() if layout.disturbed else np.zeros(self.arm.joints)
 
-    def _acting(self, x: FloatArray) -> FloatArray:
-        """Return the torques (joints,) that act according to the estimated numbers, N m."""
-        return self._layout.acting(x, self._torque)
-
     def _mean(self, state: FloatArray, mass: float) -> FloatArray:
         """Return the estimated numbers of a start at [q, qd] and a mass."""
         none = np.zeros(self._layout.biases.stop - self._layout.disturbance.start)

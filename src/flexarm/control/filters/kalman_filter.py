@@ -328,7 +328,7 @@ class UnscentedKalmanFilter(KalmanFilter):
         after = before.copy()
         states = self._layout.states
         for old, error, new in zip(before, errors, after, strict=True):
-            torque = self._acting(old) + self._noise * error
+            torque = self._layout.acting(old, self._torque) + self._noise * error
             new[states] = self._model.step.advance(old[states], torque, self._model.changes(old))
         part.x, part.P = _mean(after), _covariance(after, after)
         self._add_drift(part)
@@ -340,7 +340,7 @@ class UnscentedKalmanFilter(KalmanFilter):
         points = _sigma_points(part.x, part.P, part.moved)
         states, outputs = points[:, :-joints], np.zeros((len(points), seen.size))
         for k, (x, error) in enumerate(zip(states, points[:, -joints:], strict=True)):
-            torque = self._acting(x) + self._noise * error
+            torque = self._layout.acting(x, self._torque) + self._noise * error
             constants = self._model.step.free.at(self._model.changes(x))
             outputs[k] = seen.values(x[self._layout.states], torque, constants)
             outputs[k] += seen.bias @ x[self._layout.biases]

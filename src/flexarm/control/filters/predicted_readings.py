@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -207,26 +208,16 @@ def _last(x: FloatArray) -> tuple[float, float]:
     return float(x[-1]), 1.0
 
 
+@dataclass(frozen=True, eq=False)
 class ArmModel:
-    """Next samples and readings of an arm as functions of the estimated numbers x of `Layout`.
+    """Next samples and readings of an arm as functions of the estimated numbers x of `Layout`."""
 
-    Args:
-        step, layout: of the filter. noise: (joints,) deviation of the torque, N m.
-        walk: (s,) variances of the random walks over a sample.
-        mass: function of x that returns the payload mass, kg, and its derivative by the last number
-            of x; by default it is this number.
-    """
-
-    def __init__(
-        self,
-        step: SampledStep,
-        layout: Layout,
-        noise: FloatArray,
-        walk: FloatArray,
-        mass: Callable[[FloatArray], tuple[float, float]] = _last,
-    ) -> None:
-        self.step, self.layout, self.noise, self.walk = step, layout, noise, walk
-        self._mass = mass
+    step: SampledStep
+    layout: Layout
+    noise: FloatArray  # (joints,) deviation of the torque, N m
+    walk: FloatArray  # (s,) variances of the random walks over a sample
+    #: Function of x that returns the payload mass, kg, and its derivative by the last number of x.
+    mass: Callable[[FloatArray], tuple[float, float]] = _last
 
     def carry(self, x: FloatArray, torque: FloatArray, error: FloatArray) -> Link:
         """Return x at the next sample under a torque with an error w."""
@@ -236,7 +227,7 @@ class ArmModel:
         after, F = x.copy(), np.eye(layout.size)
         after[layout.states] = step.after
         F[layout.states] = layout.derivative(
-            step.state, step.parameters, step.torque, self._mass(x)[1]
+            step.state, step.parameters, step.torque, self.mass(x)[1]
         )
         G = np.zeros((layout.size, self.noise.size))
         G[layout.states] = step.torque * self.noise
@@ -251,13 +242,14 @@ class ArmModel:
         acting = layout.acting(x, torque + self.noise * error)
         observed = seen.predict(x[layout.states], acting, constants)
         slopes = observed.state, observed.parameters, observed.torque
-        H = layout.derivative(*slopes, self._mass(x)[1], seen.bias)
+        H = layout.derivative(*slopes, self.mass(x)[1], seen.bias)
         values = observed.values + seen.bias @ x[layout.biases]
         return Readings(values, H, observed.torque * self.noise)
 
     def changes(self, x: FloatArray) -> FloatArray:
         """Return the changes (1 + p,) of payload mass and parameters from their nominals."""
-        return self.layout.changes(x, self._mass(x)[0], self.step.free.values)
+        found: FloatArray = np.append(self.mass(x)[0], x[self.layout.parameters])
+        return found - self.step.free.values
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
