@@ -248,8 +248,9 @@ class ArmModel:
 
     def changes(self, x: FloatArray) -> FloatArray:
         """Return the changes (1 + p,) of payload mass and parameters from their nominals."""
-        found: FloatArray = np.append(self.mass(x)[0], x[self.layout.parameters])
-        return found - self.step.free.values
+        numbers = np.append(self.mass(x)[0], x[self.layout.parameters])
+        changes: FloatArray = numbers - self.step.free.values
+        return changes
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
