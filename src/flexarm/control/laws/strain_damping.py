@@ -88,7 +88,7 @@ class StrainsAlong:
     def __call__(self, t: ArrayLike) -> FloatArray:
         times = np.asarray(t, dtype=np.float64)
         found: FloatArray = self._reference.coordinates(times.reshape(-1))[0] @ self._strains.T
-        return found.reshape(*times.shape, -1)
+        return found.reshape(*times.shape, found.shape[-1])
 
 
 class StrainDamping(StrainDampingParameters, OfArm, Around):
@@ -252,7 +252,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             static = self._nominal.along(*motion)
             found = StrainsAlong(reference, self._strains)(flat) - static.shown
             found -= static.missing @ self._bend.T
-        return found.reshape(*times.shape, -1)
+        return found.reshape(*times.shape, found.shape[-1])
 
     def _warn_of_growth(self, highest: float) -> None:
         """Warn if a mode that is not designed grows around joints that follow exactly.
