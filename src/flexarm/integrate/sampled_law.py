@@ -25,8 +25,9 @@ from flexarm.kernels.observation.shapes import strains_at
 #: Indices of ``SampledLaw.count``: number of the next sample, that of the sample at which the call
 #: ends, number of the first sample of ``inputs`` and ``commands``, and where the call has ended.
 TICK, LAST, FIRST, END = range(4)
-#: Ends of a call: between two samples, within one, or after one at which links have bent far.
-BETWEEN_SAMPLES, WITHIN_SAMPLE, BENT = range(3)
+#: Ends of a call: at the last sample, within one, after one at which links have bent far, or before
+#: one whose torques are not finite.
+COMPLETE, WITHIN, BENT, REFUSED = range(4)
 
 
 class SampledLaw(NamedTuple):
@@ -62,6 +63,7 @@ def _commanded(sizes: Sizes, state: Array, coefficients: Array, law: SampledLaw)
     for k in range(joints):
         torque = x[program.torque[k]]
         if not np.isfinite(torque):
+            count[END] = REFUSED
             return False
         law.commands[row, k] = torque
         coefficients[0, 0, law.bodies[k]] = torque
@@ -83,14 +85,14 @@ def _is_small(sizes: Sizes, state: Array, limit: float) -> bool:
 def _next_sample(law: SampledLaw) -> float:
     """Count a sample; return the time (s) until which its torques are held."""
     law.count[TICK] += 1
-    law.count[END] = WITHIN_SAMPLE
+    law.count[END] = WITHIN
     return min(law.count[TICK] * law.times[0], law.times[1])
 
 
 @inner
 def _goes_on(sizes: Sizes, state: Array, law: SampledLaw) -> bool:
     """Return whether the links have not bent far at the end of a sample."""
-    law.count[END] = BETWEEN_SAMPLES
+    law.count[END] = COMPLETE
     if _is_small(sizes, state, law.small):
         return True
     law.count[END] = BENT

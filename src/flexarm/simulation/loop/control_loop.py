@@ -30,7 +30,7 @@ from flexarm.control.hardware.measurement import (
     stride_and_delay,
 )
 from flexarm.integrate.base import FloatArray, Status, System
-from flexarm.integrate.sampled_law import BENT, SampledLaw
+from flexarm.integrate.sampled_law import BENT, REFUSED, SampledLaw
 from flexarm.model import Hardware
 from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
@@ -388,7 +388,7 @@ class ClosedLoop(RunLoop):
                 raise self.run.failure(status)
             elif end == BENT:
                 self._look()
-            elif self.runs_on(self.time):
+            elif end == REFUSED:
                 return
 
     def repetition(self) -> Callable[[Run], None]:

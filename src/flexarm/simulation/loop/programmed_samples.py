@@ -11,7 +11,7 @@ from flexarm.arm.stations import place_gauges
 from flexarm.control.contract.law_program import flat, program_of
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.integrate.base import Status
-from flexarm.integrate.sampled_law import END, LOOPS, TICK, SampledLaw
+from flexarm.integrate.sampled_law import END, LOOPS, REFUSED, TICK, SampledLaw
 from flexarm.kernels.controller_terms.law_program import LawProgram, law_step
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class ProgrammedSamples:
         memory = loop.controller.memory
         program.numbers[program.memory] = flat(memory)
         commands = np.zeros((len(inputs), loop.run.arm.joints))
-        count = np.array([first, first + len(inputs), first, 0])
+        count = np.array([first, first + len(inputs), first, REFUSED])
         times = np.array([loop.sample_time, loop.end])
         law = SampledLaw(program, *self._sensors, inputs, commands, count, self._small, times)
         status = loop.advance_samples(LOOPS[loop.run.integrator.stepper], law)
