@@ -24,9 +24,19 @@ _TRIALS = 3
 #: Readings of a recorded law, in the order of their places.
 _SENSED = ("joint_angle", "joint_rate", "strain")
 #: Functions of NumPy that only move entries.
-_MOVES = {np.concatenate, np.stack, np.broadcast_to, np.reshape, np.ravel, np.atleast_1d, np.tile}
-#: Other names of operations.
-_ALIASES = {"true_divide": "divide", "fabs": "absolute"}
+_MOVES = {
+    *(np.concatenate, np.stack, np.broadcast_to, np.reshape, np.ravel, np.atleast_1d, np.tile),
+    *(np.swapaxes, np.moveaxis, np.transpose, np.split),
+}
+#: Other names of operations, those of truth values included.
+_ALIASES = {
+    "true_divide": "divide",
+    "fabs": "absolute",
+    "logical_and": "minimum",
+    "logical_or": "maximum",
+    "bitwise_and": "minimum",
+    "bitwise_or": "maximum",
+}
 
 
 class _NotRecorded(TypeError):
@@ -108,20 +118,36 @@ class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
         """Return the array, which never changes."""
         return self
 
+    def ravel(self) -> _Recorded:
+        """Return the entries in one row."""
+        return self.reshape(-1)
+
     def reshape(self, *shape: Any) -> _Recorded:
         """Return the entries in another shape."""
         return _Recorded(self.tape, self.places.reshape(*shape))
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> _Recorded:
+        if method == "accumulate" and ufunc is np.add:
+            return self._sums(**options)
         if method != "__call__" or options:
             raise _NotRecorded(f"uses {ufunc.__name__}.{method}")
         return self.tape.operate(_ALIASES.get(ufunc.__name__, ufunc.__name__), inputs)
+
+    def _sums(self, axis: int) -> _Recorded:
+        """Return the sums of the entries up to each one along an axis."""
+        rows = list(np.moveaxis(self.places, axis, 0))
+        sums = [_Recorded(self.tape, rows[0])]
+        for row in rows[1:]:
+            sums.append(self.tape.operate("add", (sums[-1], _Recorded(self.tape, row))))
+        return _Recorded(self.tape, np.stack([total.places for total in sums], axis))
 
     def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
         if function is np.where and len(args) == 3:
             return self.tape.operate("where", args)
         if function in (np.shape, np.ndim, np.size):
             return function(self.places)
+        if function is np.zeros_like:
+            return 0.0 * self
         if function not in _MOVES:
             raise _NotRecorded(f"uses {function.__name__}")
         first = args[0]
@@ -141,7 +167,7 @@ def program_of(
     if not is_law(law) or not all(map(_is_built_in, _around(law))):
         return None  # a user's step may note numbers
     parts = memory, {name: readings[name] for name in _SENSED}, inputs
-    if any(np.asarray(value).dtype != np.float64 for part in parts for value in part.values()):
+    if any(np.asarray(value).dtype.kind not in "fib" for part in parts for value in part.values()):
         return None
     tape = _Tape()
     before, sensed, planned = (
@@ -214,3 +240,13 @@ def _is_equal(program: LawProgram, law: Controller, parts: Any) -> bool:
         if not all(map(np.array_equal, results, wanted)):
             return False
     return True
+
+
+def _moved(value: Any, k: int, rng: np.random.Generator) -> Any:
+    """Return the numbers of trial k: those given first, then random ones of the same type."""
+    shape, kind = np.shape(value), np.asarray(value).dtype
+    if k == 0:
+        return value
+    if kind.kind == "f":
+        return value + rng.normal(size=shape)
+    return rng.integers(2, size=shape).astype(kind)[()] + (0 if kind.kind == "b" else value)

@@ -30,6 +30,7 @@ from flexarm.control.contract.base import (
     Reference,
     SampledFeedforward,
     Step,
+    applied,
     check_reference,
     is_law,
 )
@@ -194,7 +195,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         if reference is not self._followed:
             self._followed, self._along = reference, self._strains_along(reference)
         if self._along is None:
-            strain = nominal.shown + self._bend.dot(nominal.missing)
+            strain = nominal.shown + applied(self._bend, nominal.missing)
         else:
             strain = self._along(t)
         return {
@@ -209,7 +210,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
-        motion = self._C.dot(state) + self._D.dot(strain)
+        motion = applied(self._C, state) + applied(self._D, strain)
         m = self.arm.joints
         shifted = {
             **inputs,
@@ -217,7 +218,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             "reference_rate": inputs["outer_rate"] + motion[m:],
         }
         inside, torque = self._inner_step(memory, readings, shifted)
-        return {"state": self._A.dot(state) + self._B.dot(strain), **inside}, torque
+        return {"state": applied(self._A, state) + applied(self._B, strain), **inside}, torque
 
     def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
         """Return the strains of a reference that computes them, as a function of time."""

@@ -56,8 +56,8 @@ class ProgrammedSamples:
             ends = np.cumsum([np.size(value) for value in memory.values()])[:-1]
             parts = np.split(program.numbers[program.memory], ends)
             pairs = zip(memory.items(), parts, strict=False)
-            shaped = {name: part.reshape(np.shape(value))[()] for (name, value), part in pairs}
-            loop.controller._keep(shaped)
+            after = {name: _like(value, part) for (name, value), part in pairs}
+            loop.controller._keep(after)
         return status, int(count[END])
 
     def _planned(self) -> FloatArray:
@@ -78,6 +78,12 @@ class ProgrammedSamples:
             except Exception:  # the sample itself reports the reason
                 break
         return np.array(rows).reshape(len(rows), self._program.inputs.size)
+
+
+def _like(value: Any, numbers: FloatArray) -> Any:
+    """Return numbers in the shape and with the type of a value."""
+    array = np.asarray(value)
+    return numbers.reshape(array.shape).astype(array.dtype)[()]
 
 
 def _rows(planned: Any, times: FloatArray, law: Any, reference: Any) -> FloatArray:
