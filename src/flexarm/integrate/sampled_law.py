@@ -22,7 +22,7 @@ from flexarm.kernels.controller_terms.law_program import LawProgram, law_step, r
 from flexarm.kernels.layout import Array, Sizes
 from flexarm.kernels.observation.shapes import strains_at
 
-#: Indices of ``SampledLaw.count``: number of the next sample, that of the sample at which the call
+#: Indices of ``SampledLaw.counts``: number of the next sample, that of the sample at which the call
 #: ends, number of the first sample of ``inputs`` and ``commands``, and where the call has ended.
 TICK, LAST, FIRST, END = range(4)
 #: Ends of a call: at the last sample, within one, after one at which links have bent far, or before
@@ -40,7 +40,7 @@ class SampledLaw(NamedTuple):
     strains: Array  # (gauges,) scratch
     inputs: Array  # (samples, r) planned inputs
     commands: Array  # (samples, joints) N m, filled
-    count: Array  # (4,)
+    counts: Array  # (4,)
     small: float  # modal coordinates below which no link has bent far
     times: Array  # (2,) sample time and end of the run, s
 
@@ -48,7 +48,7 @@ class SampledLaw(NamedTuple):
 @inner
 def _commanded(sizes: Sizes, state: Array, coefficients: Array, law: SampledLaw) -> bool:
     """Hold the torques of a sample; return whether they are finite."""
-    program, count = law.program, law.count
+    program, count = law.program, law.counts
     x, joints = program.numbers, law.bodies.shape[0]
     row = count[TICK] - count[FIRST]
     for k in range(joints):
@@ -84,18 +84,19 @@ def _is_small(sizes: Sizes, state: Array, limit: float) -> bool:
 @inner
 def _next_sample(law: SampledLaw) -> float:
     """Count a sample; return the time (s) until which its torques are held."""
-    law.count[TICK] += 1
-    law.count[END] = WITHIN
-    return min(law.count[TICK] * law.times[0], law.times[1])
+    law.counts[TICK] += 1
+    law.counts[END] = WITHIN
+    until: float = min(law.counts[TICK] * law.times[0], law.times[1])
+    return until
 
 
 @inner
 def _goes_on(sizes: Sizes, state: Array, law: SampledLaw) -> bool:
     """Return whether the links have not bent far at the end of a sample."""
-    law.count[END] = COMPLETE
+    law.counts[END] = COMPLETE
     if _is_small(sizes, state, law.small):
         return True
-    law.count[END] = BENT
+    law.counts[END] = BENT
     return False
 
 
@@ -111,7 +112,7 @@ def sampled_explicit(
 ) -> int:
     """Advance from sample to sample by ``advance_explicit``; see the module."""
     sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
-    while law.count[TICK] < law.count[LAST]:
+    while law.counts[TICK] < law.counts[LAST]:
         if not _commanded(sizes, state, coefficients, law):
             return DONE
         status = advance_explicit(system, tolerance, record, memory, _next_sample(law), max_steps)
@@ -134,7 +135,7 @@ def sampled_additive(
 ) -> int:
     """Advance from sample to sample by ``advance_additive``; see the module."""
     sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
-    while law.count[TICK] < law.count[LAST]:
+    while law.counts[TICK] < law.counts[LAST]:
         if not _commanded(sizes, state, coefficients, law):
             return DONE
         status = advance_additive(system, tolerance, record, memory, _next_sample(law), max_steps)

@@ -193,7 +193,8 @@ def program_of(
         torque=torques.astype(np.int64),
         kept=np.zeros(sum(np.size(value) for value in memory.values())),
     )
-    return program if _is_equal(program, law, parts) else None
+    with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
+        return program if _is_equal(program, law, parts) else None
 
 
 def _around(law: Any) -> Iterator[Any]:

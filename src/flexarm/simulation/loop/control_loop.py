@@ -411,7 +411,7 @@ class ClosedLoop(RunLoop):
 
     def add_holds(self, commands: FloatArray) -> None:
         """Note commands (samples, joints) that were held from the present sample time on."""
-        times = (self.tick + np.arange(len(commands))) * self.sample_time
+        times = np.asarray((self.tick + np.arange(len(commands))) * self.sample_time)
         self.times += times.tolist()
         self.commands += list(commands)
         self.acting.add_holds(times, commands)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 #: Samples of one compiled call, after which Ctrl-C is noticed and the progress bar moves.
 _CHUNK = 1024
-#: Least number of samples for which recording a law pays off: it takes as long as 20 of them.
-_WORTH = 100
+#: Least number of samples of a run for which the loop is compiled: 2 s, once per machine.
+_WORTH = 500
 #: Evaluations of a program of which the fastest counts as its time.
 _TIMED = 5
 
@@ -123,7 +123,8 @@ def programmed_samples(
     if not (alone and plain and long and run.integrator.stepper in LOOPS):
         return None
     try:
-        inputs = law.planned(loop.time, loop.sampled_reference or law._rest)
+        reference: Any = loop.sampled_reference or law._rest
+        inputs = law.planned(loop.time, reference)
         program = program_of(law, law.memory, measurement, inputs)
     except Exception:  # the next sample reports the reason
         return None
