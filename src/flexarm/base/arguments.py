@@ -270,6 +270,11 @@ def check_last_axes(
     import numpy as np
 
     numeric = type(value) is np.ndarray and value.dtype.kind in "fcO"
+    if numeric and value.dtype.kind == "O":
+        try:
+            1.0 * value
+        except Exception:  # entries that are neither numbers nor symbols
+            raise InputError(Problem(name, "be numbers", shown(value))) from None
     array = value if numeric else _plain_array(value)
     if array is not None and array.shape[-len(last) :] == last and axes in (None, array.ndim):
         return array

@@ -111,8 +111,11 @@ class Progress:
         memory: Memory,
         until: float,
         max_steps: int,
+        *more: Any,
     ) -> Status:
         """Call the stepper of the run's integrator, and read its results from the memory.
+
+        A loop of ``sampled_law`` has ``more`` arguments.
 
         ``Entry`` requires that the arguments of a run keep their types, which they do.
         """
@@ -125,7 +128,7 @@ class Progress:
         # Sampled loops call this at every sample time, where lists are faster than small arrays.
         if memory.counts.tolist() != counts:
             memory.counts[:] = counts
-        status = self.entry(system, tolerance, self.method, memory, float(until), max_steps)
+        status = self.entry(system, tolerance, self.method, memory, float(until), max_steps, *more)
         clock, counts = memory.clock.tolist(), memory.counts.tolist()
         self.time = clock[TIME]
         # A step that is shortened to end at a change of sticking says nothing about the run.

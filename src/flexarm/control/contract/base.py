@@ -507,15 +507,15 @@ def joint_problems(joints: int, given: Mapping[str, object]) -> list[Problem]:
 def applied(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return ``matrix @ vectors`` for a vector (k,), or for each of (runs, k) on its own.
 
-    The matrix may be one for each run, (runs, j, k). A product of two matrices would be rounded
-    differently for other numbers of runs.
+    The matrix may be one for each run, (runs, j, k). Products are added in their order, which no
+    library of matrices does: the result is the same for any number of runs, and in the program of a
+    law.
     """
-    found: FloatArray
-    if vectors.ndim == 1:
-        found = matrix.dot(vectors)  # half the time of ``@`` on small arrays
-    else:
-        found = np.matmul(matrix, vectors[..., None])[..., 0]
-    return found
+    if not vectors.shape[-1]:
+        return np.zeros((*vectors.shape[:-1], matrix.shape[-2]))
+    products = np.swapaxes(matrix, -1, -2) * vectors[..., None]
+    sums: FloatArray = np.add.accumulate(products, axis=-2)[..., -1, :]
+    return sums
 
 
 #: Start of the names of the inner controller's memory.

@@ -273,7 +273,7 @@ class LQG(LQGParameters, OfArm, Controller):
     ) -> tuple[FloatArray, Arrays]:
         """Return the torque (joints,) N m added to the nominal one, (C.24), (C.27); more memory."""
         _, gain, _, ahead = arrays[:4]
-        return -applied(gain, state) - ahead.dot(inputs["nominal_force"].ravel()), {}
+        return -applied(gain, state) - applied(ahead, inputs["nominal_force"].ravel()), {}
 
     def _within_limits(self, torque: FloatArray, memory: Arrays) -> FloatArray:
         if self.torque_limit is None:
@@ -366,10 +366,8 @@ class LQG(LQGParameters, OfArm, Controller):
 
 
 def _dots(left: FloatArray, right: FloatArray) -> Any:
-    """Return the product of two vectors (k,), or those (runs, 1) of many (runs, k)."""
-    if left.ndim == 1:
-        return left @ right
-    return np.matmul(left[:, None], right[..., None])[:, 0]
+    """Return the product (1,) of two vectors (k,), or those (runs, 1) of many (runs, k)."""
+    return applied(left[..., None, :], right)
 
 
 C = TypeVar("C", bound=Controller)

@@ -30,6 +30,7 @@ from flexarm.control.contract.base import (
     Reference,
     SampledFeedforward,
     Step,
+    applied,
     check_reference,
     is_law,
 )
@@ -88,7 +89,7 @@ class StrainsAlong:
     def __call__(self, t: ArrayLike) -> FloatArray:
         times = np.asarray(t, dtype=np.float64)
         found: FloatArray = self._reference.coordinates(times.reshape(-1))[0] @ self._strains.T
-        return found.reshape(*times.shape, -1)
+        return found.reshape(*times.shape, found.shape[-1])
 
 
 class StrainDamping(StrainDampingParameters, OfArm, Around):
@@ -194,7 +195,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         if reference is not self._followed:
             self._followed, self._along = reference, self._strains_along(reference)
         if self._along is None:
-            strain = nominal.shown + self._bend.dot(nominal.missing)
+            strain = nominal.shown + applied(self._bend, nominal.missing)
         else:
             strain = self._along(t)
         return {
@@ -209,7 +210,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
-        motion = self._C.dot(state) + self._D.dot(strain)
+        motion = applied(self._C, state) + applied(self._D, strain)
         m = self.arm.joints
         shifted = {
             **inputs,
@@ -217,7 +218,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             "reference_rate": inputs["outer_rate"] + motion[m:],
         }
         inside, torque = self._inner_step(memory, readings, shifted)
-        return {"state": self._A.dot(state) + self._B.dot(strain), **inside}, torque
+        return {"state": applied(self._A, state) + applied(self._B, strain), **inside}, torque
 
     def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
         """Return the strains of a reference that computes them, as a function of time."""
@@ -252,7 +253,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             static = self._nominal.along(*motion)
             found = StrainsAlong(reference, self._strains)(flat) - static.shown
             found -= static.missing @ self._bend.T
-        return found.reshape(*times.shape, -1)
+        return found.reshape(*times.shape, found.shape[-1])
 
     def _warn_of_growth(self, highest: float) -> None:
         """Warn if a mode that is not designed grows around joints that follow exactly.

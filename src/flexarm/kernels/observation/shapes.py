@@ -6,7 +6,7 @@ of the axis, -distance * Phi'' for gauges.
 
 from __future__ import annotations
 
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.compilation.numbers import cos, sin
 from flexarm.kernels.layout import Array, Sizes
 
@@ -42,6 +42,16 @@ def axis_points(
         points[k, 1] = body_poses[i, 1] + sine * x + cosine * v
 
 
+@merged
+def strains_at(sizes: Sizes, state: Array, bodies: Array, rows: Array, strains: Array) -> None:
+    """Fill ``strains`` (gauges,) from a state (2, n, 1 + m), as ``gauge_strains`` does."""
+    for gauge in range(bodies.shape[0]):
+        strain = 0.0
+        for j in range(len(sizes.modes)):
+            strain += rows[gauge, j] * state[0, bodies[gauge], 1 + j]
+        strains[gauge] = strain
+
+
 @compiled
 def gauge_strains(
     sizes: Sizes, states: Array, bodies: Array, rows: Array, strains: Array
@@ -51,8 +61,4 @@ def gauge_strains(
     ``bodies`` (gauges,) integers; ``rows`` (gauges, m): strain per modal coordinate.
     """
     for sample in range(states.shape[0]):
-        for gauge in range(bodies.shape[0]):
-            strain = 0.0
-            for j in range(len(sizes.modes)):
-                strain += rows[gauge, j] * states[sample, 0, bodies[gauge], 1 + j]
-            strains[sample, gauge] = strain
+        strains_at(sizes, states[sample], bodies, rows, strains[sample])

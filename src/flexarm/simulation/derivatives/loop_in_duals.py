@@ -136,6 +136,8 @@ class RecordedLoop(ClosedLoop):
         sensors: one instrument for each measured channel.
     """
 
+    _is_programmed = False
+
     def __init__(
         self,
         run: Run,

@@ -29,13 +29,15 @@ from flexarm.control.hardware.measurement import (
     readings_by_name,
     stride_and_delay,
 )
-from flexarm.integrate.base import FloatArray, System
+from flexarm.integrate.base import FloatArray, Status, System
+from flexarm.integrate.sampled_law import BENT, REFUSED, SampledLaw
 from flexarm.model import Hardware
 from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
 from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names, sensing_of_run
+from flexarm.simulation.loop.programmed_samples import ProgrammedSamples, programmed_samples
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.validity import RunawayWatch
@@ -214,9 +216,13 @@ class ControlLoop(ABC):
     def _advance(self, now: float, until: float) -> None:
         """Advance the rows between two times (s) under the torque of ``acting``."""
 
-    def _runs_on(self) -> bool:
+    def runs_on(self, t: Any) -> Any:
+        """Return whether there is a sample at a time, or at each of several times, s."""
         # Skip a last sample time that lies before the end by rounding alone.
-        return self.time < self.end * (1.0 - 1e-12)
+        return t < self.end * (1.0 - 1e-12)
+
+    def _runs_on(self) -> bool:
+        return bool(self.runs_on(self.time))
 
     def _look(self) -> None:  # noqa: B027
         """Examine the rows at a sample time."""
@@ -234,6 +240,10 @@ class ControlLoop(ABC):
             self.commands.append(torque)
             self.hold(torque)
             self._look()
+            self._skip()
+
+    def _skip(self) -> None:  # noqa: B027
+        """Advance by samples that need no ``_command``, if there are any."""
 
     def hold(self, torque: Any) -> None:
         """Command torques and advance to the next sample time, or to the end."""
@@ -335,6 +345,8 @@ class RunLoop(ControlLoop):
 class ClosedLoop(RunLoop):
     """Loop of one run with a controller."""
 
+    _is_programmed = True  # whether laws may run as programs, without ``_command``
+
     def __init__(
         self,
         run: Run,
@@ -351,11 +363,33 @@ class ClosedLoop(RunLoop):
         super().__init__(run, controller.sample_time, hardware)
         self._runaway, self._torque_of = RunawayWatch(run.arm), update_of(controller)
         self._measured: list[Measurement] = []
+        self._programmed: ProgrammedSamples | None = None
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
         self.controller.reset()
         super().execute()
+
+    @property
+    def sampled_reference(self) -> Reference | None:
+        """The reference, tabulated at the sample times if possible."""
+        return self._reference
+
+    def _skip(self) -> None:
+        if self.tick == 1 and self._is_programmed:
+            small = self._runaway.surely_small
+            self._programmed = programmed_samples(self, self._first, small)
+        while self._programmed is not None and self._runs_on():
+            status, end = self._programmed.advance()
+            if status is Status.PAUSED:  # many steps within a sample
+                self._advance(self.now, min(self.time, self.end))
+                self._look()
+            elif status is not Status.DONE:
+                raise self.run.failure(status)
+            elif end == BENT:
+                self._look()
+            elif end == REFUSED:
+                return
 
     def repetition(self) -> Callable[[Run], None]:
         """Return a function that executes the loop for another run, with the controller of now."""
@@ -365,6 +399,24 @@ class ClosedLoop(RunLoop):
             ClosedLoop(run, controller, self.reference, self.hardware).execute()
 
         return execute
+
+    def advance_samples(self, kernel: Callable[..., int], law: SampledLaw) -> Status:
+        """Advance by a loop of ``integrate.sampled_law``."""
+        run, progress = self.run, self.run.progress
+        assert progress.memory is not None
+        arguments = self._system, run.tolerance, progress.memory, self.end, run.max_steps
+        status = progress.enter(kernel, *arguments, law)
+        run.meter.update(progress.time / run.duration)
+        return status
+
+    def add_holds(self, commands: FloatArray) -> None:
+        """Note commands (samples, joints) that were held from the present sample time on."""
+        times = np.asarray((self.tick + np.arange(len(commands))) * self.sample_time)
+        self.times += times.tolist()
+        self.commands += list(commands)
+        self.acting.add_holds(times, commands)
+        self.tick += len(commands)
+        self.time = self.tick * self.sample_time
 
     def _look(self) -> None:
         run = self.run
@@ -380,6 +432,8 @@ class ClosedLoop(RunLoop):
         measurement = self.measure()
         if self.hardware is not None:
             self._measured.append(measurement)
+        if self.tick == 0:
+            self._first = measurement
         return self._update(self.time, measurement)
 
     def _update(self, t: float, measurement: Measurement) -> FloatArray:

@@ -114,6 +114,13 @@ class Acting:
         self._initial.append(now if self._lag > 0.0 else target)
         self._target.append(target)
 
+    def add_holds(self, times: FloatArray, torques: FloatArray) -> None:
+        """Note torques (k, joints) that ``plain`` motors applied from times (k,) on."""
+        rows = list(torques)
+        self._since += times.tolist()
+        for past in (self._requested, self._initial, self._target):
+            past += rows
+
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
         """Return the torque from t to ``until``: breaks (pieces + 1,) and coefficients.
 

@@ -1,0 +1,253 @@
+"""Programs of laws: lists of elementary operations, which run without Python.
+
+There is no second law: the ``step`` of a controller is executed once with arrays that record what
+NumPy would do with their entries. A law with other operations, or with decisions on numbers, is not
+recorded. The recorded operations are those of the step in the same order, so that torques and
+memory are equal to the last bit; this is tested for every law before its use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from flexarm.control.contract.base import Arrays, Controller, is_law
+from flexarm.control.hardware.measurement import FloatArray, Measurement
+from flexarm.kernels.controller_terms.law_program import OPERATIONS, LawProgram, law_step
+
+#: Most operations of a recorded law.
+_MOST = 20_000
+#: Random samples at which a recorded law is compared with its step.
+_TRIALS = 3
+#: Readings of a recorded law, in the order of their places.
+_SENSED = ("joint_angle", "joint_rate", "strain")
+#: Functions of NumPy that only move entries.
+_MOVES = {
+    *(np.concatenate, np.stack, np.broadcast_to, np.reshape, np.ravel, np.atleast_1d, np.tile),
+    *(np.swapaxes, np.moveaxis, np.transpose, np.split),
+}
+#: Other names of operations, those of truth values included.
+_ALIASES = {
+    "true_divide": "divide",
+    "fabs": "absolute",
+    "logical_and": "minimum",
+    "logical_or": "maximum",
+    "bitwise_and": "minimum",
+    "bitwise_or": "maximum",
+}
+
+
+class _NotRecorded(TypeError):
+    """Error of a step that cannot be recorded."""
+
+
+class _Tape:
+    """Operations in the order of their evaluation, and the numbers known before."""
+
+    def __init__(self) -> None:
+        self.code: list[tuple[int, int, int, int, int]] = []
+        self.numbers: list[float] = []
+        self._constants: dict[float, int] = {}
+
+    def new(self, shape: Any) -> _Recorded:
+        """Return an array of new places."""
+        count = int(np.prod(shape))
+        places = len(self.numbers) + np.arange(count).reshape(shape)
+        self.numbers += [0.0] * count
+        return _Recorded(self, places)
+
+    def places_of(self, value: Any) -> Any:
+        """Return the places of the entries of a recorded array, or of an array of numbers."""
+        if isinstance(value, _Recorded):
+            return value.places
+        array = np.asarray(value)
+        if array.dtype.kind not in "fib":
+            raise _NotRecorded("uses values that are no numbers")
+        places = [self._constant(number) for number in array.ravel().tolist()]
+        return np.array(places, dtype=np.intp).reshape(array.shape)
+
+    def _constant(self, number: float) -> int:
+        number = float(number)
+        if number not in self._constants:
+            self._constants[number] = len(self.numbers)
+            self.numbers.append(number)
+        return self._constants[number]
+
+    def operate(self, name: str, operands: Any) -> _Recorded:
+        """Record an operation on the entries of arrays; return its result."""
+        if name not in OPERATIONS:
+            raise _NotRecorded(f"uses {name}")
+        places = np.broadcast_arrays(*map(self.places_of, operands))
+        result = self.new(places[0].shape)
+        if len(self.code) + result.places.size > _MOST:
+            raise _NotRecorded("has too many operations")
+        columns = [array.ravel().tolist() for array in (result.places, *places)]
+        columns += [columns[-1]] * (4 - len(columns))
+        operation = OPERATIONS.index(name)
+        self.code += [(operation, *row) for row in zip(*columns, strict=True)]
+        return result
+
+
+class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
+    """Array whose entries are places on a tape."""
+
+    __array_priority__ = 1.0
+
+    def __init__(self, tape: _Tape, places: Any) -> None:
+        self.tape, self.places = tape, places
+
+    shape = property(lambda self: self.places.shape)
+    ndim = property(lambda self: self.places.ndim)
+    size = property(lambda self: self.places.size)
+    dtype = np.dtype(np.float64)
+
+    def __array__(self, *args: Any, **options: Any) -> Any:
+        raise _NotRecorded("uses the numbers of its memory, readings or inputs")
+
+    __bool__ = __float__ = __int__ = __index__ = __array__
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, key: Any) -> _Recorded:
+        return _Recorded(self.tape, np.asarray(self.places[key]))
+
+    def copy(self) -> _Recorded:
+        """Return the array, which never changes."""
+        return self
+
+    def ravel(self) -> _Recorded:
+        """Return the entries in one row."""
+        return self.reshape(-1)
+
+    def reshape(self, *shape: Any) -> _Recorded:
+        """Return the entries in another shape."""
+        return _Recorded(self.tape, self.places.reshape(*shape))
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> _Recorded:
+        if method == "accumulate" and ufunc is np.add:
+            return self._sums(**options)
+        if method != "__call__" or options:
+            raise _NotRecorded(f"uses {ufunc.__name__}.{method}")
+        return self.tape.operate(_ALIASES.get(ufunc.__name__, ufunc.__name__), inputs)
+
+    def _sums(self, axis: int) -> _Recorded:
+        """Return the sums of the entries up to each one along an axis."""
+        rows = list(np.moveaxis(self.places, axis, 0))
+        sums = [_Recorded(self.tape, rows[0])]
+        for row in rows[1:]:
+            sums.append(self.tape.operate("add", (sums[-1], _Recorded(self.tape, row))))
+        return _Recorded(self.tape, np.stack([total.places for total in sums], axis))
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        if function is np.where and len(args) == 3:
+            return self.tape.operate("where", args)
+        if function in (np.shape, np.ndim, np.size):
+            return function(self.places)
+        if function is np.zeros_like:
+            return 0.0 * self
+        if function not in _MOVES:
+            raise _NotRecorded(f"uses {function.__name__}")
+        first = args[0]
+        several = isinstance(first, list | tuple)
+        places = list(map(self.tape.places_of, first)) if several else self.tape.places_of(first)
+        return _Recorded(self.tape, np.asarray(function(places, *args[1:], **options)))
+
+
+def program_of(
+    law: Controller, memory: Arrays, readings: Measurement, inputs: Arrays
+) -> LawProgram | None:
+    """Return the program of a built-in law; None if its step cannot be recorded.
+
+    Args:
+        memory, readings, inputs: of a sample, in the forms of all samples.
+    """
+    if not is_law(law) or not all(map(_is_built_in, _around(law))):
+        return None  # a user's step may note numbers
+    parts = memory, {name: readings[name] for name in _SENSED}, inputs
+    if any(np.asarray(value).dtype.kind not in "fib" for part in parts for value in part.values()):
+        return None
+    tape = _Tape()
+    before, sensed, planned = (
+        {name: tape.new(np.shape(value)) for name, value in part.items()} for part in parts
+    )
+    try:
+        after, torque = law.step(before, Measurement(**sensed), planned)  # type: ignore[arg-type]
+        if after.keys() != memory.keys():
+            return None
+        ends = {name: tape.places_of(after[name]) for name in memory}
+        torques = tape.places_of(torque).ravel()
+    except Exception:  # of code that expects numbers
+        return None
+    if any(ends[name].shape != np.shape(value) for name, value in memory.items()):
+        return None
+    program = LawProgram(
+        code=np.array(tape.code, dtype=np.int64).reshape(-1, 5),
+        numbers=np.array(tape.numbers),
+        memory=_joined(before),
+        readings=_joined(sensed),
+        inputs=_joined(planned),
+        after=np.concatenate([np.zeros(0, np.int64), *(ends[name].ravel() for name in memory)]),
+        torque=torques.astype(np.int64),
+        kept=np.zeros(sum(np.size(value) for value in memory.values())),
+    )
+    with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
+        return program if _is_equal(program, law, parts) else None
+
+
+def _around(law: Any) -> Iterator[Any]:
+    """Iterate over a controller, the controller inside it, and so on."""
+    while law is not None:
+        yield law
+        law = getattr(law, "inner", None)
+
+
+def _is_built_in(law: Any) -> bool:
+    return type(law).__module__.startswith("flexarm.") and "step" not in vars(law)
+
+
+def _joined(arrays: Mapping[str, _Recorded]) -> Any:
+    return np.concatenate(
+        [np.zeros(0, np.int64), *(array.places.ravel() for array in arrays.values())]
+    )
+
+
+def flat(arrays: Arrays) -> FloatArray:
+    """Return the numbers of named arrays in one row."""
+    return np.concatenate([np.zeros(0), *map(np.ravel, arrays.values())])
+
+
+def _is_equal(program: LawProgram, law: Controller, parts: Any) -> bool:
+    """Return whether a program has the results of the step at a sample and at random numbers."""
+    rng = np.random.default_rng(0)
+    trial = program._replace(numbers=program.numbers.copy())
+    places = program.memory, program.readings, program.inputs
+    for k in range(1 + _TRIALS):
+        drawn = [
+            {
+                name: value + (k > 0) * rng.normal(size=np.shape(value))
+                for name, value in part.items()
+            }
+            for part in parts
+        ]
+        for where, part in zip(places, drawn, strict=True):
+            trial.numbers[where] = flat(part)
+        law_step(trial)
+        after, torque = law.step(drawn[0], Measurement(**drawn[1]), drawn[2])
+        results = trial.numbers[program.after], trial.numbers[program.torque]
+        wanted = flat({name: after[name] for name in drawn[0]}), np.ravel(torque)
+        if not all(map(np.array_equal, results, wanted)):
+            return False
+    return True
+
+
+def _moved(value: Any, k: int, rng: np.random.Generator) -> Any:
+    """Return the numbers of trial k: those given first, then random ones of the same type."""
+    shape, kind = np.shape(value), np.asarray(value).dtype
+    if k == 0:
+        return value
+    if kind.kind == "f":
+        return value + rng.normal(size=shape)
+    return rng.integers(2, size=shape).astype(kind)[()] + (0 if kind.kind == "b" else value)

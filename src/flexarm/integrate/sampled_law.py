@@ -1,0 +1,153 @@
+"""Compiled sampled loops: a recorded law between steps, without Python from sample to sample.
+
+Each stepper that ``integrator="auto"`` chooses has a loop. A call ends where only Python can go on:
+before a sample whose torques are not finite, after one at which a link may have bent by many times
+its length, and within one that takes too many steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.explicit_runge_kutta.explicit import ExplicitRecord, advance_explicit
+from flexarm.integrate.implicit.additive import AdditiveRecord, advance_additive
+from flexarm.integrate.memory import Memory
+from flexarm.integrate.status import DONE
+from flexarm.kernels.compilation.cache import inner, unlocked
+from flexarm.kernels.controller_terms.law_program import LawProgram, law_step, remember
+from flexarm.kernels.layout import Array, Sizes
+from flexarm.kernels.observation.shapes import strains_at
+
+#: Indices of ``SampledLaw.counts``: number of the next sample, that of the sample at which the call
+#: ends, number of the first sample of ``inputs`` and ``commands``, and where the call has ended.
+TICK, LAST, FIRST, END = range(4)
+#: Ends of a call: at the last sample, within one, after one at which links have bent far, or before
+#: one whose torques are not finite.
+COMPLETE, WITHIN, BENT, REFUSED = range(4)
+
+
+class SampledLaw(NamedTuple):
+    """A law, the sensors of its arm, and the samples of one call."""
+
+    program: LawProgram
+    bodies: Array  # (joints,) of the joints
+    gauge_bodies: Array  # (gauges,)
+    gauge_rows: Array  # (gauges, m) strain per modal coordinate
+    strains: Array  # (gauges,) scratch
+    inputs: Array  # (samples, r) planned inputs
+    commands: Array  # (samples, joints) N m, filled
+    counts: Array  # (4,)
+    small: float  # modal coordinates below which no link has bent far
+    times: Array  # (2,) sample time and end of the run, s
+
+
+@inner
+def _commanded(sizes: Sizes, state: Array, coefficients: Array, law: SampledLaw) -> bool:
+    """Hold the torques of a sample; return whether they are finite."""
+    program, count = law.program, law.counts
+    x, joints = program.numbers, law.bodies.shape[0]
+    row = count[TICK] - count[FIRST]
+    for k in range(joints):
+        x[program.readings[k]] = state[0, law.bodies[k], 0]
+        x[program.readings[joints + k]] = state[1, law.bodies[k], 0]
+    strains_at(sizes, state, law.gauge_bodies, law.gauge_rows, law.strains)
+    for k in range(law.strains.shape[0]):
+        x[program.readings[2 * joints + k]] = law.strains[k]
+    for k in range(program.inputs.shape[0]):
+        x[program.inputs[k]] = law.inputs[row, k]
+    law_step(program)
+    for k in range(joints):
+        torque = x[program.torque[k]]
+        if not np.isfinite(torque):
+            count[END] = REFUSED
+            return False
+        law.commands[row, k] = torque
+        coefficients[0, 0, law.bodies[k]] = torque
+    remember(program)
+    return True
+
+
+@inner
+def _is_small(sizes: Sizes, state: Array, limit: float) -> bool:
+    """Return whether all modal coordinates are below ``limit``."""
+    for i in range(len(sizes.bodies)):
+        for j in range(len(sizes.modes)):
+            if not abs(state[0, i, 1 + j]) < limit:
+                return False
+    return True
+
+
+@inner
+def _next_sample(law: SampledLaw) -> float:
+    """Count a sample; return the time (s) until which its torques are held."""
+    law.counts[TICK] += 1
+    law.counts[END] = WITHIN
+    until: float = min(law.counts[TICK] * law.times[0], law.times[1])
+    return until
+
+
+@inner
+def _goes_on(sizes: Sizes, state: Array, law: SampledLaw) -> bool:
+    """Return whether the links have not bent far at the end of a sample."""
+    law.counts[END] = COMPLETE
+    if _is_small(sizes, state, law.small):
+        return True
+    law.counts[END] = BENT
+    return False
+
+
+@unlocked
+def sampled_explicit(
+    system: System,
+    tolerance: Tolerance,
+    record: ExplicitRecord,
+    memory: Memory,
+    until: float,
+    max_steps: int,
+    law: SampledLaw,
+) -> int:
+    """Advance from sample to sample by ``advance_explicit``; see the module."""
+    sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
+    while law.counts[TICK] < law.counts[LAST]:
+        if not _commanded(sizes, state, coefficients, law):
+            return DONE
+        status = advance_explicit(system, tolerance, record, memory, _next_sample(law), max_steps)
+        if status != DONE:
+            return status
+        if not _goes_on(sizes, state, law):
+            return DONE
+    return DONE
+
+
+@unlocked
+def sampled_additive(
+    system: System,
+    tolerance: Tolerance,
+    record: AdditiveRecord,
+    memory: Memory,
+    until: float,
+    max_steps: int,
+    law: SampledLaw,
+) -> int:
+    """Advance from sample to sample by ``advance_additive``; see the module."""
+    sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
+    while law.counts[TICK] < law.counts[LAST]:
+        if not _commanded(sizes, state, coefficients, law):
+            return DONE
+        status = advance_additive(system, tolerance, record, memory, _next_sample(law), max_steps)
+        if status != DONE:
+            return status
+        if not _goes_on(sizes, state, law):
+            return DONE
+    return DONE
+
+
+#: Loops by the stepper that they call.
+LOOPS: dict[Callable[..., int], Callable[..., int]] = {
+    advance_explicit: sampled_explicit,
+    advance_additive: sampled_additive,
+}
