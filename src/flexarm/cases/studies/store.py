@@ -298,10 +298,10 @@ def create_store(
     unfinished = path.with_name(path.name + _PARTIAL)
     samples = executor.samples
     with _writing(path):
-        if unfinished.exists():
-            shutil.rmtree(unfinished)
+        # Threads of a creation that has just failed may still write and remove files there.
+        shutil.rmtree(unfinished, ignore_errors=True)
         unfinished.parent.mkdir(parents=True, exist_ok=True)
-        group = zarr.create_group(unfinished)
+        group = zarr.create_group(unfinished, overwrite=True)
         _create_arrays(group, samples, names, min(chunk, samples.count))
         attributes = {"layout": _LAYOUT, "study": text, "samples": samples.count, "chunk": chunk}
         group.attrs.update({**attributes, "parameters": list(samples.paths), **versions()})

@@ -261,6 +261,8 @@ class SampledModel:
     def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
         """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
 
+        NaN at the frequency of an undamped pole, where no steady response exists.
+
         Args:
             omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
 

@@ -22,7 +22,7 @@ from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.design.linear_design import held
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.state_space import OutputName, component_places
+from flexarm.linear.models.state_space import OutputName, component_places, solved_each
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
@@ -243,11 +243,11 @@ class SampledLoop:
 
 
 def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> ComplexArray:
-    """Return C (z - A)^-1 B at points z (f,)."""
+    """Return C (z - A)^-1 B at points z (f,); NaN at poles."""
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
     shifted = z[:, None, None] * np.eye(len(A)) - A
-    response: ComplexArray = C @ np.linalg.solve(shifted, B.astype(complex))
+    response: ComplexArray = C @ solved_each(shifted, B)
     return response
 
 

@@ -380,7 +380,7 @@ def frequency_response(
     A, (scale, _) = matrix_balance(A, permute=False, separate=True)
     B, C = B / scale[:, None], C * scale
     dynamic = np.asarray(1j * omega[:, None, None] * np.eye(len(A)) - A, dtype=np.complex128)
-    states = _solved(dynamic, B)
+    states = solved_each(dynamic, B)
     # Norms of the scaled matrices, because squares of huge frequencies overflow.
     least = np.finfo(float).tiny
     size = np.abs(dynamic).max(axis=(1, 2), keepdims=True, initial=least)
@@ -390,7 +390,7 @@ def frequency_response(
     return np.asarray(C @ states + D)
 
 
-def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.complex128]:
+def solved_each(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.complex128]:
     """Solve with many matrices; return NaN for those that are exactly singular."""
     right = np.broadcast_to(B, (len(matrices), *B.shape))
     try:
@@ -398,7 +398,7 @@ def _solved(matrices: NDArray[np.complex128], B: FloatArray) -> NDArray[np.compl
     except np.linalg.LinAlgError:
         if len(matrices) == 1:
             return np.full(right.shape, complex(np.nan, np.nan))
-    return np.concatenate([_solved(matrices[k : k + 1], B) for k in range(len(matrices))])
+    return np.concatenate([solved_each(matrices[k : k + 1], B) for k in range(len(matrices))])
 
 
 def _transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) -> Any:
