@@ -39,6 +39,7 @@ def released(arm, share, **options):
     return run, np.abs(run.q.values - np.array(exact)).max() / np.abs(q).max()
 
 
+@pytest.mark.sampled("1e-06")
 @pytest.mark.parametrize("share", [1e-2, 1.1e-3, 1e-4, 1e-6])
 def test_released_beams_of_all_sizes_have_the_same_small_error(share):
     """Motions just above the limit of the repetition have the largest error, 1.5e-4."""
