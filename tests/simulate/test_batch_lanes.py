@@ -86,6 +86,7 @@ def test_runs_of_different_length_in_steps(executed):
     assert len(executed) == 21
 
 
+@pytest.mark.thorough_cases("kennedy_carpenter_5")
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_each_lane_has_the_constants_of_its_arm(how, executed):
     # Smooth enough for the fixed step of rk4.

@@ -114,6 +114,7 @@ def test_default_tolerance_follows_the_relative_one_and_the_reach():
     assert released(beam(1e-4), 1e-2)[0].atol == pytest.approx(1e-13, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_batches_repeat_the_same_runs():
     """Arms of three sizes in lanes, two with a motion that is repeated."""
     arms = [beam(1.0), beam(1e-3), beam(1e-4)]

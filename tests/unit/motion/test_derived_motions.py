@@ -54,7 +54,9 @@ def motion(request):
     return MOTIONS[request.param]()
 
 
-@pytest.mark.thorough_cases("zvd along modes")
+@pytest.mark.sampled(
+    "zv", "ei, two modes", "moving average", "smoothed and shaped", "quasi-static, trapezoids"
+)
 def test_breaks_span_the_motion(motion):
     assert motion.breaks[0] == motion.start_time
     assert motion.breaks[-1] == motion.end_time
