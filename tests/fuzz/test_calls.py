@@ -36,7 +36,9 @@ def test_objects_that_flexarm_returns_are_public():
     assert set(fa.__all__) >= MADE_BY_FLEXARM
 
 
-@pytest.mark.thorough_cases("write_result")
+@pytest.mark.thorough_cases(
+    "write_result", "Study.rare_failures", "optimal_motion", "design", "export_c", "export_fmu"
+)
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_base_calls_are_accepted(name):
     if name.startswith("to_jax"):
