@@ -24,7 +24,7 @@ AS_ROOT := $(if $(filter-out 0,$(shell id -u)),sudo)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all suite conformance interpreted test-lowest test-pythons test-numba dist docs lint format browser bench fuzz kills mutants peers gallery clean
+.PHONY: help demo test test-all suite kernels pytest conformance interpreted test-lowest test-pythons test-numba dist docs lint format browser bench fuzz kills mutants peers gallery clean
 
 help: ## list the chores
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 15
@@ -48,13 +48,22 @@ $(VENV)/.ready-peers: $(VENV)/.ready-dev
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper
 	$(BIN)/flexarm paper --out out/paper
 
-test: lint suite ## lint, and the tests of every feature, without the thorough ones: a quarter of an hour on two cores
+# The checks of types keep one core busy for a minute, in which the other compiles kernels.
+test: $(VENV)/.ready-dev ## lint, and the tests of every feature, without the thorough ones
+	$(MAKE) --jobs=2 lint kernels
+	$(MAKE) pytest
 
-test-all: lint ## lint, and all tests, also long ones: pages, browsers, compilers, statistics, all parameters
-	$(MAKE) suite ALL=1
+test-all: ## lint, and all tests, also long ones: pages, browsers, compilers, statistics, all parameters
+	$(MAKE) test ALL=1
 
-suite: $(VENV)/.ready-dev ## the tests of `make test` alone; ALL=1 runs all, SEED=7 draws other examples, FULL=1 runs all of the long pages
-	$(BIN)/flexarm warmup # once, before parallel workers compile the same kernels each
+# Once, before parallel workers compile the same kernels each.
+kernels: $(VENV)/.ready-dev
+	$(BIN)/flexarm warmup
+
+suite: kernels ## the tests of `make test` alone; ALL=1 runs all, SEED=7 draws other examples, FULL=1 runs all of the long pages
+	$(MAKE) pytest
+
+pytest:
 	FULL_PAGES=$(FULL) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS) \
 		$(if $(ALL),,-m "not thorough") \
 		$(if $(SEED),--hypothesis-profile=random --hypothesis-seed=$(SEED))

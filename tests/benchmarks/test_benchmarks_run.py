@@ -70,6 +70,7 @@ def test_every_installed_peer_is_measured(points: list[Point], peer: str) -> Non
     assert peer in {point.program for point in points}
 
 
+@pytest.mark.sampled("second_order")
 @pytest.mark.skipif(compiler() is None, reason="no C++ compiler: the limit was not measured")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_limit_program_computes_the_same_accelerations(theory: str) -> None:

@@ -1,8 +1,10 @@
 """The benchmark of batches with controllers returns its table."""
 
+import pytest
 from benchmarks import closed_batches
 
 
+@pytest.mark.thorough
 def test_every_controller_has_a_row():
     found = closed_batches.closed_batches(runs=2, few=1, repeats=1)
     lines = closed_batches.table(found).splitlines()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 import re
 
 from benchmarks import programs, rollouts
 
 
+@pytest.mark.thorough
 def test_all_programs_find_the_same_motion() -> None:
     found = rollouts.rollouts(runs=9, few=2, repeats=1)
     assert len(found) == 7 - len({"MuJoCo", "JAX"} & set(programs.missing()))

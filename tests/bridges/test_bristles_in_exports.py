@@ -43,6 +43,7 @@ def test_exports_warn(name, tmp_path):
         WARNING[name](rubbing(), tmp_path)
 
 
+@pytest.mark.thorough_cases("c", "fmu")
 @pytest.mark.filterwarnings("ignore:.*has the damper in brackets:flexarm.FlexarmWarning")
 @pytest.mark.parametrize("name", WARNING)
 def test_exports_of_friction_that_holds_warn_once(name, tmp_path):
@@ -60,6 +61,7 @@ def test_exports_refuse(name, tmp_path):
         REFUSING[name](rubbing(), tmp_path)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.base.errors.FlexarmWarning")
 def test_c_code_passes_its_test(tmp_path):
     fa.export_c(rubbing(), tmp_path)

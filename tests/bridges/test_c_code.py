@@ -46,13 +46,14 @@ def test_recorded_run(exported, tmp_path, cc):
     assert {f"arm_{name}" for name in tested} == set(re.findall(r"^void (\w+)\(", header, re.M))
 
 
-@pytest.mark.sampled("2000")
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [2000, 2001, 2004])
 def test_random_arms_with_every_option(seed, tmp_path):
     fa.export_c(busy(seed, theory=["linear", "second_order"][seed % 2]).arm, tmp_path)
     assert_recorded_run_is_equal(tmp_path, "gcc")
 
 
+@pytest.mark.thorough
 def test_rigid_arm(tmp_path):
     fa.export_c(parametric("linear").rigid(), tmp_path, name="rigid")
     assert_recorded_run_is_equal(tmp_path, "gcc")
@@ -187,6 +188,7 @@ def test_files_of_others_are_not_replaced(tmp_path):
         assert len(fa.export_c(arm, tmp_path / "new")) == 5
 
 
+@pytest.mark.thorough
 def test_command(tmp_path):
     path = tmp_path / "swing.yaml"
     fa.save_arm(parametric("linear"), path)

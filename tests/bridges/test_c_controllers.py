@@ -322,6 +322,7 @@ def test_controllers_around_each_other(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.thorough
 def test_scenario_with_a_controller(tmp_path):
     folder = tmp_path / "my-arm"
     assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0

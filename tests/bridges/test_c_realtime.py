@@ -30,7 +30,7 @@ def started(program: Path, at: str, limit: int = 20) -> subprocess.Popen:
     return subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
 
 
-@pytest.mark.thorough_cases("computed_torque", "joint_pid")
+@pytest.mark.sampled("strain_feedback")
 @pytest.mark.parametrize(
     "name", ["computed_torque", "joint_pid", "strain_feedback", "wave_based_control"]
 )
@@ -78,6 +78,7 @@ def test_another_sample_time_ends_both_programs(tmp_path):
     assert error.value.result.sizes["tick"] == 1
 
 
+@pytest.mark.thorough
 def test_a_program_without_a_plant_ends(tmp_path):
     with started(built(tmp_path, LAWS["joint_pid"]()), free_address(), 1) as other:
         assert other.wait(20.0) == 1
@@ -132,7 +133,7 @@ def wait_until_it_listens(at):
     raise AssertionError("the program does not listen")
 
 
-@pytest.mark.thorough_cases("1-lost0")
+@pytest.mark.sampled("3-lost2")
 @pytest.mark.parametrize(("seed", "lost"), [(1, (0, 0)), (2, (3, 0)), (3, (0, 3))])
 def test_the_program_ignores_packets_of_others_and_repeats_lost_ones(seed, lost, program):
     at = free_address()

@@ -22,6 +22,7 @@ def test_refused_by_name_with_the_reason(name, tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.thorough
 def test_laws_that_symbols_cannot_follow(tmp_path):
     arm = heavy()
 

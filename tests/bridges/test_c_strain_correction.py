@@ -33,7 +33,7 @@ class Beside(fa.Controller):
         return torque
 
 
-@pytest.mark.sampled("wave_based_control")
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", DAMPING)
 def test_reference_that_computes_its_bending(name, tmp_path):
     """The recorded run along a quasi-static reference, with its strains as input."""

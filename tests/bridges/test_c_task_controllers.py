@@ -17,7 +17,7 @@ from flexarm.cli.main import app
 TASKS = ["adaptive_force", "admittance", "hybrid_force", "impedance", "neural_force"]
 
 
-@pytest.mark.thorough_cases("adaptive_force", "neural_force")
+@pytest.mark.sampled("admittance")
 @pytest.mark.parametrize("name", TASKS)
 def test_recorded_run_takes_both_sides_of_all_conditions(name, monkeypatch):
     """Along the run each condition of the update is true at one sample and false at another.
@@ -102,7 +102,7 @@ class PressingInC(fa.Controller):
         return torque
 
 
-@pytest.mark.sampled("HybridForce")
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce, fa.Admittance, fa.NeuralForce])
 def test_contact_run(kind, tmp_path):
     """The same run against a wall, whether the loop is closed by Python or by C."""

@@ -80,7 +80,7 @@ def outputs(path):
     return [one.name for one in described.modelVariables if one.causality == "output"]
 
 
-@pytest.mark.thorough_cases("2.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("version", VERSIONS)
 def test_validator(exported, version):
     """Schema, names, units, structure, and combinations of causality and variability."""

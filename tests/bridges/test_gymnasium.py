@@ -45,6 +45,7 @@ def joint_pd(env, info):
     return (torque / arm_env.torque_limit).clip(-1.0, 1.0).astype(np.float32)
 
 
+@pytest.mark.thorough_cases("flexarm/TrackForce-v0", "flexarm/TrackPath-v0")
 @every
 def test_environments_pass_the_checker_of_gymnasium(name):
     """The suite turns warnings into errors."""
@@ -58,6 +59,7 @@ def test_a_step_before_the_first_reset_is_rejected(name):
         env.step(np.zeros(2, np.float32))
 
 
+@pytest.mark.thorough_cases("flexarm/TrackForce-v0")
 @every
 def test_same_seed_gives_the_same_episode(name):
     env = gymnasium.make(name, duration=0.3)
@@ -181,7 +183,7 @@ def test_an_episode_ends_at_its_duration_with_the_documented_rewards(name):
     assert infos[-1]["distance"] == pytest.approx(distance)
 
 
-@pytest.mark.thorough_cases("flexarm/TrackPath-v0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [REACH, TRACK])
 def test_joint_pd_succeeds_where_zero_torque_fails(name):
     env = gymnasium.make(name)

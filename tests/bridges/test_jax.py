@@ -71,6 +71,7 @@ def test_every_option_on_random_arms(seed):
             assert_same(name, values(model, name, given), wanted, b.arm, given["q"])
 
 
+@pytest.mark.thorough
 def test_parameters_equal_an_arm_with_these_values():
     arm = parametric("second_order")
     model = fa.to_jax(arm, parameters=list(PARAMETERS))

@@ -69,6 +69,7 @@ def test_a_simple_force_controller_succeeds_where_zero_torque_fails():
         np.testing.assert_allclose(reported, wanted, rtol=0, atol=1e-12)
 
 
+@pytest.mark.sampled("law0")
 @pytest.mark.parametrize(
     "law",
     [
@@ -109,6 +110,7 @@ def test_observed_force_follows_the_contact_law(law):
     assert fastest > 0.02  # the damping has an effect
 
 
+@pytest.mark.thorough
 def test_random_walls_face_the_base_and_are_within_the_torque_limits():
     env = gymnasium.make(FORCE)
     places = []

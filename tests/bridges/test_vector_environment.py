@@ -70,11 +70,7 @@ def assert_same_info(found, wanted):
                 np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-14, err_msg=key)
 
 
-@pytest.mark.sampled(
-    "whole-NextStep-flexarm/Reach-v0",
-    "bent-NextStep-flexarm/Reach-v0",
-    "bent-Disabled-flexarm/TrackPath-v0",
-)
+@pytest.mark.sampled("bent-NextStep-flexarm/Reach-v0")
 @every
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("torque_limit", [[10.0, 3.0], [120.0, 60.0]], ids=["whole", "bent"])
@@ -116,6 +112,7 @@ def test_sub_environments_equal_single_environments(name, mode, torque_limit):
     slow.close()
 
 
+@pytest.mark.sampled("flexarm/Reach-v0")
 @every
 def test_numbers_do_not_depend_on_the_number_of_environments_and_threads(name):
     def history(count, threads):

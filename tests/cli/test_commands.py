@@ -98,6 +98,7 @@ def test_check_reports_an_unstable_pole(good):
     assert "warning: the sampled loop is unstable at the start" in outcome.stderr
 
 
+@pytest.mark.thorough
 def test_check_warns_of_growth_that_the_run_does_not_show(good):
     """Strain feedback with the wrong sign, as of a gauge on the other side of its link."""
     arm = ONE_LINK.replace("modes: 3}", "modes: 3, gauges: [{station: 0.02, distance: 0.004}]}")
@@ -146,6 +147,7 @@ def test_scenario_without_run_is_not_an_arm_file(good):
     assert "run is missing" in outcome.stderr
 
 
+@pytest.mark.thorough
 def test_run_writes_the_result_of_the_same_calls_in_python(good, tmp_path):
     out, plot, page = tmp_path / "new" / "run.nc", tmp_path / "run.png", tmp_path / "run.html"
     outcome = invoke("run", good, "--out", out, "--plot", plot, "--animate", page)
@@ -166,6 +168,7 @@ def test_run_without_output_writes_nothing(good, tmp_path):
     assert list(tmp_path.iterdir()) == [good]
 
 
+@pytest.mark.thorough
 def test_excessive_bending_gives_a_warning_of_one_line(tmp_path):
     path = tmp_path / "soft.yaml"
     path.write_text(GOOD.replace("5000.0", "500.0"))
@@ -177,6 +180,7 @@ def test_excessive_bending_gives_a_warning_of_one_line(tmp_path):
     assert reported.startswith("link 1 deflects by up to ")
 
 
+@pytest.mark.sampled(".csv")
 @pytest.mark.parametrize("suffix", [".nc", ".csv"])
 def test_failed_run_writes_its_partial_result(suffix, tmp_path):
     path = tmp_path / "unstable.yaml"
@@ -246,6 +250,7 @@ def test_modes_of_arms_without_vibrations(tmp_path):
     assert f"{np.sqrt(1.5 * 9.81) / (2 * np.pi):.5f}" in hanging.stdout
 
 
+@pytest.mark.sampled("scenario")
 @pytest.mark.parametrize("kind", ["arm", "scenario"])
 def test_schema_is_printed_or_written_as_json(kind, tmp_path):
     outcome = invoke("schema", "--kind", kind)

@@ -74,6 +74,7 @@ def test_numbers_equal_those_of_single_runs(path):
     assert np.isnan(table.controller_time.sel(controller="torque alone")).all()
 
 
+@pytest.mark.thorough
 def test_load_on_one_plant_equals_that_of_compare(path):
     """The loads are added to one on all plants; then the same without these."""
     pushed = "  pushed: {loads: [{link: 2, force: [0.0, -8.0]}, {link: 1, moment: 0.5}]}\n"
@@ -108,6 +109,7 @@ def test_load_on_one_plant_equals_that_of_compare(path):
     assert errors[1] > 1.02 * errors[0]  # the same arms without it would differ by nothing
 
 
+@pytest.mark.thorough
 def test_table_figure_and_files(path, tmp_path):
     result = call("compare", path, "--out", tmp_path / "t.csv", "--plot", tmp_path / "t.png")
     assert result.exit_code == 0, result.output
@@ -248,6 +250,7 @@ run: {duration: 0.4, rate: 200}
 """
 
 
+@pytest.mark.thorough
 def test_force_errors_are_reported_only_for_motions_with_contact(tmp_path):
     path = tmp_path / "study.yaml"
     path.write_text(PRESSING)
@@ -267,6 +270,7 @@ def test_force_errors_are_reported_only_for_motions_with_contact(tmp_path):
     assert rows["free"]["force_error_rms"] == rows["free"]["force_error_peak"] == ""
 
 
+@pytest.mark.thorough
 def test_check_names_pressing_and_shaped_motions(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text(PRESSING)

@@ -47,6 +47,7 @@ def test_the_written_scenario_runs(path, tmp_path):
     assert fa.run_scenario(out, progress=False).sizes["time"] > 1
 
 
+@pytest.mark.thorough
 def test_an_existing_file_is_replaced_on_request_only(path, tmp_path):
     out = tmp_path / "mine.yaml"
     out.write_text("mine")

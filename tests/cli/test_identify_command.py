@@ -53,6 +53,7 @@ def test_estimates_are_printed_and_saved(tmp_path):
     assert f"{found:.5g}" in done.output
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_prediction_errors_in_a_file(tmp_path):
     path = write(tmp_path)

@@ -90,6 +90,7 @@ def test_cause_of_an_instability_is_reported(arm, options, cause, tmp_path):
     assert f"unstable: {cause} pulls the arm away from this posture" in outcome.output
 
 
+@pytest.mark.thorough
 def test_modes_are_tracked_to_a_posture(path, tmp_path):
     table, plot = tmp_path / "way.csv", tmp_path / "way.png"
     outcome = invoke("modes", path, "--to", "0,2", "--count", 3, "--csv", table, "--plot", plot)
@@ -102,6 +103,7 @@ def test_modes_are_tracked_to_a_posture(path, tmp_path):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_campbell_diagram_is_written(path, tmp_path):
     table, plot = tmp_path / "spin.csv", tmp_path / "spin.pdf"
     invoke("modes", path, "--campbell", 20, "--count", 2, "--csv", table, "--plot", plot)
@@ -158,6 +160,7 @@ arm:
 """
 
 
+@pytest.mark.sampled("joints0")
 @pytest.mark.parametrize("joints", [[], ["--joints", "free"], ["--joints", "locked"]])
 def test_arm_with_fixed_joints_only(joints, tmp_path):
     file = tmp_path / "clamped.yaml"

@@ -71,6 +71,7 @@ main()
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.thorough
 def test_closed_output_pipe_ends_the_command_silently(tmp_path):
     code = f"""
 import subprocess, sys

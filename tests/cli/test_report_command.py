@@ -30,6 +30,7 @@ def test_report_equals_that_of_python(result):
     assert path.read_text(encoding="utf-8") == fa.report(fa.read_result(result), title="run")
 
 
+@pytest.mark.thorough
 def test_options_change_the_page(result, tmp_path):
     path = tmp_path / "new" / "page.html"
     given = ("--out", path, "--title", "A boom", "--magnify", "20", "--rigid")
@@ -46,6 +47,7 @@ def test_older_page_is_replaced(result):
     assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
+@pytest.mark.thorough
 def test_failed_run_has_a_report(tmp_path):
     scenario = tmp_path / "unstable.yaml"
     scenario.write_text(UNSTABLE)
@@ -73,7 +75,7 @@ def without_arm(path):
     path.write_bytes(b"".join(encode_netcdf(whole)))
 
 
-@pytest.mark.thorough_cases("without_arm")
+@pytest.mark.sampled("damaged")
 @pytest.mark.parametrize("spoil", [os.unlink, damaged, without_coordinates, without_arm])
 def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     spoil(result)
@@ -84,7 +86,7 @@ def test_bad_file_is_rejected_and_nothing_is_written(spoil, result, tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.sampled("page.txt", "run.nc/page.html", "folder.html")
+@pytest.mark.sampled("page.txt")
 @pytest.mark.parametrize("name", ["page.txt", "page", "run.nc/page.html", "folder.html"])
 def test_unwritable_path_is_rejected(name, result, tmp_path):
     (tmp_path / "folder.html").mkdir()
@@ -103,6 +105,7 @@ def test_wrong_option_is_rejected(result, tmp_path):
     assert list(tmp_path.iterdir()) == [result]
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 def test_full_disk_keeps_the_older_page(result, tmp_path):
     import resource

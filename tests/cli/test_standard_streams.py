@@ -91,6 +91,7 @@ def test_every_command_reports_a_standard_output_that_cannot_be_written(good, tm
         assert (status, printed) == (2, line(reason)), case
 
 
+@pytest.mark.thorough
 @posix_only
 def test_files_are_written_although_the_output_is_not(tmp_path):
     ((status, printed),) = outcomes((["init", str(tmp_path / "arm")], "full"))

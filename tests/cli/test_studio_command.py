@@ -26,6 +26,7 @@ def test_without_its_packages_the_error_names_the_extra(monkeypatch):
         assert "is not installed. Install it with: pip install 'flexarm[studio]'." in done.stderr
 
 
+@pytest.mark.thorough
 def test_broken_file_is_rejected(tmp_path):
     pytest.importorskip("nicegui")
     path = tmp_path / "bad.yaml"

@@ -70,6 +70,7 @@ def test_a_study_without_variation_gives_a_notice(path):
     assert "warning: the study has one sample. Add `vary` and `samples`" in done.output
 
 
+@pytest.mark.thorough
 def test_existing_results_are_continued_on_request_only(path):
     assert call("sweep", path, "--workers", 1).exit_code == 0
     again = call("sweep", path, "--workers", 1)
@@ -97,6 +98,7 @@ def test_different_repetition_is_a_failure(path, monkeypatch):
     assert "samples 1 of the store differ" in done.output
 
 
+@pytest.mark.thorough
 def test_compare_prints_ratios_to_the_nominal_runs(path, tmp_path):
     out = tmp_path / "table.nc"
     done = call("compare", path, "--workers", 1, "--out", out, "--limit", "tip_error_rms=0.042")

@@ -57,7 +57,7 @@ def made(value):
     return value() if callable(value) and not isinstance(value, type) else value
 
 
-@pytest.mark.thorough_cases("design", "optimal_motion", "save_arm", "tip_inversion")
+@pytest.mark.thorough_cases("shaped", "design", "optimal_motion", "save_arm", "tip_inversion")
 @pytest.mark.parametrize("name", CALLS)
 def test_every_function_of_an_arm(name):
     given = {key: made(value) for key, value in CALLS[name].items()}

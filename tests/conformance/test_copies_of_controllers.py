@@ -31,13 +31,14 @@ def copies_answer_alike(controller, arm):
         np.testing.assert_array_equal(again, first)
 
 
-@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
+@pytest.mark.sampled("joint_pd", "lqg")
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_copy_gives_the_same_torques(name, arm):
     """Studies pass controllers to other processes; a controller used twice has two states."""
     copies_answer_alike(EXAMPLES[name](), arm)
 
 
+@pytest.mark.sampled("LQG")
 @pytest.mark.parametrize("kind", [fa.LQG, fa.MPC, fa.Composite])
 def test_a_copy_follows_the_posture_in_the_same_way(kind, arm):
     angles = [[0.2, 0.5, 0.9], [-0.5, 0.0, 0.5]]
@@ -87,6 +88,7 @@ class Plain:
         return self._asked("joint_acceleration", t)
 
 
+@pytest.mark.sampled("0.0")
 @pytest.mark.parametrize("preview", [0.0, 0.1])
 def test_a_reference_of_scalar_times_gives_the_same_torques(preview, arm):
     """Over 500 samples, 200 of them after its end, so that buffers are filled many times."""

@@ -166,6 +166,7 @@ def kinds(base):
         yield from kinds(kind)
 
 
+@pytest.mark.thorough
 def test_every_kind_of_motion_is_tested_here():
     here = {type(make()) for make in MOTIONS.values()}
     missing = {
@@ -177,7 +178,7 @@ def test_every_kind_of_motion_is_tested_here():
 EVERY = MOTIONS | PRESSED | FUNCTIONS | PRESCRIBED
 
 
-@pytest.mark.sampled("joint", "via points", "shaped", "sampled", "quasi-static torque", "table")
+@pytest.mark.sampled("joint", "via points", "sampled", "quasi-static torque", "table")
 @pytest.mark.parametrize("make", EVERY.values(), ids=EVERY)
 def test_copies_and_pickles_give_the_same_values(make):
     """Studies pass them to other processes, and a lambda cannot be pickled."""
@@ -188,7 +189,7 @@ def test_copies_and_pickles_give_the_same_values(make):
         assert type(copied) is type(value)
 
 
-@pytest.mark.sampled("joint", "line of three links", "circle", "shaped", "optimal", "of a file")
+@pytest.mark.sampled("joint", "line of three links", "circle", "optimal", "of a file")
 @pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
 def test_table_equals_the_motion_within_its_stated_error(make):
     motion = make()

@@ -60,10 +60,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.sampled(
     "CONTRIBUTING.md",
     "docs/reference/file-format.md",
-    "docs/how-to/modes.md",
     "docs/how-to/read-the-result.md",
     "docs/how-to/prescribe-a-motion.md",
-    "docs/how-to/find-equilibrium.md",
     "docs/how-to/handle-errors.md",
     "docs/how-to/differentiate-a-step.md",
     "docs/how-to/plan-a-motion.md",

@@ -36,12 +36,11 @@ def public_members(cls: type) -> list[str]:
     return [name for name, _ in inspect.getmembers(cls) if not name.startswith("_")]
 
 
-@pytest.mark.parametrize("key", generated(), ids=" ".join)
-def test_generated_part_is_up_to_date(key: tuple[str, str]) -> None:
-    page, name = key
-    found = part_pattern(name).findall(text_of(page))
+def test_generated_parts_are_up_to_date() -> None:
     again = "run `python tests/docs/reference_tables.py`"
-    assert found == [generated()[key]], f"{page}: {name} does not say what the code says; {again}"
+    for (page, name), part in generated().items():
+        found = part_pattern(name).findall(text_of(page))
+        assert found == [part], f"{page}: {name} does not say what the code says; {again}"
 
 
 def test_stub_has_the_controllers_of_the_registry() -> None:
@@ -59,28 +58,30 @@ def test_every_kind_of_mapping_has_a_section() -> None:
     assert sorted(on_page) == sorted(["file", "study", *with_keys])
 
 
-@pytest.mark.parametrize("name", fa.__all__)
-def test_public_name_is_documented(name: str) -> None:
-    value = getattr(fa, name)
-    assert inspect.getdoc(value), f"{name} has no docstring"
-    # An inherited docstring describes something else.
-    if inspect.isclass(value):
-        assert value.__dict__.get("__doc__"), f"{name} has only the docstring of its base"
-    assert name in code_words(PYTHON), f"{PYTHON} does not mention {name}"
+def test_public_names_are_documented() -> None:
+    words = code_words(PYTHON)
+    for name in fa.__all__:
+        value = getattr(fa, name)
+        assert inspect.getdoc(value), f"{name} has no docstring"
+        # An inherited docstring describes something else.
+        if inspect.isclass(value):
+            assert value.__dict__.get("__doc__"), f"{name} has only the docstring of its base"
+        assert name in words, f"{PYTHON} does not mention {name}"
 
 
-@pytest.mark.parametrize("name", public_members(fa.Arm))
-def test_member_of_arm_is_documented(name: str) -> None:
-    assert name in code_words(PYTHON), f"{PYTHON} does not mention Arm.{name}"
-    member = inspect.getattr_static(fa.Arm, name)
-    if callable(member) or isinstance(member, property):
-        assert inspect.getdoc(member), f"Arm.{name} has no docstring"
+def test_members_of_arm_are_documented() -> None:
+    words = code_words(PYTHON)
+    for name in public_members(fa.Arm):
+        assert name in words, f"{PYTHON} does not mention Arm.{name}"
+        member = inspect.getattr_static(fa.Arm, name)
+        if callable(member) or isinstance(member, property):
+            assert inspect.getdoc(member), f"Arm.{name} has no docstring"
 
 
-@pytest.mark.parametrize("name", fa.plot.__all__)
-def test_public_figure_is_documented(name: str) -> None:
-    assert inspect.getdoc(getattr(fa.plot, name)), f"plot.{name} has no docstring"
-    assert f"`fa.plot.{name}(" in text_of(PYTHON), f"{PYTHON} does not mention fa.plot.{name}"
+def test_public_figures_are_documented() -> None:
+    for name in fa.plot.__all__:
+        assert inspect.getdoc(getattr(fa.plot, name)), f"plot.{name} has no docstring"
+        assert f"`fa.plot.{name}(" in text_of(PYTHON), f"{PYTHON} does not mention fa.plot.{name}"
 
 
 def test_pages_and_examples_import_public_modules_only() -> None:

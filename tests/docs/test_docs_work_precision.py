@@ -26,6 +26,7 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
         sys.modules.pop(name, None)
 
 
+@pytest.mark.thorough
 def test_every_integrator_is_measured_and_drawn(script: ModuleType, tmp_path: Path) -> None:
     case = script.Case(script.BASES[0], duration=0.1)
     points = script.measure(case, repeats=2, tolerances=(1e-4, 1e-6), steps=(2e-3, 5e-4))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 from reference_tables import table_rows
 
 from page_scripts import script
 
 
+@pytest.mark.thorough
 def test_mesh_script_gives_the_rows_of_the_page() -> None:
     module = script("measure_mesh")
     rows = table_rows("docs/performance/accuracy.md", "mesh")

@@ -8,6 +8,7 @@ from reference_tables import table_rows
 from page_scripts import script
 
 
+@pytest.mark.thorough
 def test_rows_have_the_numbers_of_the_script() -> None:
     module = script("measure_schedule")
     rows = table_rows("docs/performance/controllers.md", "schedule")

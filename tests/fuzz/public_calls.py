@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import flexarm as fa
@@ -115,6 +115,11 @@ def methods_without_a_call(name: str, value: Any) -> list[str]:
         return []
     if getattr(fa, kind.__name__, None) is kind or kind.__name__ in _INNER:
         return []
+    return sorted({*methods_of(kind)} - _covered().get(kind, set()) - _INNER_METHODS)
+
+
+@cache
+def _covered() -> dict[type, set[str]]:
+    """Return the methods with a base call of all classes of returned objects."""
     of_returned = [*METHODS.values(), *EXPORT_METHODS.values()]
-    covered = {type(make()): set(methods) for make, methods in of_returned}
-    return sorted({*methods_of(kind)} - covered.get(kind, set()) - _INNER_METHODS)
+    return {type(make()): set(methods) for make, methods in of_returned}

@@ -99,7 +99,7 @@ PATHS = {
 }
 
 
-@pytest.mark.sampled("long folder", "null", "nothing", "link to itself")
+@pytest.mark.sampled("null", "nothing")
 @pytest.mark.parametrize("kind", PATHS)
 def test_every_path_argument_names_a_path_that_cannot_be_used(kind):
     arguments = pairs(OF_PATHS, is_path)
@@ -150,12 +150,7 @@ OF_TIME = {
 }
 
 
-@pytest.mark.sampled(
-    "torque-asynchronous function",
-    "course-asynchronous function",
-    "prescribed-object with an asynchronous call",
-    "batch-object with an asynchronous call",
-)
+@pytest.mark.sampled("torque-asynchronous function", "prescribed-object with an asynchronous call")
 @pytest.mark.filterwarnings("ignore:coroutine .* was never awaited")
 @pytest.mark.parametrize(
     "kind", ["asynchronous function", "generator function", "object with an asynchronous call"]

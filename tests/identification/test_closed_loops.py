@@ -101,6 +101,7 @@ def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch
     assert tried["joints[0].hub_inertia"] == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_few_numbers_are_differentiated_by_differences(monkeypatch):
     monkeypatch.setattr(fitting, "sensitivities", None)
     found = fa.identify(BELIEVED, record(PD, None), PATHS[:1], progress=False)

@@ -245,6 +245,7 @@ def test_modes_are_those_of_the_model(shaken):
     np.testing.assert_allclose(wrong["frequency_error"].values > 20.0, True)
 
 
+@pytest.mark.thorough
 def test_deviations_of_modes_cover_their_errors(shaken):
     arm, _, result = shaken
     hertz, damping = vibrations(fa.modes(arm, joints="free"))

@@ -35,7 +35,7 @@ def errors(found, bench, free):
     return (np.array([found[path] - truth(bench, path) for path in free])) / deviations
 
 
-@pytest.mark.thorough_cases("2")
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2])
 def test_one_link_is_recovered_within_the_stated_deviations(seed):
     free = FREE[ONE.name]
@@ -69,7 +69,7 @@ def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     assert again.spec.links[0].flexural_rigidity == found[RIGIDITY]
 
 
-@pytest.mark.sampled("2")
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_parameters_that_cannot_be_determined_are_named(seed):
     free = [RIGIDITY, "joints[0].hub_inertia", "joints[0].rotor_inertia", "joints[0].mass"]
@@ -172,6 +172,7 @@ def test_values_of_single_records_and_random_starts():
     assert found["links[0].flexural_rigidity"] == pytest.approx(8.0, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_currents_drive_the_arm_through_the_torque_constant():
     given = short(filters={"strain": [fa.Filter("high_pass", cutoff=0.2)]})
     current = given.data["torque"] / 0.07
@@ -246,7 +247,7 @@ def closed_loop():
     return fa.simulate(arm, 0.8, controller=pd, reference=motion, rate=200.0)
 
 
-@pytest.mark.thorough_cases(".nc")
+@pytest.mark.thorough
 @pytest.mark.parametrize("suffix", ["", ".nc"])
 def test_the_torque_of_a_closed_loop_is_a_zero_order_hold(closed_loop, suffix, tmp_path):
     record = closed_loop
@@ -282,6 +283,7 @@ def test_arms_in_gravity_start_in_equilibrium():
     assert found[RIGIDITY] == pytest.approx(8.0, rel=1e-4)
 
 
+@pytest.mark.thorough
 def test_failed_runs_are_rejected_steps(monkeypatch):
     """A step into values whose run fails is shortened, and the fit goes on."""
     from flexarm.identification import runs
@@ -306,6 +308,7 @@ def test_failed_runs_are_rejected_steps(monkeypatch):
     assert failed
 
 
+@pytest.mark.thorough
 def test_a_vector_without_derivatives_ends_the_search_at_the_one_before(monkeypatch):
     from flexarm.identification import fitting
 

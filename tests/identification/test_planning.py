@@ -166,6 +166,7 @@ def test_an_optimal_excitation_is_better_than_random_ones_within_the_same_limits
         assert other.log_determinant < optimal.identifiability.log_determinant
 
 
+@pytest.mark.thorough
 def test_an_optimal_excitation_is_smooth_and_periodic(optimal):
     torque = optimal.torque
     assert torque(0.0) == 0.0
@@ -199,6 +200,7 @@ def test_the_torque_rate_is_limited_also_between_samples(band, lines):
     assert max(np.abs(rate).max() for rate in rates) > 0.99 * 5.0
 
 
+@pytest.mark.thorough
 def test_an_optimal_excitation_keeps_clear_of_obstacles():
     walls = [fa.Wall((0.0, -0.02), (0.0, 1.0)), fa.Wall((0.0, 0.02), (0.0, -1.0))]
     found = small(fa.MotionLimits(torque=10.0, obstacles=walls, clearance=0.005))

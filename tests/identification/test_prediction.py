@@ -81,7 +81,7 @@ def errors(found):
     return estimates - TRUE, found.parameters["standard_deviation"].values
 
 
-@pytest.mark.thorough_cases("False")
+@pytest.mark.thorough
 @pytest.mark.parametrize("hold", [True, False])
 def test_without_process_noise_it_is_output_error(hold):
     given = record(1, hold=hold)

@@ -82,6 +82,7 @@ def test_every_format_gives_the_same_record(write, name, tmp_path):
     assert [label.text for label in record.outputs] == ["joint_angle_1"]
 
 
+@pytest.mark.thorough
 def test_results_of_runs_are_records(tmp_path):
     link = fa.Link(
         length=1.0,

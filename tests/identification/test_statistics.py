@@ -34,6 +34,7 @@ def test_fit_percent():
     assert fit_percent(values, np.full(4, 2.5)) == pytest.approx(0.0)
 
 
+@pytest.mark.thorough
 def test_tests_reject_white_residuals_as_often_as_they_state():
     signal = np.random.default_rng(99).standard_normal(COUNT)
     found = np.array(
@@ -110,6 +111,7 @@ def regression(noise):
     return estimate, np.sqrt(np.diag(covariance_of([column], np.zeros(2))))
 
 
+@pytest.mark.sampled("white-0.85-1.15")
 @pytest.mark.parametrize(("source", "low", "high"), [(white, 0.85, 1.15), (coloured, 0.8, 1.2)])
 def test_stated_deviations_are_those_of_many_repetitions(source, low, high):
     found = [regression(source(seed)) for seed in range(200)]

@@ -36,6 +36,7 @@ def test_a_record_in_milliseconds_warns_before_the_fit():
     assert text.endswith("are these in milliseconds?")
 
 
+@pytest.mark.thorough
 def test_estimates_in_another_unit_warn():
     """Times in milliseconds that the default method simulates at once: an inertia is 1e6 times."""
     link = fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.5, elements=2, modes=2)

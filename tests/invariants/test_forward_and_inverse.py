@@ -114,7 +114,7 @@ def chain(links, theory):
     return fa.Arm(links=[link] * links, theory=theory, gravity=(0.0, -9.81))
 
 
-@pytest.mark.thorough_cases("256-second_order")
+@pytest.mark.thorough_cases("256-linear", "256-second_order")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("links", [1, 2, 3, 5, 8, 16, 32, 64, 128, 256])
 def test_chains_of_every_length(links, theory):

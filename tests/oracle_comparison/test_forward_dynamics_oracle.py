@@ -137,6 +137,7 @@ def test_random_arms_have_every_kind_of_option():
     assert any(arm.assembly.bodies > arm.joints for arm in arms)  # a payload beside the tip
 
 
+@pytest.mark.thorough_cases("208")
 @pytest.mark.parametrize("seed", range(200, 212))
 def test_links_with_large_bending(seed):
     """By 40 % of the length, so that the terms of higher order matter."""

@@ -20,6 +20,7 @@ def drawn(seed, **options):
     return oracle, q, qd, rng.normal(size=len(spec.links)) * 5
 
 
+@pytest.mark.thorough_cases("0", "7")
 @pytest.mark.parametrize("seed", range(12))
 def test_power_balance(seed):
     """dE/dt = torque . joint rate - dissipation + tip load . tip velocity."""
@@ -35,6 +36,7 @@ def test_power_balance(seed):
     np.testing.assert_allclose(oracle.power(q, qd, qdd), work, rtol=0, atol=1e-9 + rounding)
 
 
+@pytest.mark.thorough_cases("0", "7")
 @pytest.mark.parametrize("seed", range(12))
 def test_mass_matrix_is_symmetric_positive_definite_and_gives_kinetic_energy(seed):
     oracle, q, qd, _ = drawn(seed)
@@ -46,6 +48,7 @@ def test_mass_matrix_is_symmetric_positive_definite_and_gives_kinetic_energy(see
     np.testing.assert_allclose(qd @ mass @ qd / 2, kinetic, rtol=1e-12)
 
 
+@pytest.mark.thorough_cases("0")
 @pytest.mark.parametrize("seed", range(6))
 def test_forces_at_rest_are_the_gradient_of_the_potential(seed):
     oracle, q, _, _ = drawn(seed, gravity=True)
@@ -63,6 +66,7 @@ def test_forces_at_rest_are_the_gradient_of_the_potential(seed):
         np.testing.assert_allclose(bias[k], slope, atol=1e-12 * abs(potential(q)) / step + 1e-8)
 
 
+@pytest.mark.thorough_cases("13", "0")
 @pytest.mark.parametrize("seed", [0, 1, 2, 13])
 def test_rounding_of_float64_arithmetic(seed):
     """The inner arithmetic in float64 differs by its rounding times the condition of M.
@@ -76,6 +80,7 @@ def test_rounding_of_float64_arithmetic(seed):
     assert abs(found - exact).max() < 1e-9 * abs(exact).max()
 
 
+@pytest.mark.sampled("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_modal_coordinates_give_the_same_dynamics(theory):
     """All clamped modes are the basis; damping is included."""

@@ -140,6 +140,7 @@ def test_tip_moves_towards_the_root():
     np.testing.assert_allclose(oracle.tip(q), exact, rtol=1e-14)
 
 
+@pytest.mark.thorough_cases("5")
 @pytest.mark.parametrize("elements", [1, 2, 5])
 def test_mass_matrix_is_positive_for_any_deflection(elements):
     """The kinetic energy is a sum of squares.

@@ -81,6 +81,7 @@ def test_flexible_two_link_arm_equals_its_closed_form(elements):
     np.testing.assert_allclose(oracle.bias_force(q, qd), bias, rtol=0, atol=1e-13 * abs(bias).max())
 
 
+@pytest.mark.thorough
 def test_first_50_ms_of_the_papers_arm():
     """Table I arm, 2 + 1 elements, linear theory, 50 ms after rest at 45 and -45 degrees.
 

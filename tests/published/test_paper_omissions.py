@@ -79,6 +79,7 @@ def test_spin_softening_and_the_sign_of_geometric_stiffness() -> None:
     assert softened == pytest.approx(3.5160152685**2 - 4.0, abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_geometric_stiffness_uses_the_whole_axial_force() -> None:
     """Points at x - 1/2 int v'^2, linearised about the straight arm, against int T N'^T N' dx."""
     elbow_mass, payload = sp.Rational(2, 3), sp.Rational(1, 4)

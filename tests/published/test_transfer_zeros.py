@@ -165,7 +165,7 @@ def test_turning_station_of_a_mesh_is_within_its_first_element():
     assert parts[-1] < 1.0
 
 
-@pytest.mark.sampled("4")
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [4, 8, 16])
 def test_turning_station_of_a_number_of_modes(count):
     """(S.10): the sum of the first modes has its first root at tan z = z over the last wave

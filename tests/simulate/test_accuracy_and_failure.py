@@ -33,6 +33,7 @@ def test_run_whose_steps_shrink_is_stopped(monkeypatch):
     assert kept.ended_by == "failure"
 
 
+@pytest.mark.thorough_cases("second_order")
 @pytest.mark.parametrize("integrator", ["dormand_prince_8"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_is_proportional_to_the_tolerance(integrator, theory):
@@ -100,6 +101,7 @@ def test_too_long_a_step_is_reported_with_time_reason_hint_and_partial_result():
     np.testing.assert_array_equal(result.q.values[0], np.zeros(arm.dof))
 
 
+@pytest.mark.thorough
 def test_partial_result_can_be_written(tmp_path):
     arm = table_one_arm()
     with pytest.raises(fa.SimulationError) as caught:

@@ -58,6 +58,7 @@ def test_runs_are_those_of_simulate(how):
     np.testing.assert_array_equal(batch["end_time"], np.full(9, DURATION))
 
 
+@pytest.mark.thorough
 @settings(max_examples=10)
 @given(
     runs=st.lists(st.integers(0, 8), min_size=1, max_size=12),

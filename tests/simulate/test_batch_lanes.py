@@ -56,6 +56,7 @@ def test_joint_laws_and_jumps_of_the_torque(how, executed):
     assert sorted(executed) == list(range(17))
 
 
+@pytest.mark.thorough_cases("dormand_prince_8")
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_hundreds_of_steps(how, executed):
     """A different rounding of small terms of second order appears after about a hundred steps."""
@@ -85,6 +86,7 @@ def test_runs_of_different_length_in_steps(executed):
     assert len(executed) == 21
 
 
+@pytest.mark.thorough_cases("kennedy_carpenter_5")
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_each_lane_has_the_constants_of_its_arm(how, executed):
     # Smooth enough for the fixed step of rk4.
@@ -135,6 +137,9 @@ ACTING = {
 }
 
 
+@pytest.mark.sampled(
+    "over time-dormand_prince_8", "over time-kennedy_carpenter_5", "jumps-rk4", "breaks-rk4"
+)
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 @pytest.mark.parametrize("acting", ACTING.values(), ids=ACTING)
 def test_loads_and_base_acceleration(acting, how, executed):
@@ -169,6 +174,7 @@ def test_each_lane_has_the_loads_of_its_arm(acting, executed):
         np.testing.assert_array_equal(batch["q"][k], single["q"])
 
 
+@pytest.mark.sampled("over time", "jumps")
 @pytest.mark.parametrize("acting", ACTING.values(), ids=ACTING)
 def test_loads_on_control_loops(acting, executed):
     links = [fa.Link(length=1.4, **ROD), fa.Link(length=1.0, **ROD)]
@@ -205,6 +211,7 @@ def falling():
     return arm, starts, rates
 
 
+@pytest.mark.sampled("wall-kennedy_carpenter_5", "post-rk4", "table-dormand_prince_8")
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 @pytest.mark.parametrize("contacts", SURFACES.values(), ids=SURFACES)
 def test_contacts(contacts, how, executed):

@@ -42,14 +42,7 @@ CONTROLLERS = {
 }
 
 
-@pytest.mark.sampled(
-    "motion-joint_pd",
-    "rest-joint_pd",
-    "motion-computed_torque",
-    "rest-computed_torque",
-    "motion-lqg",
-    "rest-lqg",
-)
+@pytest.mark.sampled("motion-joint_pd", "rest-computed_torque", "rest-lqg")
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("reference", [MOTION, None], ids=["motion", "rest"])
 def test_every_controller(reference, name, executed):

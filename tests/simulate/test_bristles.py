@@ -183,6 +183,7 @@ def driven(t):
     return np.array([2.5 * np.cos(9.0 * t), 0.4 * np.sin(14.0 * t)])
 
 
+@pytest.mark.sampled("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_flexible_arm(theory):
     """The arm is that without bristles under the torque of bristles integrated beside it."""

@@ -104,6 +104,7 @@ def test_derivatives_of_the_deflection_are_refused():
     assert "Known: joint_angle" in text
 
 
+@pytest.mark.thorough
 def test_identification_of_bristles():
     """The numbers of a record with noise of a microradian, from starting values 30 % too small."""
     true = {**RUBBING, "bristle_stiffness": 2000.0}

@@ -40,6 +40,7 @@ def warned(arm, duration=2.0, **options):
     return texts, result
 
 
+@pytest.mark.thorough
 def test_change_gives_the_warning_of_the_changed_arm():
     arm = one_link()
     assert not warned(arm)[0]
@@ -89,6 +90,7 @@ def test_compare_and_failed_runs_name_the_change():
     assert not table.warning.sel(plant="nominal").item()
 
 
+@pytest.mark.sampled("0.5")
 @pytest.mark.parametrize("at", ["0.5", "gate"])
 def test_check_examines_the_changes_of_a_file(tmp_path, at):
     text = f"""

@@ -66,6 +66,7 @@ class TestMomentum:
         wanted = (INERTIA * 0.5 + LENGTH * 3.0) / (INERTIA + LENGTH**2)  # vx is along the link
         np.testing.assert_allclose(run.joint_rate.values[1:, 0], wanted, rtol=1e-12)
 
+    @pytest.mark.sampled("offset1-linear", "offset0-second_order")
     @pytest.mark.parametrize("theory", ["linear", "second_order"])
     @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.1, 0.05)])
     def test_momentum_of_a_flexible_arm_is_that_of_the_oracle(self, theory, offset):
@@ -152,6 +153,7 @@ class TestFunctionsOfTime:
         arm = changing_link(stiffness=self.STIFFNESS)
         return fa.simulate(arm, 3.0, initial=[0.3], changes=[change], rate=50.0, rtol=1e-10)
 
+    @pytest.mark.sampled("course0")
     @pytest.mark.parametrize(
         "course",
         [
@@ -177,6 +179,7 @@ class TestFunctionsOfTime:
         assert run.change_path.size == 1
         assert run.change_to.item() == pytest.approx(10.0, abs=0.06)
 
+    @pytest.mark.thorough
     def test_friction_that_grows(self):
         arm = changing_link(friction=fa.Friction(coulomb=0.0, viscous=0.1))
         change = fa.Change("joints[0].friction.viscous", to=lambda t: 0.1 + 0.4 * t)
@@ -186,6 +189,7 @@ class TestFunctionsOfTime:
         # Midpoints integrate the linear coefficient exactly at the ends of the intervals.
         np.testing.assert_allclose(run.joint_rate.values[:, 0], wanted, rtol=1e-6)
 
+    @pytest.mark.thorough
     def test_mass_that_is_added_steadily_at_rest(self):
         """Rain into a bucket: the angular momentum of a free link remains."""
         change = fa.Change("payload.mass", to=lambda t: MASS + 0.5 * t)

@@ -150,6 +150,7 @@ def test_without_a_reference_the_initial_angles_are_held():
     np.testing.assert_allclose(result.joint_angle.values[-1], [0.4, 0.9], atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_run_continues_when_all_values_underflow():
     """Angles decay by exp(-10 t) until squares underflow, and so do the errors of a step."""
     arm = one_link()

@@ -49,7 +49,7 @@ def integrated(contact, rate, until, start=0.0):
 # Contact law over time ---------------------------------------------------------------------------
 
 
-@pytest.mark.sampled("law1-4.0", "law3-2.0", "law6-2.5")
+@pytest.mark.sampled("law6-2.5")
 @pytest.mark.parametrize(
     ("law", "rate"),
     [

@@ -19,6 +19,7 @@ def chain():
     return arm, np.array([arm.rest([-1.5, 0.1, 0.0]), arm.rest([2.0, 1.0, 0.5])])
 
 
+@pytest.mark.thorough
 def test_errors_are_below_the_default():
     shares, works = [], []
     for seed in range(9):

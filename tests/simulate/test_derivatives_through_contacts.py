@@ -59,6 +59,7 @@ def largest_error(found, wanted):
     return np.abs(found - wanted).max() / np.abs(wanted).max()
 
 
+@pytest.mark.sampled("rubbing", "stop", "repeated")
 @pytest.mark.parametrize("name", CASES)
 def test_payload_mass(name):
     """The required accuracy is 1e-6; it was 3e-3 with stages on both sides of a contact."""
@@ -85,6 +86,7 @@ def test_payload_mass(name):
     assert largest_error(found["joint_angle"].values[0], wanted) < 2e-4
 
 
+@pytest.mark.sampled("1", "3")
 @pytest.mark.parametrize("seed", range(6))
 def test_random_arms(seed):
     """A wall or a post is put in the way of the tip, soft or hard, bare or damped, rough or not."""

@@ -19,6 +19,7 @@ def total_energy(result) -> np.ndarray:
     return (result.kinetic_energy + result.strain_energy + result.gravity_energy).values
 
 
+@pytest.mark.thorough
 def test_free_arm_conserves_energy_over_ten_seconds() -> None:
     for gravity in ((0.0, 0.0), (0.0, -9.81)):
         arm = table_one_arm(gravity=gravity)

@@ -113,6 +113,7 @@ def test_functions_may_take_many_samples():
     assert caught.value.time == pytest.approx(0.051)
 
 
+@pytest.mark.sampled("0.05")
 @pytest.mark.parametrize("angle", [0.05, 9.0])
 def test_events_are_kept_in_netcdf_and_omitted_from_tables(tmp_path, angle):
     arm = table_one_arm()

@@ -34,6 +34,14 @@ def pendulum_events(swing, **options):
     return result, quarter
 
 
+@pytest.mark.sampled(
+    "20.0-gauss_6",
+    "20.0-rk4",
+    "20.0-cowell_4",
+    "20.0-generalized_alpha",
+    "1000.0-kennedy_carpenter_5",
+    "1000.0-dormand_prince_8",
+)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("rate", [1000.0, 20.0])
 def test_pendulum_passes_and_turns_at_quarter_periods(integrator, rate):
@@ -68,6 +76,7 @@ def test_times_converge_with_the_tolerance():
     assert errors[2] < 1e-7
 
 
+@pytest.mark.thorough
 def test_times_do_not_depend_on_the_rate():
     """They are located by repeated steps, not by interpolation between samples 50 ms apart."""
     coarse, _ = pendulum_events(2.5, rate=20.0)
@@ -211,6 +220,7 @@ def test_direction(direction, expected):
         assert set(result.event_direction.values) == {direction}
 
 
+@pytest.mark.thorough
 def test_tangent_zero_is_not_a_crossing_and_short_crossings_need_the_rate():
     arm = rod()
 
@@ -269,6 +279,7 @@ def test_closed_loop_events_use_the_constant_torque(rate, integrator):
     assert controller.ticks == tick + 1
 
 
+@pytest.mark.thorough
 def test_prescribed_joint_and_a_load_over_time():
     """Joint 1 is prescribed; a load acts on the other; compared with a run at tight tolerances."""
     arm = table_one_arm(gravity=(0.0, -9.81), rigidity=2000.0)
@@ -296,7 +307,7 @@ def test_prescribed_joint_and_a_load_over_time():
     np.testing.assert_allclose(result.event_time, tight.event_time, atol=1e-7, rtol=0.0)
 
 
-@pytest.mark.sampled("rk4", "kennedy_carpenter_5", "cowell_4", "generalized_alpha")
+@pytest.mark.sampled("generalized_alpha")
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_flexible_arm_with_every_integrator(integrator):
     """The tip crosses a line, and a mode crosses zero many times; compared with a run at tight

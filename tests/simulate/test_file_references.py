@@ -94,6 +94,7 @@ def test_tip_inversion_as_reference(inverse):
     assert found.attrs["reference_kind"] == "tip_inversion"
 
 
+@pytest.mark.thorough
 def test_integral_manifold_as_reference():
     found = fa.run_scenario(scenario({**PD, "reference": "integral_manifold"}))
     arm = fa.Arm(spec())

@@ -48,6 +48,7 @@ def test_reference_of_the_inversion_is_its_joint_motion(inverse):
     np.testing.assert_allclose(reference.joint_angle(9.0), final, rtol=0, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_prescribed_joints_of_the_inversion_bring_the_tip_to_the_line(inverse):
     """Prescribed joints replace the torques: the tip follows its path."""
     moved = dict.fromkeys((1, 2), inverse.reference)
@@ -58,6 +59,7 @@ def test_prescribed_joints_of_the_inversion_bring_the_tip_to_the_line(inverse):
     assert inverse.rigid_tip_error > 5e-3
 
 
+@pytest.mark.thorough
 def test_model_based_control_is_better_than_joint_pd_on_the_papers_line(inverse):
     """The tip error is 20 times smaller, the vibration a second after the end 50 times."""
     gains = {"proportional": [40.0, 10.0], "derivative": [20.0, 3.0]}
@@ -131,6 +133,7 @@ def test_quasi_static_end_is_the_equilibrium_with_the_tip_at_its_goal(theory):
     np.testing.assert_allclose(heavy.tip(last)[:2], [1.0, 2.0], rtol=0, atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_one_link_and_three():
     """The tip is in the direction of the rigid one; redundant joints follow the rigid motion."""
     one = fa.Arm(links=[fa.Link(length=1.0, elements=2, **ROD)], joints=[fa.Joint(hub_inertia=0.1)])

@@ -100,12 +100,13 @@ def test_impedance_is_a_spring_in_series_with_links_and_wall(normal_stiffness):
     assert found == pytest.approx(pressed * (1.0 - k / STIFFNESS), rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_impedance_with_measured_force_has_no_steady_error():
     controller = fa.Impedance(ARM, force_integral=5.0)
     assert settled(controller, 5e-3) == pytest.approx(1.0, rel=1e-4)
 
 
-@pytest.mark.thorough_cases("150.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("stiffness", [50.0, 150.0])
 def test_admittance_is_a_spring_in_series_with_links_and_wall(stiffness):
     """(F.12): its own spring, the position loop, the links and the wall."""
@@ -268,6 +269,7 @@ def test_force_is_followed_from_first_contact_through_sliding(sliding, plant, co
     assert error == pytest.approx(by_hand, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_contact_starts_at_the_given_speed_and_is_kept(sliding):
     arm, reference = sliding
     before = fa.line_motion(arm, (1.47, 0.5), (1.47, 0.8), 1.0).joint_angle(0.0)
@@ -295,7 +297,7 @@ def strokes(t):
     return 2.0 * min(max(rise, 0.0), 1.0)
 
 
-@pytest.mark.thorough_cases("AdaptiveForce")
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", [fa.HybridForce, fa.AdaptiveForce])
 def test_tip_presses_lifts_off_and_presses_again(kind):
     """The path is 2 mm before the wall, and 20 mm further away where the force is zero."""
@@ -324,6 +326,7 @@ def test_tip_presses_lifts_off_and_presses_again(kind):
         assert abs(now - 2.0).max() < 1.0
 
 
+@pytest.mark.thorough
 def test_noise_delay_and_resolution_have_small_effects(sliding):
     arm, reference = sliding
     hardware = fa.Hardware(

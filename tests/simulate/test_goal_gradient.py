@@ -20,6 +20,7 @@ def an_arm():
     return chain((0.8, 0.6), joints, **rod, **more)
 
 
+@pytest.mark.sampled("linear-rk4", "hold-kennedy_carpenter_5", "cubic-dormand_prince_8")
 @pytest.mark.parametrize("integrator", ["dormand_prince_8", "kennedy_carpenter_5", "rk4"])
 @pytest.mark.parametrize("interpolation", ["hold", "linear", "cubic"])
 def test_gradient_is_the_weighted_sum_of_derivatives(integrator, interpolation):
@@ -53,6 +54,7 @@ def moved_slowly(arm, samples, rate, **more):
     return {"torque": torque, "rate": rate, "initial": arm.rest([0.3, -0.4]), **more}
 
 
+@pytest.mark.thorough_cases("rk4-20.0", "dormand_prince_8-20.0")
 @pytest.mark.parametrize("rate", [20.0, 4096.0])
 @pytest.mark.parametrize("integrator", ["dormand_prince_8", "kennedy_carpenter_5", "rk4"])
 def test_repeated_parts_continue_the_steps_of_the_run(integrator, rate):

@@ -56,6 +56,7 @@ def residual(amplitudes, detuned, ratio=0.0):
     return abs(np.sum(amplitudes * np.exp(-pole * times)))
 
 
+@pytest.mark.sampled("zv")
 @pytest.mark.parametrize("method", ["zv", "zvd", "zvdd", "ei"])
 def test_residual_over_frequency_error_is_the_closed_form(method):
     arm = one_mode()
@@ -97,6 +98,7 @@ def test_properties_of_the_three_shapers():
         assert left("ei", 2.0 - side, tolerance=tolerance) < 1e-5
 
 
+@pytest.mark.sampled("zv")
 @pytest.mark.parametrize("method", ["zv", "zvd", "zvdd", "ei"])
 def test_damped_modes(method):
     """ZV, ZVD, ZVDD by the printed K = exp(-zeta pi / sqrt(1 - zeta^2)).
@@ -128,7 +130,7 @@ def test_damped_modes(method):
     assert left < 1e-5
 
 
-@pytest.mark.thorough_cases("0.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("ratio", [0.0, 0.1])
 def test_specified_insensitivity_limits_the_vibration_in_its_range(ratio):
     """The arm vibrates as the sensitivity of the shaper predicts, within the tolerance."""
@@ -194,6 +196,7 @@ def test_frequency_that_changes_along_the_motion(profile):
     assert followed < 0.3 * min(of_start, of_end)
 
 
+@pytest.mark.sampled("moving_average-1.0")
 @pytest.mark.parametrize(("window", "turns"), [("moving_average", 1.0), ("raised_cosine", 2.0)])
 def test_average_over_whole_periods_leaves_no_vibration(window, turns):
     arm = one_mode()
@@ -216,6 +219,7 @@ def two_links():
     return fa.Arm(links=[fa.Link(length=length, **link) for length in (0.8, 0.6)], joints=joints)
 
 
+@pytest.mark.thorough
 def test_overdamped_modes_are_named():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.2, 0.9], [0.8, 0.4], 0.6)

@@ -19,7 +19,7 @@ def tip_error(arm, motion, torque, initial, duration):
     return np.hypot(*(run.tip.values - motion.tip(run.time.values)).T).max()
 
 
-@pytest.mark.thorough_cases("linear")
+@pytest.mark.thorough
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_tip_error_on_the_papers_line(theory):
     """A hundredth of the error under rigid torques is documented; a five-hundredth is reached."""
@@ -69,6 +69,7 @@ def test_light_damping_does_not_lengthen_the_torques():
     assert max(errors) < 1.0 / 300.0
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # links sag by a tenth
 def test_vertical_arm():
     """An open-loop search would let it fall; the computed torque holds it."""
@@ -174,6 +175,7 @@ def test_tip_error_of_other_arms(name):
     assert found.rigid_tip_error >= rigid * (1.0 - 1e-3)
 
 
+@pytest.mark.thorough
 def test_redundant_joint_follows_the_rigid_motion():
     """It is the joint with the least effect on the tip."""
     arm, motion, found = inverted("three joints")

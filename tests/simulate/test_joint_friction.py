@@ -95,6 +95,7 @@ def strokes(of, **settings):
     )
 
 
+@pytest.mark.sampled("rubbing0")
 @pytest.mark.compiled
 @pytest.mark.parametrize("rubbing", [{}, {"static": 0.8, "coulomb_negative": 0.3, "viscous": 0.1}])
 def test_steep_friction_is_implicit(rubbing):
@@ -108,6 +109,7 @@ def test_steep_friction_is_implicit(rubbing):
     np.testing.assert_allclose(chosen.tip, explicit.tip, rtol=0, atol=1e-6 * 2.4142)
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_evaluations_hardly_depend_on_the_smoothing_rate():
     """Those of an explicit method are inversely proportional to it.
@@ -125,6 +127,7 @@ def test_evaluations_hardly_depend_on_the_smoothing_rate():
     assert tight.evaluations < 0.3 * loose.evaluations
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_sensitivities_through_steep_friction_equal_differences():
     """Both joints stick, slide and turn back at a smoothing rate of 0.001 rad/s."""

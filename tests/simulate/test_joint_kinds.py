@@ -113,6 +113,7 @@ def knee(**fixed):
     return links, joint
 
 
+@pytest.mark.sampled("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_fixed_joint_equals_a_prescribed_constant_angle(theory):
     links, joint = knee(fixed=True)

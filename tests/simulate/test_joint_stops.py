@@ -108,6 +108,7 @@ def test_flexible_arm_between_two_stops_conserves_energy():
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_damped_arm_comes_to_rest_at_its_stop():
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=STIFFNESS, damping=2.0)
     link = fa.Link(length=1.0, mass_per_length=3.0, flexible=False)
@@ -183,6 +184,7 @@ def exact_bounces():
     return pushed(bouncing(), rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.sampled("dormand_prince_8")
 @pytest.mark.parametrize("name", ["dormand_prince_8", "kennedy_carpenter_5"])
 def test_errors_through_impacts_fall_with_any_tolerance(name, exact_bounces):
     """At one repetition for the default tolerances alone, rtol = 1e-8 once erred by 3e-4 m."""
@@ -192,6 +194,7 @@ def test_errors_through_impacts_fall_with_any_tolerance(name, exact_bounces):
         assert not doubtful(result, exact_bounces, max(10.0 * rtol, 1e-5))
 
 
+@pytest.mark.sampled("1e-13")
 @pytest.mark.parametrize("rtol", [1e-5, 1e-7, 1e-9, 1e-13])
 def test_motion_that_no_tolerance_determines_gives_a_warning(rtol):
     """After 3.5 s, rounding errors are amplified to centimetres, so no tolerance helps."""
@@ -210,6 +213,7 @@ def test_fixed_steps_through_impacts_are_compared_with_half_the_step(exact_bounc
     assert (calm.warning, calm.evaluations) == ("", 4001)
 
 
+@pytest.mark.sampled("1e-07-True")
 @pytest.mark.parametrize(("rtol", "warns"), [(1e-7, True), (1e-12, False)])
 def test_errors_of_closed_loops_through_impacts_are_estimated(rtol, warns):
     """A loop is executed again at another tolerance, and its result remains."""

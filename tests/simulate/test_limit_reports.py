@@ -70,6 +70,7 @@ def test_numbers_of_saturated_motors():
     assert "saturation" not in fa.simulate(arm, 0.04, controller=Script(rows, TICK))
 
 
+@pytest.mark.thorough
 def test_a_bounded_limit_gives_no_warning():
     """A step and a motion too fast for the motor: saturated from the start, and both arrive."""
     arm = one_link()

@@ -36,9 +36,7 @@ def assert_same(one, other):
         np.testing.assert_array_equal(getattr(one, name)(TIMES), getattr(other, name)(TIMES))
 
 
-@pytest.mark.thorough_cases(
-    "{}-options0", "{method: ei, tolerance: 0.1, modes: [2], joints: free}-None"
-)
+@pytest.mark.sampled("{method: zv, frequency_hz: [1.5, 6], damping_ratio: [0, 0.02]}-None")
 @pytest.mark.parametrize(
     ("keys", "options"),
     [
@@ -105,6 +103,7 @@ def by_hand(arm, friction=0.2, normal=(-1.0, 0.0)):
     return fa.pressed_motion(arm, path, force, normal, duration=1.0, friction=friction)
 
 
+@pytest.mark.thorough
 def test_pressing_motion_equals_that_of_python(made):
     found = made(PRESSED)
     arm, reference = found.arm, by_hand(found.arm)
@@ -123,12 +122,14 @@ def test_pressing_motion_equals_that_of_python(made):
     np.testing.assert_array_equal(result.q, wanted.q)
 
 
+@pytest.mark.thorough
 def test_normal_may_be_given(made):
     turned = PRESSED.replace("  friction: 0.2\ndrive", "  normal: [-3, 0.3]\ndrive", 1)
     reference = by_hand(made(PRESSED).arm, friction=0.0, normal=(-3.0, 0.3))
     assert_same(made(turned).motion, reference)
 
 
+@pytest.mark.thorough
 def test_normal_of_a_circle_follows_the_path(made):
     centre = (2.1, 0.6)
     text = PRESSED.replace(
@@ -242,6 +243,7 @@ LACKING = {
 }
 
 
+@pytest.mark.thorough_cases("an instrument of the force", "contacts")
 @pytest.mark.parametrize("what", LACKING)
 def test_missing_requirements_of_a_drive_are_reported_before_the_run(what, tmp_path):
     text, words = LACKING[what]

@@ -30,6 +30,7 @@ def test_joint_follows_its_motion(theory):
     np.testing.assert_array_equal(result.torque.values[:, 1], 0.0)
 
 
+@pytest.mark.sampled("linear")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_torque_of_a_prescribed_joint_gives_the_same_motion(theory):
     # A prescribed joint has the smoothed law, whose torque a spline can follow.
@@ -45,6 +46,7 @@ def test_torque_of_a_prescribed_joint_gives_the_same_motion(theory):
 
 
 # The balance holds for any bending.
+@pytest.mark.sampled("moved1")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("moved", [(1,), (2,), (1, 2)])
 def test_power_balance(moved):

@@ -162,6 +162,7 @@ def test_readings_that_do_not_fit_are_named(readings, message):
         fa.realtime(free_address(), controller(), readings=readings, timeout=0.2)
 
 
+@pytest.mark.thorough_cases("mu_synthesis")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_required_readings_are_those_of_the_arm(name):
     """The process of a controller has no arm of the plant."""

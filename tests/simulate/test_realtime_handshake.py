@@ -166,6 +166,7 @@ def test_a_second_plant_does_not_disturb_the_run():
     assert other.result().sizes["tick"] == 12
 
 
+@pytest.mark.thorough
 def test_others_do_not_extend_the_time_limits():
     """A controller without a plant, and a plant whose controller sends packets of another run."""
     at = free_address()

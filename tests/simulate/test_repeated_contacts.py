@@ -52,6 +52,7 @@ def compared(monkeypatch):
     return calls
 
 
+@pytest.mark.sampled("1e-12-dormand_prince_8", "0.001-kennedy_carpenter_5")
 @pytest.mark.parametrize("name", ["dormand_prince_8", "kennedy_carpenter_5"])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9, 1e-12])
 def test_errors_through_repeated_contacts_fall_with_any_tolerance(name, rtol, exact_bounces):
@@ -120,6 +121,7 @@ def test_pressing_and_one_tap_are_simulated_once(damping, compared):
     assert result.warning == ""
 
 
+@pytest.mark.sampled("dormand_prince_8-1e-12-False")
 @pytest.mark.parametrize(
     ("name", "rtol", "warns"),
     [("kennedy_carpenter_5", 1e-4, True), ("dormand_prince_8", 1e-12, False)],
@@ -227,6 +229,7 @@ def random_run(seed):
     }, reach  # fmt: skip
 
 
+@pytest.mark.sampled("2", "3", "8")
 @pytest.mark.filterwarnings(
     "ignore::flexarm.AccuracyWarning", "ignore::flexarm.LargeDeflectionWarning"
 )

@@ -7,6 +7,7 @@ import flexarm as fa
 from accuracy_runs import QUIET, random_arm, tip_error
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("part", [1e-4, 1e-6])
 def test_errors_are_below_the_request_and_its_estimate(part):
     over, estimates = [], []

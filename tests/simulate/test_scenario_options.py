@@ -125,6 +125,10 @@ class TestEquilibrium:
         with pytest.raises(fa.InputError, match="equilibrium: base_acceleration must be"):
             fa.equilibrium(arm, base_acceleration=9.81)
 
+    @pytest.mark.thorough_cases(
+        "{kind: none}-0.34",
+        "{kind: torque, rate: 100, interpolation: linear, values: [ZEROS]}-0.34",
+    )
     @pytest.mark.parametrize("duration", [0.34, 0.4])
     @pytest.mark.parametrize(
         "drive",

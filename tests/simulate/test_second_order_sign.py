@@ -27,6 +27,7 @@ def run(arm, duration=0.3):
     return fa.simulate(arm, duration, torque=torque, initial=arm.rest(START), rate=1000)
 
 
+@pytest.mark.sampled("fields1", "fields3")
 @pytest.mark.parametrize("fields", [{}, {"modes": 3}, {"segments": 4}, {"elements": 2}])
 def test_meshes_agree_under_a_sudden_torque(fields):
     """With all modes of eight elements the run stopped at 0.031 s before kinetic energy was a sum

@@ -47,7 +47,7 @@ def events_of(arm, kind, terminal):
 PATHS = ["payload.mass", "links[0].length", "initial_rate[0]", "links[1].flexural_rigidity"]
 
 
-@pytest.mark.sampled("joint-False", "tip-False", "own-True")
+@pytest.mark.sampled("own-True")
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("kind", ["joint", "stop", "tip", "contact", "own"])
 def test_events_against_differences(kind, terminal):
@@ -118,6 +118,7 @@ def test_a_turning_rigid_link():
     np.testing.assert_allclose(found["joint_angle"].values[:, -1, 0], 0.0, atol=1e-9)
 
 
+@pytest.mark.sampled("5")
 @pytest.mark.parametrize("seed", [1, 5])
 def test_random_arms_with_a_controller(seed):
     arm = fa.Arm(random_spec(np.random.default_rng(seed), links=2, elements=1))
@@ -163,6 +164,7 @@ def test_the_gap_by_a_number_of_its_contact():
         )
 
 
+@pytest.mark.sampled("contact")
 @pytest.mark.parametrize("kind", ["stop", "contact"])
 def test_steps_of_the_default_integrator(kind):
     """The derivatives follow those of accurate runs, although a force begins or ends there."""

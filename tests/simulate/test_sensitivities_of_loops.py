@@ -119,7 +119,7 @@ FIXED = {"integrator": "rk4", "step": SAMPLE_TIME / 8, "rate": 1.0 / SAMPLE_TIME
 REFUSED = dict.fromkeys(("estimator", "nonlinear_mpc", "rbf_adaptive", "repetitive"), "have a step")
 
 
-@pytest.mark.sampled("joint_pd", "computed_torque", "lqg")
+@pytest.mark.sampled("joint_pd")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_controller_against_differences_or_with_a_reason(name):
     arm = two_links()
@@ -161,6 +161,7 @@ HARDWARE = fa.Hardware(
 )  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_instruments_and_motors():
     arm, controller = two_links(), example("strain_feedback")
     given = {"controller": controller, "reference": a_motion(arm), "hardware": HARDWARE, **FIXED}
@@ -245,6 +246,7 @@ class Undeclared(Own):
 SWITCHING = Law(lambda readings, inputs: -0.1 * np.sign(readings.joint_rate), SAMPLE_TIME)
 
 
+@pytest.mark.thorough
 def test_a_controller_of_the_user():
     arm = two_links()
     given = {"controller": Own(), "initial": arm.rest([0.5, -0.7]), **FIXED}

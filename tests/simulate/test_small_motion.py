@@ -39,6 +39,7 @@ def released(arm, share, **options):
     return run, np.abs(run.q.values - np.array(exact)).max() / np.abs(q).max()
 
 
+@pytest.mark.sampled("1e-06")
 @pytest.mark.parametrize("share", [1e-2, 1.1e-3, 1e-4, 1e-6])
 def test_released_beams_of_all_sizes_have_the_same_small_error(share):
     """Motions just above the limit of the repetition have the largest error, 1.5e-4."""
@@ -113,6 +114,7 @@ def test_default_tolerance_follows_the_relative_one_and_the_reach():
     assert released(beam(1e-4), 1e-2)[0].atol == pytest.approx(1e-13, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_batches_repeat_the_same_runs():
     """Arms of three sizes in lanes, two with a motion that is repeated."""
     arms = [beam(1.0), beam(1e-3), beam(1e-4)]

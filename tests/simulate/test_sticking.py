@@ -77,6 +77,7 @@ def test_bent_link_that_sticks_is_clamped():
     np.testing.assert_allclose(result.joint_moment, wanted.joint_moment, rtol=0, atol=1e-4)
 
 
+@pytest.mark.thorough_cases("5", "9")
 @anyhow
 @pytest.mark.parametrize("seed", range(12))
 def test_random_arms_at_rest_stay_at_rest(seed):
@@ -147,6 +148,7 @@ def reference(drive, stiffness, friction, duration, times):
             y[1], side = np.sign(pull) * 1e-300, int(np.sign(pull))
 
 
+@pytest.mark.sampled("dormand_prince_8")
 @pytest.mark.parametrize("integrator", STICKING)
 def test_stick_slip_agrees_with_an_event_driven_solution(integrator):
     def drive(t):
@@ -167,6 +169,7 @@ def test_stick_slip_agrees_with_an_event_driven_solution(integrator):
     np.testing.assert_allclose(result.joint_angle[:, 0], states[:, 0], rtol=0, atol=error)
 
 
+@pytest.mark.thorough_cases("0", "1")
 @anyhow
 @pytest.mark.parametrize("seed", range(10))
 def test_energy_is_lost_alone(seed):
@@ -203,6 +206,7 @@ def test_errors_fall_with_the_tolerance():
     assert counts[1] < 15_000
 
 
+@pytest.mark.sampled("dormand_prince_8")
 @pytest.mark.compiled
 @pytest.mark.parametrize("integrator", STICKING[1:])
 def test_sensitivities_through_stick_and_slip_equal_differences(integrator):
@@ -221,6 +225,7 @@ def test_sensitivities_through_stick_and_slip_equal_differences(integrator):
     assert error < 1e-5 * np.abs(wanted).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 @pytest.mark.parametrize("static", [0.5, 1.0])
 @pytest.mark.parametrize("integrator", STICKING[1:])

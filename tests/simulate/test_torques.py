@@ -141,6 +141,7 @@ def test_run_integrates_its_samples(interpolation):
 # Functions of time -------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @settings(max_examples=30)
 @given(
     st.lists(between(0.001, 0.999), min_size=1, max_size=4),
@@ -203,6 +204,7 @@ class Sine:
         return np.sin(self.frequency * times + self.phase)[..., None]
 
 
+@pytest.mark.thorough
 @settings(max_examples=20)
 @given(between(1.0, 300.0), between(-3.0, 3.0))
 def test_smooth_functions_are_interpolated_to_the_runs_tolerance(frequency, phase):

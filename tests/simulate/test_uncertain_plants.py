@@ -80,6 +80,7 @@ def test_errors_grow_at_most_threefold_with_twice_the_payload_and_softer_links(m
     assert np.all(times_as_believed(made()) <= LIMIT)
 
 
+@pytest.mark.thorough
 def test_errors_of_computed_torque_grow_more():
     """The test above is useful only if the same rigid model without adaptation fails it."""
     plain = fa.ComputedTorque(ARM, frequency_hz=10.0 / (2.0 * np.pi))

@@ -28,6 +28,7 @@ def apart(a, b):
     return float(np.linalg.norm((a.tip - b.tip).values, axis=1).max())
 
 
+@pytest.mark.sampled("0.0-2.2", "0.0-20.0", "0.002-1.8")
 @pytest.mark.parametrize("turn", [1.8, 2.2, 2.5, 4.0, 20.0])
 @pytest.mark.parametrize("damping", [0.0, 2e-3])
 def test_jump_of_the_torque_gives_the_right_momentum(turn, damping):

@@ -50,6 +50,7 @@ def test_a_link_that_is_almost_rigid_falls_like_a_rigid_one(rigidity):
     np.testing.assert_allclose(result.tip.values[-1, :2], FALLEN, rtol=0, atol=2.5e-6)
 
 
+@pytest.mark.thorough
 def test_visible_vibrations_are_followed():
     arm = rod(100.0)
     result, tight = fall(arm, 2.5), fall(arm, 2.5, rtol=1e-11, atol=1e-13)
@@ -77,6 +78,7 @@ def drawn(seed, factor):
     return arm, {"initial": start, "torque": lambda t: size * np.sin(2.0 * np.pi * t)}
 
 
+@pytest.mark.thorough_cases("4", "6", "10")
 @pytest.mark.parametrize("power", range(-6, 11, 2))
 def test_work_of_random_arms_is_near_that_of_the_best_method(power):
     """No method takes less than a third of the evaluations, or the run takes milliseconds."""
@@ -102,6 +104,7 @@ def test_work_of_random_arms_is_near_that_of_the_best_method(power):
                 assert result.evaluations < choice.fastest * duration
 
 
+@pytest.mark.sampled("6-5")
 @pytest.mark.parametrize(("power", "seed"), [(2, 3), (5, 4), (6, 5)])
 def test_implicit_method_is_as_accurate_as_the_tolerance_promises(power, seed):
     arm, settings = drawn(seed, 10.0**power)

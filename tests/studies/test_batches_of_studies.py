@@ -59,7 +59,7 @@ def executor(**changes):
     return Executor(PreparedStudy(StudySpec(**content(**changes))))
 
 
-@pytest.mark.thorough_cases("diverging", "gains", "drives")
+@pytest.mark.sampled("arm", "failing")
 @pytest.mark.parametrize("changes", VARIED.values(), ids=VARIED)
 def test_chunks_do_not_change_numbers(changes, monkeypatch):
     study = executor(**changes)
@@ -171,6 +171,7 @@ def test_single_samples_are_not_executed_in_lanes(monkeypatch):
     assert found.failure.item() == ""
 
 
+@pytest.mark.thorough
 def test_verified_samples_are_executed_alone(tmp_path):
     """They repeat the numbers of chunks with several samples in lanes."""
     study = fa.Study(content(drives={"torque": {"kind": "rigid_inverse_dynamics"}, "PD": PD}))

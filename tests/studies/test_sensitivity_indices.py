@@ -101,6 +101,7 @@ def functions(rng):
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.AccuracyWarning")
 def test_intervals_contain_the_errors():
     inside, smooth_widths = [], []

@@ -74,6 +74,7 @@ def test_two_processes_end_at_the_same_sample(tmp_path):
     assert np.array_equal(table["tip_error_rms"].values, alone["tip_error_rms"].values)
 
 
+@pytest.mark.thorough
 def test_samples_that_do_not_suffice_give_a_warning():
     with pytest.warns(fa.AccuracyWarning, match=r"70 samples determine the 0.5 quantile of tip_er"):
         table = study(70, within=0.01).run(workers=1)

@@ -31,6 +31,7 @@ def copied(undisturbed, tmp_path):
     return shutil.copytree(undisturbed, tmp_path / "b.zarr")
 
 
+@pytest.mark.thorough
 def test_store_equals_the_results_in_memory(study, undisturbed):
     table = fa.read_study(undisturbed)
     assert table.equals(study.run(workers=1, chunk=12))
@@ -42,6 +43,7 @@ def test_store_equals_the_results_in_memory(study, undisturbed):
     assert fa.Study(again).run(workers=1, chunk=3).equals(table)
 
 
+@pytest.mark.thorough_cases("no store", "exchanged")
 @pytest.mark.parametrize(
     "damage",
     [
@@ -87,6 +89,7 @@ def test_store_without_results_has_no_samples(undisturbed, copied):
     assert fa.read_study(copied).equals(fa.read_study(undisturbed).isel(sample=[]))
 
 
+@pytest.mark.thorough
 def test_disk_that_is_full_stops_and_resumes(study, undisturbed, tmp_path):
     resource = pytest.importorskip("resource", reason="Windows has no limits of files")
     place = tmp_path / "b.zarr"
@@ -131,6 +134,7 @@ def test_other_folders_are_refused(study, tmp_path):
     assert files_of(tmp_path) == {"text.txt": b"mine"}
 
 
+@pytest.mark.thorough
 def test_verify_finds_changed_numbers(study, copied):
     assert study.verify(copied, 12) == []
     store = stores.Store(copied)
@@ -143,7 +147,7 @@ def test_verify_finds_changed_numbers(study, copied):
         study.verify(copied, 12)
 
 
-@pytest.mark.sampled("3")
+@pytest.mark.thorough
 @pytest.mark.parametrize("chunk", [5, 3])
 def test_folder_of_another_study_is_used_anew(chunk, study, tmp_path):
     """In one process: a worker keeps no store whose folder was deleted and created again."""

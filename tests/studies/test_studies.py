@@ -49,6 +49,7 @@ def test_numbers_of_a_sample_equal_those_of_compare():
     assert np.ptp(table["tip_error_rms"].values, axis=0).min() > 0.0
 
 
+@pytest.mark.thorough
 def test_keys_of_the_file_vary():
     vary = {"drives.joint PD.proportional[0]": LARGE, "run.duration": {**LARGE, "values": [0.06]}}
     table = run(drives={"joint PD": PD}, vary=vary, samples={"method": "grid"})

@@ -36,6 +36,7 @@ def test_other_calls_stay_in_this_process(workers, worth, monkeypatch):
     assert found == [(os.getpid(), k) for k in range(8)]
 
 
+@pytest.mark.thorough_cases("process dies")
 @pytest.mark.parametrize("trouble", ["no semaphores", "process dies"])
 def test_without_processes_this_one_continues(trouble, monkeypatch):
     monkeypatch.setattr(processes, "WORTH", 0.0)

@@ -67,9 +67,7 @@ class TestIntegrals:
             found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
         )
 
-    @pytest.mark.sampled(
-        "(1, 1, None)-D0", "(1, 1, None)-G", "(2, 3, None)-G", "(3, 4, 4)-D0", "(3, 4, 4)-G"
-    )
+    @pytest.mark.sampled("(1, 1, None)-D0", "(3, 4, 4)-G", "(2, 3, None)-G", "(1, 1, None)-G")
     @pytest.mark.parametrize("name", ["D0", "D1", "G"])
     def test_foreshortening(self, table, name):
         if name == "G":

@@ -114,7 +114,7 @@ class TestIntegrals:
             found, np.diag(table.link.w2), atol=INTEGRATION * table.link.w2[-1]
         )
 
-    @pytest.mark.sampled("(1, 1, None)-D0", "(2, 3, None)-D0", "(2, 3, None)-G", "(3, 4, 4)-G")
+    @pytest.mark.sampled("(1, 1, None)-D0", "(2, 3, None)-G", "(3, 4, 4)-G")
     @pytest.mark.parametrize("name", ["D0", "D1", "G"])
     def test_axial_displacement_follows_from_the_slope_of_the_axis(self, table, name):
         if name == "G":
@@ -208,7 +208,7 @@ def test_rigid_body_constants_do_not_depend_on_shear():
         assert getattr(soft, name) == getattr(plain, name)
 
 
-@pytest.mark.sampled("0.0-3.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("slenderness", [1.0, 3.0, 30.0])
 @pytest.mark.parametrize("rotary", [0.0, 1.0])
 def test_finest_mesh_of_a_stocky_link_passes_the_internal_checks(slenderness, rotary):

@@ -63,7 +63,7 @@ def point_of(arm, q, link, station):
     return line[k] + (place - k) * (line[k + 1] - line[k])
 
 
-@pytest.mark.sampled("2000", "2004", "2008", "2011", "2015", "2019")
+@pytest.mark.sampled("2000", "2019")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_contacts_equal_the_loads_of_their_forces(seed):
     """Accelerations with contacts and with their forces as loads agree to rounding."""
@@ -94,7 +94,7 @@ def test_contacts_equal_the_loads_of_their_forces(seed):
     assert np.all(error <= 1e-11 * terms[b.arm.joint_index])
 
 
-@pytest.mark.sampled("2000", "2004", "2008", "2011", "2015", "2019")
+@pytest.mark.sampled("2000", "2019")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_force_law_at_points_of_arm_shape(seed):
     """Position and velocity of the points without the contact's kernel; the law in NumPy."""
@@ -130,6 +130,7 @@ def test_force_law_at_points_of_arm_shape(seed):
         )
 
 
+@pytest.mark.sampled("2102", "2103")
 @pytest.mark.parametrize("seed", range(2100, 2106))
 def test_derivatives_equal_differences(seed):
     d = drawn(seed)

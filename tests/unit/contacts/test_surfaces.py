@@ -105,6 +105,7 @@ def test_closed_table_of_a_circle_equals_a_circle(inside):
     np.testing.assert_allclose(found[away, BEND], exact[away, BEND], rtol=3e-3)
 
 
+@pytest.mark.thorough
 def test_distance_from_a_wavy_table():
     """Against the smallest of 200 000 distances along the curve."""
     knots = np.linspace(-2.0, 2.0, 81)
@@ -158,6 +159,7 @@ def points_outside(x, y):
     return np.stack([x + np.sign(x) * away * np.cos(angle), y + away * np.sin(angle)], axis=1)
 
 
+@pytest.mark.sampled("wing", "ellipse of 24, 0.01")
 @pytest.mark.parametrize(("x", "y"), [pytest.param(*b[1:], id=b[0]) for b in sharp_bodies()])
 def test_nearest_point_is_found_around_sharp_ends(x, y):
     points = np.concatenate([some_points(1000, 5), points_outside(x[0], y[0])])

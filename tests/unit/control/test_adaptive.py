@@ -133,6 +133,7 @@ def test_lyapunovs_function_decreases_by_the_power_of_the_damping():
     assert V[-1] < 0.5 * V[0]
 
 
+@pytest.mark.thorough
 def test_parameters_and_motion_converge_under_excitation():
     _, controller, run, swing = learning(20.0, 1e-3)
     # The error of sampling: the torque is late by half a millisecond on the average.
@@ -142,6 +143,7 @@ def test_parameters_and_motion_converge_under_excitation():
     assert abs(angle[:500]).max() > 0.2
 
 
+@pytest.mark.thorough
 def test_estimates_are_bounded_and_leak_back():
     _, bounded, _, _ = learning(3.0, 1e-3, bounds={"payload.mass": (0.2, 0.5)})
     mass = np.array(bounded.a)[:, 0]

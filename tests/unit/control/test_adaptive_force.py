@@ -141,6 +141,7 @@ def test_jump_of_the_requested_force_adds_a_bounded_push():
     assert controller.estimate["stiffness_push"] == pytest.approx(0.5 + T * 2.0 * 2.0 * 5.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("more", [0.0, 0.04, 0.1])
 def test_request_is_between_both_plans(more):
     line = fa.line_motion(ARM, (1.4, 0.2), (1.4, 0.5), 1.0)
@@ -219,6 +220,7 @@ def test_lyapunov_function_never_increases():
     assert fall[-1] < V[0]
 
 
+@pytest.mark.thorough
 def test_without_adaptation_an_error_remains():
     reference = Surface(lambda t: 4.0 + 1.5 * np.sin(3.0 * t), speed=0.12)
     remaining = []

@@ -50,6 +50,7 @@ def test_estimate_follows_a_constant_torque_as_a_first_order_filter():
     np.testing.assert_allclose(found, law, rtol=0, atol=2e-3)
 
 
+@pytest.mark.thorough
 def test_compensation_removes_a_disturbance():
     arm = rigid_arm(payload=0.3)
     plant = fa.varied(arm, payload_factor=3.0, friction=fa.Friction(coulomb=0.5, viscous=0.2))

@@ -193,7 +193,7 @@ def test_errors_have_the_covariance_of_the_filter(kind):
     assert chi2.ppf(0.005, 5 * runs) < total < chi2.ppf(0.995, 5 * runs)
 
 
-@pytest.mark.sampled("1.0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("factor", [0.0, 1.0, 2.0, 3.0])
 def test_payload_is_estimated(factor):
     arm = two_links()
@@ -292,6 +292,7 @@ def test_estimated_payload_is_not_negative():
     assert np.all(np.isfinite(filters.covariance))
 
 
+@pytest.mark.thorough
 def test_inconsistent_filter_is_reported():
     arm = two_links()
     plant = fa.varied(arm, flexural_rigidity_factor=0.5)

@@ -62,6 +62,7 @@ def arm():
     return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05, damping=0.1)])
 
 
+@pytest.mark.thorough
 def test_a_biased_encoder_moves_the_arm_by_its_bias():
     fault = fa.InstrumentFault("bias", 0.02)
     instruments = [fa.Instrument("joint_angle", faults=[fault]), fa.Instrument("joint_rate")]
@@ -105,6 +106,7 @@ run: {duration: 1.0, rate: 100}
 """
 
 
+@pytest.mark.thorough
 def test_a_plant_of_a_study_file_has_its_own_instruments(tmp_path):
     path = tmp_path / "study.yaml"
     path.write_text(STUDY)

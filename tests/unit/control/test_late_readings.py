@@ -76,6 +76,7 @@ class Linear:
         return x, P
 
 
+@pytest.mark.sampled("extended")
 @pytest.mark.parametrize("kind", KINDS)
 def test_estimates_of_a_linear_arm_equal_those_of_a_kalman_filter_with_all_arrived_readings(kind):
     arm, random = driven_link.one_link(0.0), np.random.default_rng(4)
@@ -142,6 +143,7 @@ def test_errors_have_the_covariance_of_the_filter():
     assert np.all((low < total) & (total < high))
 
 
+@pytest.mark.thorough
 def test_without_the_bias_or_the_delay_the_filter_is_inconsistent():
     arm = driven_link.one_link()
     instruments = [item.replace(bias=WRONG.get(item.label, 0.0)) for item in SEEN]
@@ -157,7 +159,7 @@ def test_without_the_bias_or_the_delay_the_filter_is_inconsistent():
     assert right.run(torque, readings).consistent
 
 
-@pytest.mark.thorough_cases("moving_horizon")
+@pytest.mark.sampled("extended")
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_of_a_loop_report_biases(kind):
     """The controller receives the estimates that the filter has along the record of the run."""
@@ -184,6 +186,7 @@ def test_results_of_a_loop_report_biases(kind):
     assert run.attrs["estimated bias of joint_angle[0]"] != 0.0
 
 
+@pytest.mark.thorough
 def test_number_of_readings_of_each_sample():
     _, found, _, _ = drawn_run(0)
     wanted = np.full(100, 2)
@@ -202,6 +205,7 @@ def readings_at(k):
     return fa.Measurement(camera=np.array([1.0, 0.01 * k]), **values)
 
 
+@pytest.mark.sampled("extended", "unscented")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_second_correction_of_a_sample_replaces_the_first(kind):
     one, other = (
@@ -247,6 +251,7 @@ def test_samples_without_readings_are_predicted(kind):
     assert one.q[0] == pytest.approx(0.0, abs=4.0 * found[-1])
 
 
+@pytest.mark.thorough
 def test_wrong_arguments_are_rejected_together():
     arm = driven_link.one_link()
     with pytest.raises(fa.InputError) as caught:

@@ -79,6 +79,7 @@ def test_loop_becomes_unstable_at_the_gain_margin():
         assert growth[0] < 0.0 < growth[1]
 
 
+@pytest.mark.thorough
 def test_disk_margins_equal_those_of_python_control():
     control = pytest.importorskip("control")
     if not hasattr(control, "disk_margins"):
@@ -149,6 +150,7 @@ def growth(controller):
 
 
 # The soft and heavy arm sags by a tenth of its length: beyond the theory, without effect here.
+@pytest.mark.sampled("LQG")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("kind", [fa.LQG, fa.Composite, fa.MPC])
 def test_designs_for_an_uncertain_rigidity_are_stable_on_other_arms(kind):
@@ -291,6 +293,7 @@ def test_times_and_plants_of_the_wrong_kind_are_rejected():
         fa.LQG.for_margin(arm, plants=3)
 
 
+@pytest.mark.thorough
 def test_torque_rate_limits_are_not_part_of_the_linear_loop():
     """A change of one reading from one update to the next would exceed them."""
     found = [

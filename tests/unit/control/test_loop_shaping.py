@@ -98,6 +98,7 @@ def near_poles(plant):
     return [np.abs(p.imag) + np.abs(p.real) * np.linspace(-3, 3, 61) + 1e-3 for p in poles]
 
 
+@pytest.mark.sampled("change2")
 @pytest.mark.parametrize("change", [{"rigidity": 0.7}, {"rigidity": 1.3}, {"payload": 0.2}])
 def test_design_for_an_uncertain_rigidity_is_stable_on_other_arms(change):
     arm, options = robust_arm(), {"bandwidth": 12.0, "integral": 1.0}
@@ -109,6 +110,7 @@ def test_design_for_an_uncertain_rigidity_is_stable_on_other_arms(change):
         assert float(fa.loop_margins(plain, robust_arm(**change)).growth.max()) > 0.1
 
 
+@pytest.mark.thorough
 def test_integral_feedback_removes_the_effect_of_a_constant_torque():
     arm, _ = turntable()
     for integral in (0.0, 0.8):

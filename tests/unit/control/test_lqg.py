@@ -126,6 +126,7 @@ class Shaken(fa.Controller):
         return torque + self.generator.normal(0.0, self.size, 2)
 
 
+@pytest.mark.thorough
 def test_innovations_are_white_with_the_covariance_of_the_filter():
     arm = arm_with_gauges()
     noise = {"joint_angle": 2e-5, "strain": 1e-5}
@@ -315,6 +316,7 @@ def test_recovery_multiplies_the_acceptable_torque():
     assert not np.allclose(made[0].estimator, made[2].estimator, rtol=0.1)
 
 
+@pytest.mark.thorough
 def test_saturated_integral_does_not_wind_up():
     class Naive(fa.LQG):
         def step(self, memory, readings, inputs):

@@ -18,6 +18,7 @@ ACCELEROMETER = fa.Instrument(SENSOR, noise=0.05 * SCALE)
 BOUND = driven_link.FRICTION
 
 
+@pytest.mark.sampled("instruments1-6", "instruments0-1")
 @pytest.mark.parametrize("horizon", [1, 6])
 @pytest.mark.parametrize("instruments", [[ENCODER, STRAIN], [ENCODER, ACCELEROMETER]])
 def test_estimates_of_a_linear_arm_equal_those_of_the_kalman_filter(horizon, instruments):
@@ -146,6 +147,7 @@ def test_a_mass_that_only_begin_makes_uncertain_is_not_negative():
     assert min(found) == 0.0
 
 
+@pytest.mark.thorough
 def test_perfectly_correlated_numbers_keep_their_ratio():
     """The damping is a fixed multiple of the disturbance; the Kalman filter is the reference."""
     arm, random = driven_link.one_link(0.0), np.random.default_rng(3)

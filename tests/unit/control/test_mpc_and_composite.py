@@ -74,6 +74,7 @@ def test_beyond_its_limits_mpc_solves_the_quadratic_programme(arm):
     assert np.abs(torque - np.clip(unlimited, -limit, limit)).max() > 0.01
 
 
+@pytest.mark.thorough
 def test_limits_are_never_exceeded(arm):
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
     limit, rate = np.array([2.0, 0.7]), np.array([100.0, 50.0])

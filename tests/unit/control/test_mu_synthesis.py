@@ -138,7 +138,7 @@ def design():
     return fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=2)
 
 
-@pytest.mark.thorough_cases("signs0")
+@pytest.mark.thorough
 @pytest.mark.parametrize("signs", [(0, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)])
 def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     """For arms within the uncertainty, the norm of w_P times the normalised sensitivity."""
@@ -162,6 +162,7 @@ def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     assert 0.5 * design.mu < peak < 1.01 * design.mu
 
 
+@pytest.mark.thorough
 def test_varied_arms_have_margins(design):
     """Their links have less damping than the design model, for which mu is a guarantee."""
     plants = [robust_arm(*each, HORIZONTAL) for each in ((1.0, 0.1), (0.9, 0.08), (1.1, 0.12))]
@@ -220,7 +221,7 @@ def test_designs_at_the_ends_of_the_useful_range(bandwidth, end):
     assert 0.5 < found.mu < 10.0
 
 
-@pytest.mark.thorough_cases("-9.81")
+@pytest.mark.thorough
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
 def test_three_joints(gravity):
@@ -238,6 +239,7 @@ def test_three_joints(gravity):
     assert float(fa.loop_margins(found, arm, [posture]).growth.max()) < -0.05
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
 def test_another_sample_time_is_another_design():
     arm, few = robust_arm(gravity=HORIZONTAL), {"iterations": 1, "scaling_order": 0}
@@ -252,6 +254,7 @@ def test_another_sample_time_is_another_design():
     assert changed.sample_time == 0.004
 
 
+@pytest.mark.thorough
 def test_run_and_export(design):
     arm = robust_arm(gravity=HORIZONTAL)
     line = fa.joint_motion(arm, [0.6, 0.8], [0.9, 1.0], 1.0)

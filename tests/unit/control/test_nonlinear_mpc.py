@@ -50,6 +50,7 @@ def torques_of(few, law, start, motion=None):
     return found.torque.values
 
 
+@pytest.mark.thorough
 def test_small_deviations_are_controlled_as_by_the_regulator(few, monkeypatch):
     """Vibration of 0.1 mm about rest: the rest is the error of the steps."""
     how = {"sample_time": 0.01, "integral": True}
@@ -67,6 +68,7 @@ def test_small_deviations_are_controlled_as_by_the_regulator(few, monkeypatch):
     np.testing.assert_array_equal(*margins)
 
 
+@pytest.mark.thorough
 def test_small_motions_are_followed_as_by_the_regulator(few):
     """`LQG` neglects changes of the nominal torque within a sample, of first order in its time."""
     motion = fa.joint_motion(few, POSTURE, np.add(POSTURE, 1e-3), 0.4, start_time=0.1)
@@ -164,6 +166,7 @@ def settled(arm, law):
     return fa.simulate(arm, 2.5, controller=law, reference=fast, rate=200.0)
 
 
+@pytest.mark.thorough
 def test_limits_hold_and_vibration_is_less_than_with_cut_torques():
     arm = arm_with_gauges()
     limit, rate = np.array([3.0, 0.8]), np.array([200.0, 80.0])
@@ -238,6 +241,7 @@ def test_recorded_run_is_followed():
     np.testing.assert_allclose(run.tip.values, wanted, rtol=0, atol=2e-4)
 
 
+@pytest.mark.thorough
 def test_defaults_hold_an_arm_without_damping():
     """The model has the modes of the arm: with two for each link, this loop is unstable."""
     plain = table_one_arm()

@@ -68,6 +68,7 @@ def test_pid_with_a_limit():
     assert 10 < saturated < 70  # both cases occur
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # intended
 def test_integral_does_not_wind_up():
     """The motor is too weak at first: if the limit is known, there is no overshoot."""
@@ -84,6 +85,7 @@ def test_integral_does_not_wind_up():
     assert over[1] < 0.5 * over[0]
 
 
+@pytest.mark.thorough
 def test_integral_removes_the_error_of_an_unknown_payload():
     weight = (0.0, -9.81)
     believed = arm(gravity=weight).rigid()

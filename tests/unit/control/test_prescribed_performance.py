@@ -73,6 +73,7 @@ def test_small_errors_give_the_torque_of_joint_pd():
     np.testing.assert_allclose(found, wanted, rtol=1e-5)  # cubic terms of errors below 1e-3
 
 
+@pytest.mark.thorough
 def test_angle_stays_within_its_bound_for_an_unknown_payload_and_friction():
     """Joint PD with the gains of small errors leaves the bound."""
     model = arm(gravity=(0.0, -2.0)).rigid()

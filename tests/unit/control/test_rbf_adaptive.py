@@ -44,6 +44,7 @@ def test_network_learns_an_arm_without_a_model():
     assert abs(error[-5000:]).max() < 0.1 * abs(still[-5000:]).max()
 
 
+@pytest.mark.thorough
 def test_representable_torques_are_cancelled_exactly():
     """A single Gaussian of infinite width is a constant, which fits a pendulum of constant inertia.
 

@@ -134,6 +134,7 @@ def test_harmonic_rates_of_a_rigid_link_are_those_of_transfer_functions():
     assert found[0] == pytest.approx(0.5, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_every_harmonic_decreases_at_its_predicted_rate():
     """The torque learned on a flexible link with a wrong payload, from period to period."""
     plant = one_link(payload=0.4)
@@ -150,6 +151,7 @@ def test_every_harmonic_decreases_at_its_predicted_rate():
     assert result.attrs["repetitive_rate"] == pytest.approx(total[-1] / total[-2], rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_measured_rate_becomes_the_largest_predicted_one():
     plant = one_link(payload=0.4)
     made = control()
@@ -172,6 +174,7 @@ def test_rate_is_measured_from_the_third_period_on():
     assert rate == pytest.approx(changes[1] / changes[0], rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_periodic_errors_vanish():
     plant = one_link(payload=0.4)
     made = control(lead=0.01, cutoff=16.0)

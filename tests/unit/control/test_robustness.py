@@ -105,6 +105,7 @@ def test_bound_of_nearly_equal_plants_is_the_norm_of_the_sensitivity():
     assert float(found.worst_performance_mu) == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.sampled("one", "twice")
 @pytest.mark.parametrize("kind", ["one", "none", "twice"])
 def test_equal_plants_have_no_uncertainty(kind):
     arm, posture = robust_arm(gravity=(0.0, 0.0)), [0.8, 0.9]

@@ -27,6 +27,7 @@ def test_the_model_along_a_motion_is_that_of_the_design_at_rest():
     np.testing.assert_allclose(costs[-50], fixed, rtol=1e-6, atol=1e-6 * fixed.max())
 
 
+@pytest.mark.sampled("elbow-near1")
 @pytest.mark.parametrize(("name", "near"), [("line", (0.005, 0.02)), ("elbow", (0.04, 0.03))])
 def test_scheduled_gains_are_near_the_optimum_and_better_than_one_posture(name, near):
     """The bounds are about 1.5 times the excess costs on the page, for a longer sample time."""

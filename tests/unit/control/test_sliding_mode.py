@@ -42,6 +42,7 @@ class Still:
     joint_rate = joint_acceleration = joint_angle
 
 
+@pytest.mark.thorough
 def test_two_joints_with_bounded_errors_reach_the_layer_in_time_and_stay():
     arm = rigid_arm(payload=0.3)
     plant = fa.varied(arm, payload_mass=0.6, friction=fa.Friction(coulomb=0.4))

@@ -123,6 +123,7 @@ def test_links_in_equilibrium_request_no_motion(law):
     np.testing.assert_allclose(torque, [0.4], atol=1e-3 * np.ptp(rest.q))
 
 
+@pytest.mark.sampled("PositivePositionFeedback")
 @every
 def test_static_bending_along_the_reference_is_not_fed_back(law):
     """A slow motion is followed as by the inner controller."""
@@ -138,7 +139,7 @@ def test_static_bending_along_the_reference_is_not_fed_back(law):
     assert errors[1] < errors[0] + 2e-4
 
 
-@pytest.mark.sampled("PositivePositionFeedback-inversion")
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["quasi_static", "inversion"])
 @every
 def test_bending_of_a_flexible_reference_is_not_fed_back(law, kind):

@@ -31,7 +31,7 @@ DEVIATIONS = {"payload.mass": 0.03, FRICTION: 0.1, "disturbance": 0.5}
 START = np.array([1e-3, 2e-3, 0.1, 0.05])  # joint, mode, and their rates
 
 
-@pytest.mark.sampled("ExtendedKalmanFilter")
+@pytest.mark.thorough
 @EVERY
 def test_payload_friction_and_disturbance_have_the_covariance_of_the_filter(kind):
     """Normalised errors and innovations squared of 12 runs, with the chi-squared distribution."""
@@ -234,6 +234,7 @@ def test_controller_subtracts_the_disturbance_and_reports_the_estimates(tmp_path
         assert kept.attrs[path] == run.attrs[path]
 
 
+@pytest.mark.thorough_cases("moving_horizon")
 @pytest.mark.parametrize("kind", ["extended", "unscented", "moving_horizon"])
 def test_files_name_the_kind_of_the_filter(kind, tmp_path):
     """The run of a scenario equals that of the same filter in Python."""

@@ -56,7 +56,7 @@ def test_mean_of_quadratic_functions_is_exact():
     assert float(_mean(values[:, None])[0]) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.thorough_cases("0.05-ExtendedKalmanFilter", "0.05-UnscentedKalmanFilter")
+@pytest.mark.sampled("0.0-ExtendedKalmanFilter")
 @pytest.mark.parametrize("kind", [fa.ExtendedKalmanFilter, fa.UnscentedKalmanFilter])
 @pytest.mark.parametrize("unknown", [0.0, 0.05])
 def test_estimates_of_a_record_have_their_chi_squared_tests(kind, unknown):

@@ -57,6 +57,7 @@ def test_stiff_joint_damps_all_modes_of_a_link():
     assert (higher.real < 0.0).all()
 
 
+@pytest.mark.thorough
 def test_joint_returns_to_a_target_that_is_given_at_once():
     """Without leakage the momentum of the moved link is zero at the end, and so is the motion."""
     arm = one_link()

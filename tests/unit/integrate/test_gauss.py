@@ -38,6 +38,7 @@ def energy_error(result) -> np.ndarray:
     return (energy - energy[0]) / float((result.kinetic_energy + result.strain_energy).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_energy_of_a_large_swing_does_not_drift() -> None:
     """About forty swings of half a radian to each side, 60000 steps."""

@@ -89,6 +89,7 @@ def test_copies_and_pickles_have_their_own_entry_points():
         np.testing.assert_array_equal(given[-1].force, expected)
 
 
+@pytest.mark.thorough
 def test_without_a_compiler_the_entry_is_the_function():
     program = (
         "from flexarm.kernels.compilation.cache import Entry, compiled\n"

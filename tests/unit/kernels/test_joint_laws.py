@@ -70,6 +70,7 @@ def test_friction_of_each_direction(rate):
         assert torque(of, 0.3, -rate) == pytest.approx(1.2 + rise + 0.7 * rate, rel=1e-8)
 
 
+@pytest.mark.thorough
 @given(rates, between(0.0, 3.0), between(0.0, 3.0))
 def test_friction_of_any_two_directions_never_drives(rate, coulomb, viscous):
     friction = fa.Friction(

@@ -323,6 +323,7 @@ def test_damaged_file_is_compiled_again(sandbox, doubled):
     assert len(found) == 7
 
 
+@pytest.mark.thorough
 def test_full_disk_disables_the_cache_only(sandbox):
     full = (
         "import errno, os\n"
@@ -378,6 +379,7 @@ print(json.dumps(arm.forward_dynamics(q, q, [1.0, -0.5]).tolist()))
 """
 
 
+@pytest.mark.thorough
 def test_kernels_run_as_plain_python(sandbox):
     """For debuggers and coverage: the same sources without a compiler."""
     found, words = run(sandbox, WITHOUT_COMPILER, NUMBA_DISABLE_JIT="1")

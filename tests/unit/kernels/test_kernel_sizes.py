@@ -50,6 +50,7 @@ def test_compile_time_sizes_give_the_same_numbers():
     np.testing.assert_allclose(other.acceleration, work.acceleration, rtol=1e-11)
 
 
+@pytest.mark.thorough
 @pytest.mark.compiled
 def test_compile_time_sizes_give_the_same_motion():
     arm = two_link_arm()

@@ -47,6 +47,7 @@ SAVE, LINK, TYPES = 1, 2, 3
 LOST = {"reduce": SAVE, "convert": TYPES, "link": LINK}
 
 
+@pytest.mark.sampled("link")
 @pytest.mark.parametrize("name", REMOVED)
 def test_kernels_compile_without_a_private_name(tmp_path, name):
     program = tmp_path / "program.py"
@@ -62,6 +63,7 @@ def test_kernels_compile_without_a_private_name(tmp_path, name):
     assert missing == ([LOST[name]] if name in LOST else [])
 
 
+@pytest.mark.thorough
 def test_runs_do_not_need_packs_and_dual_numbers(tmp_path):
     program = tmp_path / "program.py"
     text = PROGRAM.format(removed=REMOVED["convert"])

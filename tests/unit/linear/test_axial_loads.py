@@ -58,6 +58,7 @@ def texts(call):
     return [str(one.message) for one in caught]
 
 
+@pytest.mark.sampled("0.99-second_order", "1.01-linear", "1.5-second_order")
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("fraction", [0.5, 0.99, 1.01, 1.5])
@@ -69,6 +70,7 @@ def test_column_is_stable_below_its_buckling_load_only(theory, fraction):
         assert (found.lowest_eigenvalue > 0.0) == (fraction < 1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_self_buckling_under_a_mass_at_the_tip():
     """Weight and payload together; the buckling load is that of the second-order theory."""
@@ -88,6 +90,7 @@ def test_pressed_column_counts_the_force_of_the_contact():
         assert not fa.equilibrium(column(), contacts=[wall]).stable
 
 
+@pytest.mark.thorough
 def test_estimate_equals_the_second_order_theory_on_random_arms():
     rng = np.random.default_rng(7)
     for _ in range(20):
@@ -111,6 +114,7 @@ def test_estimate_equals_the_second_order_theory_on_random_arms():
         assert shares(still, q, environment=inside)[0] == pytest.approx(exact, rel=0.5)
 
 
+@pytest.mark.sampled("-0.35-0.0", "0.32-0.0", "0.0-1.9")
 @pytest.mark.parametrize(
     ("force", "spin"),
     [(-0.32, 0.0), (-0.35, 0.0), (0.32, 0.0), (0.35, 0.0), (0.0, 1.8), (0.0, 1.9)],
@@ -170,6 +174,7 @@ def test_joint_accelerations_are_included():
         np.testing.assert_allclose(found, exact, rtol=0.03, atol=0.01 * abs(exact).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")
 def test_warnings_of_batches_are_those_of_single_runs():
     rng = np.random.default_rng(3)

@@ -31,6 +31,7 @@ def off(arm, load):
     return BendingErrors(arm).of_links(states)[1][0], true
 
 
+@pytest.mark.sampled("linear-moment-1", "second_order-force-1")
 @pytest.mark.parametrize("segments", [1, 4])
 @pytest.mark.parametrize("load", [FORCE, MOMENT], ids=["force", "moment"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])

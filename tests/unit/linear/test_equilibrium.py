@@ -263,6 +263,7 @@ class TestNone:
             fa.equilibrium(cantilever(), **fields)
 
 
+@pytest.mark.sampled("6.0--0.1")
 @pytest.mark.parametrize(("force", "side"), [(2.7, 1e-4), (2.7, 0.01), (3.5, 0.1), (6.0, -0.1)])
 def test_column_bends_to_the_side_of_a_small_load(force, side):
     """Beyond Euler's load of 2.467 the straight branch is unstable, and the bent one is found."""

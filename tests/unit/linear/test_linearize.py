@@ -92,6 +92,7 @@ class TestFiniteDifferences:
             stiffness[piece.modal] = np.sqrt(piece.shapes.w2)
         return 3e-6 * np.concatenate([1.0 / stiffness, np.ones(arm.dof)])
 
+    @pytest.mark.sampled("second_order")
     @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # of the axial loads
     @pytest.mark.parametrize("theory", ["linear", "second_order"])
     def test_state_matrices_equal_differences(self, theory):

@@ -21,6 +21,7 @@ def wave(t):
     return 5.0 + 2.0 * np.sin(2.0 * t)
 
 
+@pytest.mark.sampled("arm0")
 @pytest.mark.parametrize("arm", [ARM, arm_of(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))])
 def test_bent_arm_is_on_the_path_in_static_balance(arm):
     found = fa.pressed_motion(arm, LINE, wave, (-2.0, 0.0), interval=0.25)
@@ -35,6 +36,7 @@ def test_bent_arm_is_on_the_path_in_static_balance(arm):
     np.testing.assert_allclose(arm.tip(found.initial)[:2], LINE.tip(0.0), atol=2e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # that is the case
 def test_arm_with_large_bending_reaches_its_path():
     """The Jacobian of the rigid arm alone does not converge within the allowed corrections."""
@@ -47,6 +49,7 @@ def test_arm_with_large_bending_reaches_its_path():
         np.testing.assert_allclose(arm.tip(rest.q)[:2], line.tip(t), atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_values_between_samples_are_as_accurate_as_their_splines():
     found = fa.pressed_motion(ARM, LINE, wave, (-1.0, 0.0), interval=0.05)
     off = []
@@ -78,6 +81,7 @@ def test_rigid_arm_presses_with_the_transposed_jacobian():
     np.testing.assert_allclose(found.holding_torque(t), -4.0 * lever, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_friction_opposes_the_motion():
     smooth = fa.pressed_motion(ARM, LINE, 5.0, (-1.0, 0.0))
     rubbing = fa.pressed_motion(ARM, LINE, 5.0, (-1.0, 0.0), friction=0.3)
@@ -89,6 +93,7 @@ def test_friction_opposes_the_motion():
     np.testing.assert_allclose(rubbing.holding_torque(0.0), smooth.holding_torque(0.0), atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_values_for_many_times_and_after_the_end():
     found = fa.pressed_motion(ARM, LINE, wave, (-1.0, 0.0), duration=2.5)
     times = np.array([-1.0, 0.0, 0.7, 2.5, 9.0])
@@ -124,6 +129,7 @@ def test_the_tip_may_approach_without_force():
         fa.pressed_motion(ARM, down, after(0.1), (-1.0, 0.0), duration=1.5)
 
 
+@pytest.mark.thorough
 def test_normal_may_turn():
     def turning(t):
         return (-1.0, 0.1 * t)
@@ -136,6 +142,7 @@ def test_normal_may_turn():
     np.testing.assert_allclose(found.holding_torque(t), rest.torque, atol=1e-7)
 
 
+@pytest.mark.thorough_cases("change11-reach the path", "equilibrium")
 @pytest.mark.parametrize(
     ("change", "word"),
     [

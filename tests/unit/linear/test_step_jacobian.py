@@ -62,6 +62,7 @@ def assert_close(exact, wanted, after, size=1.0):
     assert allowed < 1e-4 * np.max(np.abs(wanted))  # the check is not trivial
 
 
+@pytest.mark.sampled("linear-rk4", "linear-dormand_prince_8", "second_order-kennedy_carpenter_5")
 @pytest.mark.parametrize("method", ["rk4", "dormand_prince_8", "kennedy_carpenter_5"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 def test_derivatives_by_state_and_torque(method, theory):
@@ -80,6 +81,18 @@ def test_derivatives_by_state_and_torque(method, theory):
         assert_close(found.torque[:, joint], wanted, found, size=100.0)
 
 
+@pytest.mark.sampled(
+    "link_2.length-length-more2-linear-rk4",
+    "link_2.length-length-more1-second_order-kennedy_carpenter_5",
+    "link_2.mass-mass-more0-second_order-rk4",
+    "link_2.mass-mass-more2-linear-kennedy_carpenter_5",
+    "link_2.rigidity-rigidity-more1-linear-kennedy_carpenter_5",
+    "link_2.rigidity-rigidity-more2-second_order-rk4",
+    "payload.mass-payload-more1-linear-rk4",
+    "payload.mass-payload-more2-second_order-kennedy_carpenter_5",
+    "payload.inertia-inertia-more0-linear-kennedy_carpenter_5",
+    "payload.inertia-inertia-more1-second_order-rk4",
+)
 @pytest.mark.parametrize("method", ["rk4", "kennedy_carpenter_5"])
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("more", [{}, {"modes": 3}, {"segments": 2}])

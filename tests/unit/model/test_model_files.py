@@ -330,9 +330,9 @@ def test_undamaged_file_is_valid(sound, tmp_path):
     assert load_scenario(tmp_path / "run.yaml").drive.kind == sound["drive"]["kind"]
 
 
-@pytest.mark.parametrize("path", sorted({*leaves(SOUND), *leaves(PUSHED)}, key=str), ids=path_text)
-def test_key_paths_are_parsed(path):
-    assert path_of(path_text(path)) == path
+def test_key_paths_are_parsed():
+    for path in {*leaves(SOUND), *leaves(PUSHED)}:
+        assert path_of(path_text(path)) == path
 
 
 def test_scenario_keeps_the_lines_of_its_keys(tmp_path):

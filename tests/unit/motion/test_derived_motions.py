@@ -55,12 +55,7 @@ def motion(request):
 
 
 @pytest.mark.sampled(
-    "zv",
-    "ei, two modes",
-    "zvd along modes",
-    "moving average",
-    "smoothed and shaped",
-    "quasi-static, trapezoids",
+    "zv", "ei, two modes", "moving average", "smoothed and shaped", "quasi-static, trapezoids"
 )
 def test_breaks_span_the_motion(motion):
     assert motion.breaks[0] == motion.start_time
@@ -68,6 +63,7 @@ def test_breaks_span_the_motion(motion):
     assert np.all(np.diff(motion.breaks) > 0.0)
 
 
+@pytest.mark.thorough_cases("si, damped", "zv along two modes")
 def test_motion_is_at_rest_before_and_after(motion):
     start, end = motion.start_time, motion.end_time
     before = motion.state([-np.inf, start - 3.0, np.nextafter(start, -np.inf)])
@@ -158,6 +154,7 @@ def test_smoothed_motion_is_the_average(window):
         np.testing.assert_allclose(motion.joint_angle(t)[1], wanted, rtol=0, atol=1e-11)
 
 
+@pytest.mark.thorough
 def test_rigid_torque_along_a_shaped_motion():
     motion = changing_frequency("ei")
     torque = fa.rigid_torque(arm(), motion)

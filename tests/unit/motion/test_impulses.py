@@ -68,7 +68,7 @@ def test_specified_insensitivity_of_two_humps_is_the_published_shaper():
     np.testing.assert_allclose(made.phases, np.pi * np.arange(4), atol=1e-3)
 
 
-@pytest.mark.sampled("0.05-0.0", "0.05-0.2", "0.3-0.05", "0.6-0.05", "1.0-0.0", "1.0-0.2")
+@pytest.mark.sampled("1.0-0.2", "0.05-0.2")
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.2])
 @pytest.mark.parametrize("insensitivity", [0.05, 0.3, 0.6, 1.0])
 def test_specified_insensitivity_touches_its_limit_at_the_edges(ratio, insensitivity):
@@ -83,6 +83,7 @@ def test_specified_insensitivity_touches_its_limit_at_the_edges(ratio, insensiti
     assert np.all(np.diff(made.phases) >= 0.0)
 
 
+@pytest.mark.thorough
 def test_shorter_than_any_published_shaper_for_its_range():
     """A wider range takes longer, and less than the next shaper with equal distances."""
     ranges = (0.1, humps(2), 0.5, 0.6, humps(3))

@@ -117,6 +117,7 @@ def distance(angles, posture):
     return float(np.sum((angles - posture) ** 2))
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=40)
 @given(chains(3, 6), between(0.3, 0.9), direction, st.integers(0, 10**6))
 def test_no_small_change_is_nearer_to_the_posture(lengths, ratio, angle, seed):

@@ -35,6 +35,9 @@ def motion(arm, request):
 T = np.linspace(0.0, 1.6, 201)
 
 
+@pytest.mark.thorough_cases(
+    "up-6-links-0.9", "down-6-links-0.9", "down-3-links-0.8", "up-4-links-0.5"
+)
 def test_tip_is_on_the_line_at_its_time(motion):
     s = motion.law(T / 1.6).s[:, None]
     line = motion.start + s * (motion.end - motion.start)
@@ -42,6 +45,9 @@ def test_tip_is_on_the_line_at_its_time(motion):
     np.testing.assert_allclose(motion.tip(T), line, rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough_cases(
+    "up-6-links-0.9", "down-6-links-0.9", "down-3-links-0.8", "up-4-links-0.5"
+)
 def test_tip_has_the_velocity_and_acceleration_of_the_line(motion):
     state = motion.state(T)
     _, ds, dds = motion.law(T / 1.6)
@@ -56,6 +62,9 @@ def test_tip_has_the_velocity_and_acceleration_of_the_line(motion):
     np.testing.assert_allclose(acceleration, np.outer(dds / 1.6**2, way), rtol=0, atol=1e-11)
 
 
+@pytest.mark.thorough_cases(
+    "up-6-links-0.9", "down-6-links-0.9", "down-3-links-0.8", "up-4-links-0.5"
+)
 def test_rates_have_the_least_norm(motion):
     state = motion.state(T)
     for angle, rate in zip(state.angle, state.rate, strict=True):
@@ -80,6 +89,7 @@ def test_almost_straight_arms_are_as_accurate():
     np.testing.assert_allclose(on_line, line, rtol=0, atol=2e-14)  # rounding of 2.4 m
 
 
+@pytest.mark.thorough_cases("6-links-0.9", "4-links-0.5")
 def test_mirrored_lines_have_mirrored_angles(arm):
     mirror = np.array([1.0, -1.0])
     start, end = np.sum(arm.lengths) * np.array([[0.7, 0.3], [0.2, -0.6]])
@@ -105,6 +115,7 @@ def test_published_line_is_reproduced():
     assert np.all(motion.joint_angle(T)[:, 1] < 0.0)
 
 
+@pytest.mark.thorough
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(["up", "down"]))
 def test_angles_are_continuous(seed, elbow):

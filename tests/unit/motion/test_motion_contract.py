@@ -110,6 +110,15 @@ def test_breaks_span_the_motion(motion):
     assert list(motion.breaks) == sorted(set(motion.breaks))
 
 
+@pytest.mark.thorough_cases(
+    "line_of_four_from_posture",
+    "closed_spline_of_four",
+    "circle_of_four",
+    "quintic-2-via_points_of_four",
+    "trapezoidal-3-via_points_of_four",
+    "quintic-2-line_of_four",
+    "trapezoidal-3-line_of_four",
+)
 def test_motion_is_at_rest_before_and_after(motion):
     before = motion.state([-np.inf, -3.0, 0.0, np.nextafter(0.7, 0.0)])
     after = motion.state([motion.end_time, 3.3, 100.0, np.inf])
@@ -122,6 +131,14 @@ def test_motion_is_at_rest_before_and_after(motion):
         np.testing.assert_allclose(motion.joint_angle(there), rest.angle[0], rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough_cases(
+    "line_of_four_from_posture",
+    "closed_spline_of_four",
+    "quintic-2-via_points_of_four",
+    "trapezoidal-3-via_points_of_four",
+    "quintic-2-line_of_four",
+    "quintic-2-circle_of_four",
+)
 def test_rates_and_accelerations_are_the_derivatives(motion):
     step = 2.5e-3
     t = smooth_times(motion.breaks, away=3.5 * step)
@@ -152,6 +169,9 @@ def test_integral_of_the_rate_is_the_change_of_angle(motion):
     np.testing.assert_allclose(way, total, rtol=0, atol=1e-11)
 
 
+@pytest.mark.thorough_cases(
+    "line_of_four", "line_of_four_from_posture", "circle_of_four", "closed_spline_of_four"
+)
 def test_values_on_both_sides_of_a_break(make):
     motion = make(duration=1.3, profile="trapezoidal", start_time=0.1)
     for k, time in enumerate(motion.breaks):
@@ -170,6 +190,9 @@ def test_scalars_and_arrays_agree(motion):
     assert_scalars_and_arrays_agree(motion, atol=1e-13)
 
 
+@pytest.mark.thorough_cases(
+    "line_of_four_from_posture", "circle_of_four", "closed_spline_of_four", "via_points_of_four"
+)
 def test_start_time_shifts_the_motion(make):
     early, late = make(duration=1.0), make(duration=1.0, start_time=2.0)
     t = np.linspace(0.0, 1.0, 17)  # sixteenths: t + 2 is exact
@@ -177,6 +200,9 @@ def test_start_time_shifts_the_motion(make):
         np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.thorough_cases(
+    "line_of_four_from_posture", "circle_of_four", "closed_spline_of_four", "line_of_four"
+)
 def test_slower_motion_has_the_same_path(make):
     fast, slow = make(duration=1.0), make(duration=4.0)
     t = np.linspace(0.0, 1.0, 17)
@@ -196,19 +222,20 @@ def test_nan_times_are_rejected(motion):
         motion.joint_rate([0.0, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("timing", "message"),
-    [
-        ({"duration": 0.0}, r"_motion: duration must be greater than 0 s, got 0"),
-        ({"duration": -1.0}, "duration must be greater than 0 s, got -1"),
-        ({"duration": np.nan}, "duration must be finite"),
-        ({"duration": [1.0, 2.0]}, "duration must be a number"),
-        ({"duration": "long"}, "duration must be a number"),
-        ({"duration": 1.0, "start_time": np.inf}, "start_time must be finite"),
-        ({"duration": 1.0, "start_time": 1e12}, "start_time must be small enough to resolve"),
-        ({"duration": 1.0, "profile": "sudden"}, "profile must be a TimingLaw or one of"),
-    ],
-)
-def test_wrong_timing_is_rejected(make, timing, message):
-    with pytest.raises(InputError, match=message):
-        make(**timing)
+#: Wrong arguments of all motions, and the beginning of the message.
+WRONG_TIMING = [
+    ({"duration": 0.0}, r"_motion: duration must be greater than 0 s, got 0"),
+    ({"duration": -1.0}, "duration must be greater than 0 s, got -1"),
+    ({"duration": np.nan}, "duration must be finite"),
+    ({"duration": [1.0, 2.0]}, "duration must be a number"),
+    ({"duration": "long"}, "duration must be a number"),
+    ({"duration": 1.0, "start_time": np.inf}, "start_time must be finite"),
+    ({"duration": 1.0, "start_time": 1e12}, "start_time must be small enough to resolve"),
+    ({"duration": 1.0, "profile": "sudden"}, "profile must be a TimingLaw or one of"),
+]
+
+
+def test_wrong_timing_is_rejected(make):
+    for timing, message in WRONG_TIMING:
+        with pytest.raises(InputError, match=message):
+            make(**timing)

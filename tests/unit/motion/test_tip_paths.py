@@ -167,6 +167,7 @@ def test_corners_may_meet_in_the_middle_of_a_line():
         np.testing.assert_allclose(before, after, rtol=0, atol=1e-13)
 
 
+@pytest.mark.sampled("2-links")
 def test_two_via_points_are_a_line(arm):
     line = line_motion(arm, POINTS[0], POINTS[1], 1.0)
     t = np.linspace(0.0, 1.0, 21)

@@ -100,6 +100,7 @@ DAMAGE = {
 }
 
 
+@pytest.mark.sampled("a bit")
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
 def test_damage_anywhere_in_a_file_is_rejected(damage, result, tmp_path):
     path = tmp_path / "run.nc"
@@ -113,7 +114,7 @@ def test_damage_anywhere_in_a_file_is_rejected(damage, result, tmp_path):
                 read_result(path)
 
 
-@pytest.mark.sampled("KeyError", "UnicodeError", "IndexError")
+@pytest.mark.sampled("KeyError")
 @pytest.mark.parametrize("error", [KeyError, RuntimeError, UnicodeError, MemoryError, IndexError])
 def test_errors_of_damaged_files_without_a_digest_are_explained(
     error, result, tmp_path, monkeypatch
@@ -196,6 +197,7 @@ def test_readings_of_instruments_are_kept_in_netcdf_and_omitted_from_tables(tmp_
     assert not any("measured" in name for name in rows[0])
 
 
+@pytest.mark.thorough
 def test_damaged_attributes_give_a_message_only(result, tmp_path, monkeypatch):
     """Without a traceback of h5netcdf, whose incomplete file raises again when it is deleted."""
     path = tmp_path / "run.nc"

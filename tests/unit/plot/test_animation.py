@@ -116,6 +116,7 @@ def test_rigid_counterpart_is_a_ghost():
     np.testing.assert_allclose(other[-1, -1, -1], rigid_result().tip[-1], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_results_are_drawn_side_by_side():
     both = fa.animate({"a": result(), "b": result()}, fps=FPS, width=640)
     stage = Stage(both.scenes, both.width)
@@ -180,6 +181,7 @@ def test_frame_rate_of_a_gif_is_rounded_to_its_clock(tmp_path):
     assert made.scenes[0].times[1] == pytest.approx(0.03)
 
 
+@pytest.mark.thorough
 def test_video_contains_the_frames(animation, tmp_path):
     ffmpeg = shutil.which("ffmpeg")
     try:

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 _BACKEND = """
 import matplotlib
 from matplotlib.backends.backend_agg import *
@@ -23,6 +25,7 @@ print(matplotlib.is_interactive())
 """
 
 
+@pytest.mark.thorough
 def test_backend_loaded_by_the_first_figure_stays_interactive(tmp_path: Path) -> None:
     (tmp_path / "backend_of_notebooks.py").write_text(_BACKEND)
     path = os.pathsep.join([str(tmp_path), *sys.path])

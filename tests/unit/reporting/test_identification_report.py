@@ -58,6 +58,7 @@ def test_the_page_has_estimates_fits_and_statements():
     assert len(page.encode()) < 1_000_000
 
 
+@pytest.mark.thorough
 def test_a_file_has_the_same_page(tmp_path):
     path = tmp_path / "found.nc"
     fa.write_result(found().to_dataset(), path)
@@ -85,6 +86,7 @@ def test_a_record_with_a_controller_keeps_its_history(tmp_path):
     assert fa.report(again, title="x") == fa.report(own, title="x")
 
 
+@pytest.mark.thorough
 def test_a_file_keeps_the_version_that_computed_it():
     stored = found().to_dataset().assign_attrs(flexarm_version="0.0.7")
     restored = fa.Identification.from_dataset(stored)

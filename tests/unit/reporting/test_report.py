@@ -73,6 +73,7 @@ def words_of(page):
     return html.unescape(re.sub(r"<[^>]*>", " ", page))
 
 
+@pytest.mark.thorough
 def test_report_of_a_file_equals_that_of_its_result(tmp_path):
     result = scenario_result(tmp_path)
     fa.write_result(result, tmp_path / "run.nc")
@@ -262,7 +263,7 @@ EDITED = {
 }
 
 
-@pytest.mark.sampled("text")
+@pytest.mark.thorough
 @pytest.mark.parametrize("value", EDITED)
 def test_edited_attributes_are_shown_or_named(value):
     """Another program, or the user, may have replaced any attribute of a result."""

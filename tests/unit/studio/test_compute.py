@@ -60,6 +60,7 @@ def test_wrong_scenario_names_the_value():
     assert text.startswith("motion.end must lie within the reach")
 
 
+@pytest.mark.thorough
 def test_failed_run_gives_its_reason():
     project = paper_project().edited(("drive", "kind"), "joint_pd")
     project = project.edited(("drive", "derivative", 1), 1000.0)

@@ -100,7 +100,7 @@ def test_every_field_has_a_value_of_the_scenario_in_its_range(file):
             assert field.word, field.name
 
 
-@pytest.mark.sampled("arm", "paper", "drives", "wipe_wall")
+@pytest.mark.sampled("arm", "paper")
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_ends_of_a_slider_are_within_the_bounds_of_the_value(file):
     project = open_file(file)

@@ -38,6 +38,7 @@ def test_script_gives_the_numbers_of_the_window(tmp_path):
     np.testing.assert_array_equal(found["result"].q, expected.q)
 
 
+@pytest.mark.thorough
 def test_script_simulates_the_plant_of_a_study(tmp_path):
     from flexarm.cases.scenario.study import PreparedStudy
 

@@ -74,7 +74,7 @@ def test_another_kind_of_motion_starts_at_the_same_point(kind):
     assert edited.edited(("motion", "kind"), "line").record.motion.kind == "line"
 
 
-@pytest.mark.sampled("joint_pd", "computed_torque", "lqg", "strain_feedback", "hybrid_force", "mpc")
+@pytest.mark.sampled("joint_pd", "lqg")
 @pytest.mark.parametrize("kind", CONTROLLED)
 def test_another_drive_has_gains_of_a_stable_loop(kind):
     from flexarm.cases.scenario.scenario import prepare
