@@ -6,6 +6,8 @@ kernels apart pass some hundred words, so features that an arm does not have are
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
@@ -21,9 +23,10 @@ from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.layout import Array
 
 # Typed constants: with literals, the compiler would build each callee for every value.
-_FIRST_STAGE = np.int64(0)
-_FROM_LEFT = _SETTLES = np.bool_(True)
-_FROM_RIGHT = _STAYS = np.bool_(False)
+_FIRST_STAGE: Any = np.int64(0)
+_FROM_LEFT: Any = np.bool_(True)
+_FROM_RIGHT: Any = np.bool_(False)
+_SETTLES, _STAYS = _FROM_LEFT, _FROM_RIGHT
 
 
 @merged

@@ -54,8 +54,10 @@ _eight: Any = extending.intrinsic(_load)
 _put_eight: Any = extending.intrinsic(_store)
 
 
-# Numba compares the signatures of these functions: no annotations.
-def combine(sizes, state, stages, weights, row, count, h, out):  # type: ignore[no-untyped-def]
+# Numba requires equal signatures of these functions.
+def combine(
+    sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
+) -> Any:
     """Compute out = state + h * sum over ``count`` stages of weights[row], in kernels.
 
     ``out`` must not overlap the other arrays.
@@ -63,7 +65,9 @@ def combine(sizes, state, stages, weights, row, count, h, out):  # type: ignore[
     _one_by_one(sizes, state, stages, weights, row, count, h, out)
 
 
-def _combine_arrays(sizes, state, stages, weights, row, count, h, out):  # type: ignore[no-untyped-def]
+def _combine_arrays(
+    sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
+) -> Any:
     size = 2 * len(sizes.bodies) * (1 + len(sizes.modes))
     if size < LANES:
         _one_by_one(sizes, state, stages, weights, row, count, h, out)
@@ -77,7 +81,9 @@ def _combine_arrays(sizes, state, stages, weights, row, count, h, out):  # type:
 
 
 @extending.overload(combine, jit_options={"forceinline": True})
-def _compiled_combine(sizes, state, stages, weights, row, count, h, out):  # type: ignore[no-untyped-def]
+def _compiled_combine(
+    sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
+) -> Any:
     arrays = COMPILED and all(isinstance(kind, types.Array) for kind in (state, stages, out))
     contiguous = arrays and {state.layout, stages.layout, out.layout} == {"C"}
     return _combine_arrays if contiguous else combine

@@ -18,7 +18,7 @@ def piece_of(breaks: Array, t: float, from_left: bool) -> int:
     high = breaks.shape[0] - 1
     share = (t - breaks[0]) / (breaks[high] - breaks[0])
     if high > 1 and 0.0 < share < 1.0:  # most breaks are evenly spaced: no search
-        place = min(int(share * high), high - 1)
+        place: int = min(int(share * high), high - 1)
         if breaks[place] < t < breaks[place + 1]:
             return place
     while high - low > 1:
