@@ -55,27 +55,27 @@ def fix_stops(system: System, memory: Memory, begins: bool) -> bool:
     """Fix which stops push at ``memory.state``; return whether any has changed.
 
     Args:
+        system: one with laws of joints.
         begins: whether the fixed stops are not those of the step before.
     """
-    sizes, work = system.sizes, system.work
+    work = system.work
     changed = False
-    if len(sizes.joint_laws) > 0:
-        for i in range(len(sizes.bodies)):
-            stiffness = _stiffness(system, i)
-            if stiffness <= 0.0:
-                continue
-            work.body[i, STOPS_FIXED] = 1.0
-            damping = real(system.constants.body[i, STOP_DAMPING])
-            for side in range(2):
-                angle, rate = _gap(system, memory.state, i, side)
-                now = pushes(angle, rate, damping)
-                if begins or now != (real(work.body[i, LOWER_PUSHES + side]) > 0.0):
-                    work.body[i, LOWER_PUSHES + side] = 1.0 if now else 0.0
-                    if not begins:
-                        changed = True
-                        memory.counts[IMPACTS] += 1
-                        if now:
-                            begin_pushing(memory.clock, _time(system, i, stiffness))
+    for i in range(len(system.sizes.bodies)):
+        stiffness = _stiffness(system, i)
+        if stiffness <= 0.0:
+            continue
+        work.body[i, STOPS_FIXED] = 1.0
+        damping = real(system.constants.body[i, STOP_DAMPING])
+        for side in range(2):
+            angle, rate = _gap(system, memory.state, i, side)
+            now = pushes(angle, rate, damping)
+            if begins or now != (real(work.body[i, LOWER_PUSHES + side]) > 0.0):
+                work.body[i, LOWER_PUSHES + side] = 1.0 if now else 0.0
+                if not begins:
+                    changed = True
+                    memory.counts[IMPACTS] += 1
+                    if now:
+                        begin_pushing(memory.clock, _time(system, i, stiffness))
     return changed
 
 

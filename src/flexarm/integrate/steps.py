@@ -1,4 +1,4 @@
-"""Common functions of the steppers: sums of stages, error norm, step control, stops, spans.
+"""Common functions of the steppers: error norm, step control, stops, spans.
 
 Step sizes follow a digital filter instead of the last error alone (Soderlind, ACM Transactions on
 Mathematical Software 29 (2003) 1-26). If stability and not accuracy limits an explicit method, the
@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.joint_stops import fix_stops, step_to_stop
+from flexarm.integrate.joint_stops import step_to_stop
 from flexarm.integrate.memory import (
     AHEAD,
     COUNT,
@@ -29,18 +29,11 @@ from flexarm.integrate.memory import (
     TIME,
     Memory,
 )
-from flexarm.integrate.nearness import (
-    begin_branches,
-    fix_branches,
-    passed_through,
-    step_allowed,
-    step_to_contact,
-)
+from flexarm.integrate.nearness import passed_through, step_allowed, step_to_contact
 from flexarm.integrate.status import (
     CONTACT_UNSEEN,
     DIVERGED,
     DONE,
-    INERTIA_LOST,
     NOT_FINITE,
     PAUSED,
     PRESSED_THROUGH,
@@ -127,21 +120,6 @@ def step_of_span(clock: Array) -> tuple[float, bool]:
 # States ------------------------------------------------------------------------------------------
 
 
-@inner
-def combine(
-    sizes: Sizes, state: Array, stages: Array, weights: Array, row: int, count: int, h: float,
-    out: Array,
-) -> None:  # fmt: skip
-    """Compute out = state + h * sum over stages of weights[row]."""
-    for level in range(2):
-        for i in range(len(sizes.bodies)):
-            for j in range(1 + len(sizes.modes)):
-                total = 0.0
-                for k in range(count):
-                    total += weights[row, k] * stages[k, level, i, j]
-                out[level, i, j] = state[level, i, j] + h * total
-
-
 @merged
 def _scale(sizes: Sizes, tolerance: Tolerance, state: Array, new: Array, level: int, i: int) -> Any:
     """Return the largest modal value of a body at both ends of a step, in metres at the tip."""
@@ -197,16 +175,16 @@ def norm_of(worst: float, worst_low: float, check: float) -> float:
     return worst / math.sqrt(1.0 + 0.01 * (worst_low / worst) ** 2)
 
 
-@merged
+@apart
 def error_norm(
-    system: System, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
+    sizes: Sizes, tolerance: Tolerance, state: Array, new: Array, stages: Array, error: Array,
     h: float,
 ) -> float:  # fmt: skip
     """Return the largest error of a step over the allowed error; the step is accepted up to 1.
 
     ``error`` (2, stages): weights of the error estimate and of a less accurate one.
     """
-    worst, worst_low, check = error_sizes(system.sizes, tolerance, state, new, stages, error, h)
+    worst, worst_low, check = error_sizes(sizes, tolerance, state, new, stages, error, h)
     norm: float = norm_of(real(worst), real(worst_low), real(check))
     return norm
 
@@ -284,7 +262,7 @@ def retry_shorter(clock: Array, counts: Array, order: int, h: float, fastest: fl
     return PAUSED
 
 
-@apart
+@merged
 def judge_step(
     system: System, tolerance: Tolerance, memory: Memory, stages: Array, error: Array, order: int,
     h: float,
@@ -299,7 +277,7 @@ def judge_step(
     reached = step_to_stop(system, memory, h)
     if reached < h:
         return _repeat_to(clock, memory.counts, h, reached)
-    norm = error_norm(system, tolerance, memory.state, memory.new, stages, error, h)
+    norm = error_norm(system.sizes, tolerance, memory.state, memory.new, stages, error, h)
     clock[NORM] = norm
     if norm <= 1.0:
         return DONE
@@ -323,35 +301,6 @@ def judge_contacts(
     if passed_through(contacts):
         return PRESSED_THROUGH
     return DONE
-
-
-@merged
-def judge_end(system: System, memory: Memory, h: float, adaptive: bool) -> int:
-    """Check contacts and inertia after the dynamics was evaluated at the end of a step of length h.
-
-    Returns a code as ``judge_step`` does.
-    """
-    contacts = system.drive.loads.contacts
-    if contacts.body.shape[0] > 0:
-        status = judge_contacts(contacts, memory.clock, memory.counts, h, adaptive)
-        if status != DONE:
-            return status
-    return DONE if inertia_left(system) else INERTIA_LOST
-
-
-@merged
-def begin_springs(system: System, memory: Memory, adaptive: bool) -> None:
-    """Fix the stops that push, and the branches of contacts, before the evaluation of a call."""
-    begin_branches(system.drive.loads.contacts, adaptive)
-    if adaptive:
-        fix_stops(system, memory, True)
-
-
-@merged
-def fix_springs(system: System, memory: Memory) -> bool:
-    """Fix the stops and contacts that push at the start of a step; return whether any changed."""
-    touched = fix_branches(system.drive.loads.contacts, memory.clock, memory.counts)
-    return fix_stops(system, memory, False) or touched
 
 
 @merged

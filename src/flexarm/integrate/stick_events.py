@@ -124,41 +124,41 @@ def judge_sticking(
     """Check a step of length h from t, after the evaluation of ``stages[s]`` at its end.
 
     Returns ``PAUSED`` if the step must be repeated to end where a joint sticks or slips, else
-    ``DONE``, with the joint that does so at its end in ``clock[CHANGED]``.
+    ``DONE``, with the joint that does so at its end in ``clock[CHANGED]``. The system must have
+    laws of joints.
     """
     c, clock = system.constants, memory.clock
     earliest, changed = math.inf, -1
-    if len(system.sizes.joint_laws) > 0:
-        for i in range(len(system.sizes.bodies)):
-            if not friction_holds(system, i):
-                continue
-            found = math.inf
-            side = math.copysign(1.0, real(c.body[i, SLIDING]))
-            if sticks(system, i):
-                found = _slip_time(system, i, t, h)
-            else:
-                v0, v1 = real(memory.state[1, i, 0]), real(memory.new[1, i, 0])
-                a0, a1 = real(stages[0, 1, i, 0]), real(stages[s, 1, i, 0])
-                found = _turning_time(h, v0, a0, v1, a1, side)
-            if found < min(h, earliest):
-                earliest, changed = found, i
-        earliest = max(earliest, _SHORTEST / fastest)
-        if adaptive and h - earliest > _LATE * h:
-            memory.counts[REJECTED] += 1
-            clock[WHOLE] = max(clock[WHOLE], h)
-            # Aim beyond the change: after a step that ends before it, a tiny one would follow.
-            clock[STEP] = earliest * (1.0 + 0.5 * _LATE)
-            clock[REFUSED] = 1.0
-            return PAUSED
-        if changed >= 0 and not _changes(system, memory, changed):
-            changed = -1
-        for i in range(len(system.sizes.bodies)):
-            if sticks(system, i):
-                held = held_torque(system, i)
-                if i == changed:
-                    clock[RISE] = abs(real(held - c.body[i, HELD_TORQUE])) / h
-                c.body[i, HELD_TORQUE] = held
-        clock[CHANGED] = 1.0 + changed
+    for i in range(len(system.sizes.bodies)):
+        if not friction_holds(system, i):
+            continue
+        found = math.inf
+        side = math.copysign(1.0, real(c.body[i, SLIDING]))
+        if sticks(system, i):
+            found = _slip_time(system, i, t, h)
+        else:
+            v0, v1 = real(memory.state[1, i, 0]), real(memory.new[1, i, 0])
+            a0, a1 = real(stages[0, 1, i, 0]), real(stages[s, 1, i, 0])
+            found = _turning_time(h, v0, a0, v1, a1, side)
+        if found < min(h, earliest):
+            earliest, changed = found, i
+    earliest = max(earliest, _SHORTEST / fastest)
+    if adaptive and h - earliest > _LATE * h:
+        memory.counts[REJECTED] += 1
+        clock[WHOLE] = max(clock[WHOLE], h)
+        # Aim beyond the change: after a step that ends before it, a tiny one would follow.
+        clock[STEP] = earliest * (1.0 + 0.5 * _LATE)
+        clock[REFUSED] = 1.0
+        return PAUSED
+    if changed >= 0 and not _changes(system, memory, changed):
+        changed = -1
+    for i in range(len(system.sizes.bodies)):
+        if sticks(system, i):
+            held = held_torque(system, i)
+            if i == changed:
+                clock[RISE] = abs(real(held - c.body[i, HELD_TORQUE])) / h
+            c.body[i, HELD_TORQUE] = held
+    clock[CHANGED] = 1.0 + changed
     return DONE
 
 

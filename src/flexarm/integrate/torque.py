@@ -16,6 +16,11 @@ def piece_of(breaks: Array, t: float, from_left: bool) -> int:
     """Return the piece that contains time t; at a break the earlier one if ``from_left``."""
     low = 0
     high = breaks.shape[0] - 1
+    share = (t - breaks[0]) / (breaks[high] - breaks[0])
+    if high > 1 and 0.0 < share < 1.0:  # most breaks are evenly spaced: no search
+        place: int = min(int(share * high), high - 1)
+        if breaks[place] < t < breaks[place + 1]:
+            return place
     while high - low > 1:
         middle = (low + high) // 2
         if breaks[middle] < t or (breaks[middle] == t and not from_left):

@@ -7,29 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
-from flexarm.integrate.memory import BETWEEN, CHANGED, EVALUATIONS, STEP, WHOLE, Memory
-from flexarm.integrate.nearness import fix_branches, step_on
-from flexarm.integrate.samples import (
-    begin_call,
-    count_first,
-    dense_weights,
-    end_step,
-    sample_before,
-)
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
+from flexarm.integrate.nearness import step_on
+from flexarm.integrate.samples import begin_call, dense_weights, sample_before
 from flexarm.integrate.status import DONE, PAUSED
-from flexarm.integrate.steps import (
-    LONGEST,
-    begin_springs,
-    choose_step,
-    combine,
-    fix_springs,
-    followed,
-    judge_end,
-    judge_step,
-    step_landing,
-)
-from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.step_ends import begin_steps, judge_end, next_step
+from flexarm.integrate.steps import LONGEST, followed, judge_step, step_landing
 from flexarm.integrate.sticking import begin_watch
+from flexarm.integrate.sums import combine
 from flexarm.integrate.torque import rates_of, slope_at
 from flexarm.kernels.compilation.cache import unlocked
 from flexarm.kernels.layout import Array
@@ -62,9 +47,7 @@ def advance_explicit(
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
-    from_right = bool(np.bool_(False))
-    settles = from_left
-    stays = from_right
+    stays = bool(np.bool_(False))
     A, c, stages, adaptive = record.A, record.c, record.stages, record.adaptive
     state, new, torque = memory.state, memory.new, memory.torque
     clock, counts = memory.clock, memory.counts
@@ -75,11 +58,7 @@ def advance_explicit(
     t = begin_call(sizes, memory)
     if t >= until:
         return DONE
-    begin_springs(system, memory, adaptive)
-    slope_at(system, t, from_right, state, torque, stages, zero, settles)
-    count_first(memory)
-    step_on(system.drive.loads.contacts)
-    fix_branches(system.drive.loads.contacts, clock, counts)
+    begin_steps(system, memory, stages, t, adaptive)
     for _ in range(max_steps):
         h = clock[STEP]
         if adaptive:
@@ -104,12 +83,7 @@ def advance_explicit(
             continue
         if status != DONE:
             return status
-        if last == s:
-            slope_at(system, t_new, from_left, new, torque, stages, s, stays)
-            counts[EVALUATIONS] += 1
-        status = judge_end(system, memory, h, adaptive)
-        if status == DONE:
-            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, adaptive)
+        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, last > s)
         if status == PAUSED:
             continue
         if status != DONE:
@@ -129,23 +103,9 @@ def advance_explicit(
             dense_weights(record.dense, (memory.sample_times[sample] - t) / h, record.weights)
             combine(sizes, state, stages, record.weights, zero, rows, h, out)
             sample = sample_before(memory, t_new)
-        if adaptive:
-            choose_step(clock, h, record.order, lands)
-        if clock[CHANGED] + clock[WHOLE] > 0.0:
-            end_sticking(system, memory, stages, s, t_new, from_left)
-        end_step(sizes, memory, new, t_new)
-        for level in range(2):
-            for i in range(len(sizes.bodies)):
-                for j in range(1 + len(sizes.modes)):
-                    stages[0, level, i, j] = stages[s, level, i, j]
+        next_step(system, memory, stages, s, t_new, h, lands, adaptive, record.order, until)
         t = t_new
-        if adaptive:
-            lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
-        if lands:  # a force may change here, and the last slope is the one from the left
-            counts[EVALUATIONS] += slope_at(
-                system, t, from_right, state, torque, stages, zero, settles
-            )
     clock[BETWEEN] = 1.0
     return PAUSED

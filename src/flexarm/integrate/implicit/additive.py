@@ -17,30 +17,15 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
-from flexarm.integrate.memory import (
-    BETWEEN,
-    CHANGED,
-    EVALUATIONS,
-    SOFTENED,
-    STEP,
-    WHOLE,
-    Memory,
-)
-from flexarm.integrate.nearness import fix_branches, step_on
-from flexarm.integrate.samples import begin_call, count_first, end_step, samples_between
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.nearness import step_on
+from flexarm.integrate.samples import begin_call, samples_between
 from flexarm.integrate.status import DONE, PAUSED
-from flexarm.integrate.steps import (
-    begin_springs,
-    choose_step,
-    combine,
-    fix_springs,
-    judge_end,
-    judge_step,
-    step_landing,
-)
-from flexarm.integrate.stick_events import end_sticking, judge_sticking
+from flexarm.integrate.step_ends import begin_steps, judge_end, next_step
+from flexarm.integrate.steps import judge_step, step_landing
 from flexarm.integrate.sticking import begin_watch, sticks, watch_slips
-from flexarm.integrate.torque import drive_at, slope_at
+from flexarm.integrate.sums import combine
+from flexarm.integrate.torque import drive_at
 from flexarm.kernels.columns import (
     FREE,
     JOINT_ADDED,
@@ -180,24 +165,14 @@ def advance_additive(
 ) -> int:
     """Step to ``until``, by the rules of ``base.Integrator``."""
     sizes = system.sizes
-    # Typed constants: with literals, the compiler would build each callee for every value.
-    zero = int(np.int64(0))
-    from_left = bool(np.bool_(True))
-    from_right = bool(np.bool_(False))
-    controlled = from_left
-    settles = from_left
-    stays = from_right
-    state, new, torque, stages = memory.state, memory.new, memory.torque, record.stages
-    clock, counts = memory.clock, memory.counts
+    controlled = bool(np.bool_(True))  # a typed constant, see ``step_ends``
+    known = not controlled
+    stages, clock, counts = record.stages, memory.clock, memory.counts
     s = record.error.shape[1] - 1
     t = begin_call(sizes, memory)
     if t >= until:
         return DONE
-    begin_springs(system, memory, controlled)
-    slope_at(system, t, from_right, state, torque, stages, zero, settles)
-    count_first(memory)
-    step_on(system.drive.loads.contacts)
-    fix_branches(system.drive.loads.contacts, clock, counts)
+    begin_steps(system, memory, stages, t, controlled)
     for _ in range(max_steps):
         t_new, h, lands = step_landing(system.drive.stops, t, clock[STEP], until)
         additive_step(system, record, memory, t, h)
@@ -207,32 +182,16 @@ def advance_additive(
             continue
         if status != DONE:
             return status
-        slope_at(system, t_new, from_left, new, torque, stages, s, stays)
-        counts[EVALUATIONS] += 1
-        status = judge_end(system, memory, h, controlled)
-        if status == DONE:
-            status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, controlled)
+        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, controlled, known)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
         step_on(system.drive.loads.contacts)
         samples_between(system, tolerance, memory, stages, t, h, t_new)
-        choose_step(clock, h, record.order, lands)
-        if clock[CHANGED] + clock[WHOLE] > 0.0:
-            end_sticking(system, memory, stages, s, t_new, from_left)
-        end_step(sizes, memory, new, t_new)
-        for level in range(2):
-            for i in range(len(sizes.bodies)):
-                for j in range(1 + len(sizes.modes)):
-                    stages[0, level, i, j] = stages[s, level, i, j]
+        next_step(system, memory, stages, s, t_new, h, lands, controlled, record.order, until)
         t = t_new
-        lands = fix_springs(system, memory) or lands
         if t >= until:
             return DONE
-        if lands:  # a force may change here, and the last slope is the one from the left
-            counts[EVALUATIONS] += slope_at(
-                system, t, from_right, state, torque, stages, zero, settles
-            )
     clock[BETWEEN] = 1.0
     return PAUSED

@@ -130,7 +130,9 @@ def _sweep(
                 change[0, 0, i, j] = h * h * pull * (x - stages[s, i, j])
                 change[0, 1, i, j] = h * drag * (x - stages[s, i, j])
                 stages[s, i, j] = x
-        worst = max(worst, error_norm(system, rounding, state, inner, change, record.one, 1.0))
+        worst = max(
+            worst, error_norm(system.sizes, rounding, state, inner, change, record.one, 1.0)
+        )
     return worst
 
 

@@ -131,7 +131,7 @@ def _pass(
             change[0, 1, i, j] = v - smooth[1, i, j]
             smooth[0, i, j] = q
             smooth[1, i, j] = v
-    return error_norm(system, tolerance, memory.state, smooth, change, record.one, 1.0)
+    return error_norm(system.sizes, tolerance, memory.state, smooth, change, record.one, 1.0)
 
 
 @merged

@@ -28,7 +28,7 @@ from flexarm.integrate.lanes.steps import (
 )
 from flexarm.integrate.memory import SAMPLES, TIME
 from flexarm.integrate.samples import between_ends
-from flexarm.integrate.steps import combine
+from flexarm.integrate.sums import combine
 from flexarm.kernels.columns import FLEX_BIAS
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.compilation.packs import LANES

@@ -26,7 +26,7 @@ from flexarm.integrate.lanes.steps import (
 )
 from flexarm.integrate.memory import EVALUATIONS, SAMPLES, TIME
 from flexarm.integrate.samples import dense_weights
-from flexarm.integrate.steps import combine
+from flexarm.integrate.sums import combine
 from flexarm.kernels.compilation.cache import apart, merged, unlocked
 from flexarm.kernels.compilation.packs import LANES
 from flexarm.kernels.forces.external import push_loads
