@@ -117,6 +117,7 @@ def measure(seed: int) -> dict[str, Any]:
     bending = table.segments * table.modes
     work = table.evaluations * (case.arm.joints + bending.sum("link"))
     plain = (table.modes == 2).all("link") & (table.segments == 1).all("link")
+    reference = (plain & (table.theory == "second_order")).values
     cost = float(work[table.chosen.values][0])
     return {
         "kind": case.kind,
@@ -124,9 +125,7 @@ def measure(seed: int) -> dict[str, Any]:
         "estimate": choice.model_error / accuracy,
         "warned": not choice.converged,
         "cost": cost / min(accurate) if accurate else np.nan,
-        "study": float(
-            work.sum() / work[plain.values & (table.theory == "second_order").values][0]
-        ),
+        "study": float(table.attrs["work"] / work[reference][0]),
         "runs": table.sizes["candidate"],
         "seconds": seconds,
     }

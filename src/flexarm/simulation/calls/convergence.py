@@ -45,18 +45,23 @@ _COMPARED, _INTEGRATION, _REFERENCE = 0.1, 0.2, 0.25
 #: Largest difference of the last two of all runs over the accuracy, and the difference before it,
 #: without which one small difference may be a coincidence.
 _LAST, _BEFORE = 0.5, 2.0
-#: Error of the finer of two models over their difference, at least; more if differences fall
-#: slowly. The largest ratio of two differences that counts as falling.
-_LEAST_TAIL, _STEADY = 0.5, 0.9
+#: Error of the finer of two runs over their difference: at least, and at most, as for errors that
+#: fall with the number of modes (of segments, which double), if differences do not fall faster.
+_LEAST_TAIL, _TAIL_OF_MODES, _TAIL_OF_SEGMENTS = 0.5, 3.0, 1.0
 #: Largest error of the result over that of the finest run, where no run is accurate enough.
 _ENOUGH = 1.25
-#: Largest estimated error of the theory over the accuracy that no segments have to confirm.
-_UNBENT = 0.01
+#: Largest estimated error of the theory over the accuracy that no segments have to confirm, and the
+#: largest one that is worth a comparison: it is 1 to 16 times the difference of runs with segments.
+_UNBENT, _WORTH = 0.01, 16.0
 #: Steps from a rigid link to the finest one: modes of each segment, and segments. Two modes of a
 #: segment are its static shapes under a force and a moment.
 _DIVISIBLE = ((0, 1), (1, 1), (2, 1), (3, 1), (2, 2), (2, 4), (2, 8), (2, 16))
 #: The same for a link whose damping does not permit segments.
 _ONE_PIECE = ((0, 1), (1, 1), (2, 1), (3, 1), (4, 1), (6, 1), (8, 1), (12, 1))
+#: Place of the first step with segments.
+_FIRST_SEGMENTS = 4
+#: Segments of all links in a run without damping, from which the error of one piece follows.
+_UNDAMPED = 4
 #: Work of the study over that of the plain model, whose links have two modes: four segments of all
 #: links take about 80 times its work if the fastest vibration determines the steps.
 _PLAIN, _LIMIT = 2, 200.0
@@ -70,6 +75,7 @@ class Mesh(NamedTuple):
 
     steps: tuple[int, ...]  # of each link, in its tuple of steps
     theory: str = "second_order"
+    undamped: int = 0  # segments of links whose damping permits none, without it; 0 with damping
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +212,7 @@ class _Study:
         self.accuracy = float(situation.settings.accuracy or 0.0)
         self.links = self.spec.links
         self.divisible = [_divisible(link) for link in self.links]
+        self.divided = all(self.divisible)  # whether finer meshes converge to the exact beam
         self.runs: dict[Mesh, _Run] = {}
         self.reference, self.reference_error = Mesh(()), np.inf
         self.limited = False  # whether a finer run would have exceeded the limit of the work
@@ -233,18 +240,24 @@ class _Study:
     def sizes(self, mesh: Mesh) -> list[tuple[int, int]]:
         """Return modes of each segment, and segments, of each link."""
         steps = zip(mesh.steps, self.divisible, strict=True)
-        return [(_DIVISIBLE if divisible else _ONE_PIECE)[step] for step, divisible in steps]
+        sizes = [(_DIVISIBLE if divisible else _ONE_PIECE)[step] for step, divisible in steps]
+        if mesh.undamped > 1:
+            sizes = [(2, mesh.undamped) if modes else (0, 1) for modes, _ in sizes]
+        return sizes
 
     def arm_of(self, mesh: Mesh) -> Arm:
         """Return the arm with a mesh."""
-        links = [
-            _meshed(link, *size) for link, size in zip(self.links, self.sizes(mesh), strict=True)
-        ]
+        links = self.links
+        if mesh.undamped:
+            places = zip(links, self.divisible, strict=True)
+            links = tuple(x if divisible else x.replace(damping=None) for x, divisible in places)
+        sizes = zip(links, self.sizes(mesh), strict=True)
+        links = tuple(_meshed(link, *size) for link, size in sizes)
         return Arm(self.spec.replace(links=links, theory=mesh.theory))
 
     def _situation(self, mesh: Mesh, settings: RunSettings) -> Situation:
         arm = self.arm_of(mesh)
-        start = {
+        start: dict[str, Any] = {
             name: self._coordinates(name, arm)
             for name in ("initial", "initial_rate")
             if getattr(self.situation, name) is not None
@@ -264,6 +277,11 @@ class _Study:
             hint = "For example: initial=lambda arm: fa.equilibrium(arm, angles).q."
             raise InputError(Problem(name, rule, "bent links", hint))
         return arm.rest(simulated.joint_angles(q))
+
+    @property
+    def candidates(self) -> list[Mesh]:
+        """Meshes of the study that may be chosen."""
+        return [mesh for mesh in self.runs if not mesh.undamped]
 
     def run(self, mesh: Mesh) -> _Run:
         """Return the run of a mesh.
@@ -330,7 +348,12 @@ class _Study:
         plain = self.runs.get(self.uniform(_PLAIN))
         if plain is None or plain.tip is None:
             return True
-        return sum(run.work for run in self.runs.values()) + work <= _LIMIT * plain.work
+        return self.work + work <= _LIMIT * plain.work
+
+    @property
+    def work(self) -> float:
+        """Work of all runs."""
+        return sum(run.work for run in self.runs.values())
 
     def _expected(self, mesh: Mesh) -> float:
         """Return the expected work of a finer mesh, from the last two runs and its frequency."""
@@ -358,26 +381,40 @@ class _Study:
             if not self._has_room(self._expected(mesh)):
                 self.limited = True
                 break
-            apart = self.apart(self.reference, mesh)
-            if self.run(mesh).tip is None:
+            apart, run = self.apart(self.reference, mesh), self.run(mesh)
+            if run.tip is None:
                 continue
-            bent = self.run(mesh).bent[1]
-            confirmed = max(mesh.steps) > 3 or bent <= _UNBENT * self.accuracy
-            one_piece = not all(self.divisible)
-            ratio = min(apart / before, _STEADY) if before > 0.0 else 0.0
-            error = apart * max(_LEAST_TAIL, ratio / (1.0 - ratio))
-            self.reference = mesh
-            self.reference_error = error + one_piece * bent
-            wanted = max(self.accuracy, one_piece * bent)
+            segments = self.divided and max(mesh.steps) >= _FIRST_SEGMENTS
+            most = _TAIL_OF_SEGMENTS if segments else _TAIL_OF_MODES
+            tail = apart / (before - apart) if apart < before else np.inf
+            error = apart * min(max(tail, _LEAST_TAIL), most)
+            hopeless = not self.divided and run.bent[1] > _WORTH * self.accuracy
+            wanted = run.bent[1] if hopeless else self.accuracy
             small = apart <= _LAST * wanted and before <= _BEFORE * wanted
-            before = apart
-            if small and error <= _REFERENCE * wanted and (confirmed or one_piece):
+            self.reference, self.reference_error, before = mesh, error, apart
+            confirmed = segments or not self.divided or run.bent[1] <= _UNBENT * self.accuracy
+            if small and error <= _REFERENCE * wanted and confirmed:
                 break
+        if not self.divided:
+            self.reference_error += self._bending_error()
+
+    def _bending_error(self) -> float:
+        """Return the error (m) of a reference whose damping does not permit segments.
+
+        Without damping, which matters little for it, it is the difference from segments.
+        """
+        estimate = self.run(self.reference).bent[1]
+        piece, divided = (self.reference._replace(undamped=count) for count in (1, _UNDAMPED))
+        if not _UNBENT < estimate / self.accuracy <= _WORTH:
+            return estimate
+        if not self._has_room(self._expected(divided)):
+            return estimate
+        apart = self.apart(piece, divided)
+        return apart if np.isfinite(apart) else estimate
 
     def coarsened(self) -> Mesh:
         """Return the cheapest accurate mesh, after making its links coarser one by one."""
-        runs = [mesh for mesh, run in self.runs.items() if run.tip is not None]
-        mesh = next(filter(self.is_accurate, runs), self.reference)
+        mesh = next(filter(self.is_accurate, self.candidates), self.reference)
         for link in self._fast_links(mesh):
             low, high = self.least(link), mesh.steps[link]
             while low < high and self._has_room(self.run(mesh).work):
@@ -391,7 +428,7 @@ class _Study:
         linear = mesh._replace(theory="linear")
         if any(mesh.steps) and self.run(mesh).bent[0] <= self.accuracy:
             self.run(linear)
-        accurate = [mesh for mesh in self.runs if self.is_accurate(mesh)]
+        accurate = filter(self.is_accurate, self.candidates)
         return min(accurate, key=lambda mesh: (self.run(mesh).work, mesh.theory), default=mesh)
 
     def _fast_links(self, mesh: Mesh) -> list[int]:
@@ -403,10 +440,8 @@ class _Study:
 
     def reason(self) -> str:
         """Return why the study ended, and what the user can do."""
-        if (
-            not all(self.divisible)
-            and self.run(self.reference).bent[1] > _REFERENCE * self.accuracy
-        ):
+        bent = self.run(self.reference).bent[1]
+        if not self.divided and bent > _REFERENCE * self.accuracy:
             return (
                 "Links bend far, and their modal damping or mass_coefficient does not permit "
                 "segments; Rayleigh damping with stiffness_coefficient alone does."
@@ -425,7 +460,8 @@ class _Study:
         """Return the table of all runs, see `ConvergedRun`."""
         import xarray as xr
 
-        meshes, runs = list(self.runs), list(self.runs.values())
+        meshes = self.candidates
+        runs = [self.run(mesh) for mesh in meshes]
         errors = np.array([self.error(mesh) for mesh in meshes])
         sizes = np.array([self.sizes(mesh) for mesh in meshes])  # (candidates, links, 2)
         elements = [
@@ -459,7 +495,7 @@ class _Study:
             for name, dims, values, unit, text in columns
         }
         coordinates = {"link": np.arange(1, len(self.links) + 1)}
-        return xr.Dataset(variables, coordinates, {"accuracy": self.accuracy})
+        return xr.Dataset(variables, coordinates, {"accuracy": self.accuracy, "work": self.work})
 
 
 def _simulated(situation: Situation) -> xr.Dataset:
