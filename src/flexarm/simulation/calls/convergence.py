@@ -27,6 +27,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.user_functions import FunctionError, call
+from flexarm.integrate import KennedyCarpenter5
 from flexarm.integrate.base import FloatArray
 from flexarm.model.arm.links import MOST_ELEMENTS, Link
 from flexarm.simulation.calls.preparation import RunArguments, Situation, situation_of
@@ -65,6 +66,8 @@ _UNDAMPED = 4
 #: Work of the study over that of the plain model, whose links have two modes: four segments of all
 #: links take about 80 times its work if the fastest vibration determines the steps.
 _PLAIN, _LIMIT = 2, 200.0
+#: Work of an evaluation of the implicit method over that of an explicit one, at equal error.
+_IMPLICIT = 2.5
 #: Elements of a link in one piece, at least, and of a segment: the modes of more elements cost only
 #: time before the run, and theirs differ by less than those that the modes neglect.
 _ELEMENTS, _OF_SEGMENT = 8, 2
@@ -110,21 +113,15 @@ class ConvergedRun:
         )
 
     def __str__(self) -> str:
-        heads = ("modes", "segments", "theory", "model error (m)", "evaluations", "")
-        table = self.table
-        rows = [
-            (
-                " + ".join(map(str, table.modes.values[k])),
-                " + ".join(map(str, table.segments.values[k])),
-                str(table.theory.values[k]),
-                f"{table.model_error.values[k]:.2g}",
-                str(table.evaluations.values[k]),
-                "chosen" if table.chosen.values[k] else "",
-            )
-            for k in range(table.sizes["candidate"])
-        ]
-        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in (heads, *rows)]
+        names = ("modes", "segments", "theory", "model_error", "evaluations", "chosen")
+        rows = [("modes", "segments", "theory", "error (m)", "evaluations", "")]
+        for values in zip(*(self.table[name].values for name in names), strict=True):
+            modes, segments = (" + ".join(map(str, value)) for value in values[:2])
+            theory, error, evaluations, chosen = values[2:]
+            mark = "chosen" if chosen else ""
+            rows.append((modes, segments, str(theory), f"{error:.2g}", str(evaluations), mark))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
         return "\n".join([repr(self), *lines])
 
 
@@ -178,19 +175,19 @@ def converged(
         vars(situation)["settings"] = replaced(situation.settings, accuracy=accuracy)
     study = _Study(situation)
     study.refine()
-    chosen = study.coarsened()
+    chosen, accuracy = study.coarsened(), study.accuracy
     error = study.error(chosen)
-    result = study.final(chosen).assign_attrs(model_error=error, accuracy=study.accuracy)
-    reached = error + result.attrs.get("integration_error", 0.0) <= study.accuracy
+    result = study.final(chosen).assign_attrs(model_error=error, accuracy=accuracy)
+    reached = error + result.attrs.get("integration_error", 0.0) <= accuracy
     if not reached:
         text = (
-            f"no model of the study reaches an accuracy of {study.accuracy:.2g} m: the error of "
-            f"the model at the tip is about {error:.1g} m. {study.reason()}"
+            f"no model of the study reaches an accuracy of {accuracy:.2g} m: the error of the "
+            f"model at the tip is about {error:.1g} m. {study.reason()}"
         )
         result.attrs["warning"] = " ".join(filter(None, [result.attrs["warning"], text]))
         warn_caller(text, AccuracyWarning)
-    outcome = error, study.accuracy, bool(reached)
-    return ConvergedRun(study.arm_of(chosen), result, study.table(chosen), *outcome)
+    table = study.table(chosen)
+    return ConvergedRun(study.arm_of(chosen), result, table, error, accuracy, bool(reached))
 
 
 class _Run(NamedTuple):
@@ -198,9 +195,11 @@ class _Run(NamedTuple):
 
     tip: FloatArray | None  # (samples, 2) m; None if it failed
     frequency: float  # the highest, Hz
-    work: float = 0.0  # evaluations times coordinates
-    bent: tuple[float, float] = (0.0, 0.0)  # error of the tip by both theories in one piece, m
+    coordinates: int = 0
+    linear_error: float = 0.0  # estimated errors of the tip by the theories, m
+    second_order_error: float = 0.0
     evaluations: int = 0
+    work: float = 0.0  # evaluations times coordinates, weighted by method
     seconds: float = 0.0
 
 
@@ -216,7 +215,7 @@ class _Study:
         self.runs: dict[Mesh, _Run] = {}
         self.reference, self.reference_error = Mesh(()), np.inf
         self.limited = False  # whether a finer run would have exceeded the limit of the work
-        self._failures: list[FlexarmError] = []
+        self.failures: list[FlexarmError] = []
         request = _COMPARED * self.accuracy / reach_of(situation.simulated)
         self._settings = replaced(
             situation.settings,
@@ -228,10 +227,8 @@ class _Study:
 
     def uniform(self, step: int) -> Mesh:
         """Return the mesh with the same step of all flexible links."""
-        flexible = [link.flexible for link in self.links]
-        return Mesh(
-            tuple(max(step, self.least(k)) if flexible[k] else 0 for k in range(len(flexible)))
-        )
+        steps = (max(step, self.least(k)) if x.flexible else 0 for k, x in enumerate(self.links))
+        return Mesh(tuple(steps))
 
     def least(self, link: int) -> int:
         """Return the coarsest step of a link: one with gauges bends."""
@@ -247,12 +244,12 @@ class _Study:
 
     def arm_of(self, mesh: Mesh) -> Arm:
         """Return the arm with a mesh."""
-        links = self.links
-        if mesh.undamped:
-            places = zip(links, self.divisible, strict=True)
-            links = tuple(x if divisible else x.replace(damping=None) for x, divisible in places)
-        sizes = zip(links, self.sizes(mesh), strict=True)
-        links = tuple(_meshed(link, *size) for link, size in sizes)
+        links = [
+            _meshed(link if divisible or not mesh.undamped else link.replace(damping=None), *size)
+            for link, divisible, size in zip(
+                self.links, self.divisible, self.sizes(mesh), strict=True
+            )
+        ]
         return Arm(self.spec.replace(links=links, theory=mesh.theory))
 
     def _situation(self, mesh: Mesh, settings: RunSettings) -> Situation:
@@ -297,29 +294,28 @@ class _Study:
         frequency = np.nan
         try:
             situation = self._situation(mesh, self._settings)
-            arm = situation.simulated
-            frequency = fastest_frequency(arm, situation.start) / (2.0 * np.pi)
+            frequency = _frequency(situation)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 result = _simulated(situation)
         except FunctionError:
             raise
         except FlexarmError as error:
-            self._failures.append(error)
-            if not any(run.tip is not None for run in self.runs.values()) and self.runs:
-                raise self._failures[0] from None
+            self.failures.append(error)
+            if self.runs and all(run.tip is None for run in self.runs.values()):
+                raise self.failures[0] from None
             return _Run(None, frequency)
+        arm = situation.simulated
         states = arm.padded(np.stack([result.q.values, result.qd.values], axis=-2))
-        bent = [
+        linear, second = (
             float(BendingErrors(arm, theory).of_links(states)[1].max(initial=0.0))
             for theory in ("linear", "second_order")
-        ]
-        evaluations = int(result.attrs["evaluations"])
-        work = float(evaluations * arm.dof)
-        seconds = float(result.attrs["wall_seconds"])
-        return _Run(
-            result.tip.values[:, :2], frequency, work, (bent[0], bent[1]), evaluations, seconds
         )
+        evaluations, seconds = (result.attrs[name] for name in ("evaluations", "wall_seconds"))
+        implicit = result.attrs["integrator"] == KennedyCarpenter5.name
+        work = evaluations * arm.dof * (_IMPLICIT if implicit else 1.0)
+        tip = result.tip.values[:, :2]
+        return _Run(tip, frequency, arm.dof, linear, second, evaluations, work, seconds)
 
     def final(self, mesh: Mesh) -> xr.Dataset:
         """Return the run of the chosen mesh, whose integration error is verified."""
@@ -360,16 +356,14 @@ class _Study:
         done = [run for run in self.runs.values() if run.tip is not None and run.frequency > 0.0]
         if not done:
             return 0.0
-        settings = self._settings
-        situation = self._situation(mesh, settings)
-        arm = situation.simulated
-        faster = fastest_frequency(arm, situation.start) / (2.0 * np.pi * done[-1].frequency)
+        situation = self._situation(mesh, self._settings)
+        faster = _frequency(situation) / done[-1].frequency
         power = 1.0
         if len(done) > 1 and done[-1].frequency > done[-2].frequency:
             more = done[-1].evaluations / max(done[-2].evaluations, 1)
             power = np.log(more) / np.log(done[-1].frequency / done[-2].frequency)
-        evaluations = done[-1].evaluations * faster ** float(np.clip(power, 0.0, 1.0))
-        return float(evaluations * arm.dof)
+        larger = situation.simulated.dof / done[-1].coordinates
+        return float(done[-1].work * larger * faster ** np.clip(power, 0.0, 1.0))
 
     def refine(self) -> None:
         """Refine all links until the tip converges; set the reference and its error (m)."""
@@ -388,11 +382,13 @@ class _Study:
             most = _TAIL_OF_SEGMENTS if segments else _TAIL_OF_MODES
             tail = apart / (before - apart) if apart < before else np.inf
             error = apart * min(max(tail, _LEAST_TAIL), most)
-            hopeless = not self.divided and run.bent[1] > _WORTH * self.accuracy
-            wanted = run.bent[1] if hopeless else self.accuracy
+            hopeless = not self.divided and run.second_order_error > _WORTH * self.accuracy
+            wanted = run.second_order_error if hopeless else self.accuracy
             small = apart <= _LAST * wanted and before <= _BEFORE * wanted
             self.reference, self.reference_error, before = mesh, error, apart
-            confirmed = segments or not self.divided or run.bent[1] <= _UNBENT * self.accuracy
+            confirmed = (
+                segments or not self.divided or run.second_order_error <= _UNBENT * self.accuracy
+            )
             if small and error <= _REFERENCE * wanted and confirmed:
                 break
         if not self.divided:
@@ -403,11 +399,10 @@ class _Study:
 
         Without damping, which matters little for it, it is the difference from segments.
         """
-        estimate = self.run(self.reference).bent[1]
+        estimate = self.run(self.reference).second_order_error
         piece, divided = (self.reference._replace(undamped=count) for count in (1, _UNDAMPED))
-        if not _UNBENT < estimate / self.accuracy <= _WORTH:
-            return estimate
-        if not self._has_room(self._expected(divided)):
+        worth = _UNBENT < estimate / self.accuracy <= _WORTH
+        if not worth or not self._has_room(self._expected(divided)):
             return estimate
         apart = self.apart(piece, divided)
         return apart if np.isfinite(apart) else estimate
@@ -426,7 +421,7 @@ class _Study:
                 else:
                     low = steps[link] + 1
         linear = mesh._replace(theory="linear")
-        if any(mesh.steps) and self.run(mesh).bent[0] <= self.accuracy:
+        if any(mesh.steps) and self.run(mesh).linear_error <= self.accuracy:
             self.run(linear)
         accurate = filter(self.is_accurate, self.candidates)
         return min(accurate, key=lambda mesh: (self.run(mesh).work, mesh.theory), default=mesh)
@@ -440,17 +435,17 @@ class _Study:
 
     def reason(self) -> str:
         """Return why the study ended, and what the user can do."""
-        bent = self.run(self.reference).bent[1]
+        if not np.isfinite(self.reference_error):
+            return f"Finer models fail: {self.failures[-1]}"
+        bent = self.run(self.reference).second_order_error
         if not self.divided and bent > _REFERENCE * self.accuracy:
             return (
                 "Links bend far, and their modal damping or mass_coefficient does not permit "
                 "segments; Rayleigh damping with stiffness_coefficient alone does."
             )
-        why = (
-            "Finer models would take far more work than this study"
-            if self.limited
-            else "Errors may grow in this motion"
-        )
+        why = "Errors may grow in this motion"
+        if self.limited:
+            why = "Finer models would exceed the work of the study"
         return (
             f"{why}: use a larger accuracy, a shorter duration, damping of the links, or "
             "hub_inertia at joints that have none."
@@ -461,49 +456,33 @@ class _Study:
         import xarray as xr
 
         meshes = self.candidates
-        runs = [self.run(mesh) for mesh in meshes]
-        errors = np.array([self.error(mesh) for mesh in meshes])
-        sizes = np.array([self.sizes(mesh) for mesh in meshes])  # (candidates, links, 2)
-        elements = [
-            [
-                link.elements if modes == 0 else _elements(modes, segments)
-                for link, (modes, segments) in zip(self.links, self.sizes(mesh), strict=True)
-            ]
-            for mesh in meshes
-        ]
-        each, single = ("candidate", "link"), ("candidate",)
-        error = np.where(np.isfinite(errors), errors, np.nan)
-        columns: list[tuple[str, tuple[str, ...], Any, str, str]] = [
-            ("elements", each, elements, "", "elements of each link"),
-            ("modes", each, sizes[:, :, 0], "", "modes of a segment, 0 if rigid"),
-            ("segments", each, sizes[:, :, 1], "", "segments of each link"),
-            ("theory", single, [m.theory for m in meshes], "", "beam theory"),
-            ("highest_frequency", single, [r.frequency for r in runs], "Hz", "highest frequency"),
-            ("model_error", single, error, "m", "estimated error of the model at the tip"),
-            (
-                "evaluations",
-                single,
-                [r.evaluations for r in runs],
-                "",
-                "evaluations of the dynamics",
-            ),
-            ("seconds", single, [r.seconds for r in runs], "s", "time of the computation"),
-            ("chosen", single, [m == chosen for m in meshes], "", "whether the study chose it"),
-        ]
-        variables = {
-            name: (dims, values, {"long_name": text} | ({"units": unit} if unit else {}))
-            for name, dims, values, unit, text in columns
+        runs, sizes = [self.run(mesh) for mesh in meshes], np.array([*map(self.sizes, meshes)])
+        elements = [[_elements(*size) for size in self.sizes(mesh)] for mesh in meshes]
+        error = np.array([self.error(mesh) for mesh in meshes])
+        each, single = ("candidate", "link"), "candidate"
+        variables: dict[str, Any] = {
+            "elements": (each, elements),
+            "modes": (each, sizes[:, :, 0]),
+            "segments": (each, sizes[:, :, 1]),
+            "theory": (single, [mesh.theory for mesh in meshes]),
+            "highest_frequency": (single, [run.frequency for run in runs], {"units": "Hz"}),
+            "model_error": (single, np.where(np.isfinite(error), error, np.nan), {"units": "m"}),
+            "evaluations": (single, [run.evaluations for run in runs]),
+            "seconds": (single, [run.seconds for run in runs], {"units": "s"}),
+            "chosen": (single, [mesh == chosen for mesh in meshes]),
         }
-        coordinates = {"link": np.arange(1, len(self.links) + 1)}
-        return xr.Dataset(variables, coordinates, {"accuracy": self.accuracy, "work": self.work})
+        links = {"link": np.arange(1, len(self.links) + 1)}
+        return xr.Dataset(variables, links, {"accuracy": self.accuracy, "work": self.work})
 
 
 def _simulated(situation: Situation) -> xr.Dataset:
     """Simulate a situation."""
-    values: dict[str, Any] = {
-        field.name: getattr(situation, field.name) for field in fields(situation)
-    }
-    return simulate(**values)
+    return simulate(**{field.name: getattr(situation, field.name) for field in fields(situation)})
+
+
+def _frequency(situation: Situation) -> float:
+    """Return the highest frequency (Hz) at the start of a run."""
+    return fastest_frequency(situation.simulated, situation.start) / (2.0 * np.pi)
 
 
 def _divisible(link: Link) -> bool:
@@ -513,15 +492,16 @@ def _divisible(link: Link) -> bool:
 
 
 def _elements(modes: int, segments: int) -> int:
-    """Return the elements of a flexible link with a number of modes of each segment."""
+    """Return the elements of a link with a number of modes of each segment."""
     least = max(_ELEMENTS // segments, _OF_SEGMENT)
-    return min(segments * max(least, modes), MOST_ELEMENTS)
+    return min(segments * max(least, modes), MOST_ELEMENTS) if modes else 1
 
 
 def _meshed(link: Link, modes: int, segments: int) -> Link:
     """Return a link with modes of each segment; 0 makes it rigid."""
     if not modes:
-        return link.replace(flexible=False, segments=1, modes=None, damping=None)
+        rigid = {"flexible": False, "elements": 1, "segments": 1, "modes": None, "damping": None}
+        return link.replace(**rigid)
     damping = link.damping
     if damping is not None and damping.kind == "modal":
         damping = damping.replace(ratio=damping.ratios(modes))
