@@ -59,8 +59,6 @@ _UNBENT, _WORTH = 0.01, 16.0
 _DIVISIBLE = ((0, 1), (1, 1), (2, 1), (3, 1), (2, 2), (2, 4), (2, 8), (2, 16))
 #: The same for a link whose damping does not permit segments.
 _ONE_PIECE = ((0, 1), (1, 1), (2, 1), (3, 1), (4, 1), (6, 1), (8, 1), (12, 1))
-#: Place of the first step with segments.
-_FIRST_SEGMENTS = 4
 #: Segments of all links in a run without damping, from which the error of one piece follows.
 _UNDAMPED = 4
 #: Work of the study over that of the plain model, whose links have two modes: four segments of all
@@ -196,8 +194,8 @@ class _Run(NamedTuple):
     tip: FloatArray | None  # (samples, 2) m; None if it failed
     frequency: float  # the highest, Hz
     coordinates: int = 0
-    linear_error: float = 0.0  # estimated errors of the tip by the theories, m
-    second_order_error: float = 0.0
+    bending_error: float = 0.0  # estimated error of the tip by the theory, m
+    far: bool = False  # whether a link exceeds its theory, which the final run would report
     evaluations: int = 0
     work: float = 0.0  # evaluations times coordinates, weighted by method
     seconds: float = 0.0
@@ -307,15 +305,14 @@ class _Study:
             return _Run(None, frequency)
         arm = situation.simulated
         states = arm.padded(np.stack([result.q.values, result.qd.values], axis=-2))
-        linear, second = (
-            float(BendingErrors(arm, theory).of_links(states)[1].max(initial=0.0))
-            for theory in ("linear", "second_order")
-        )
+        errors = BendingErrors(arm)
+        bending = float(errors.of_links(states)[1].max(initial=0.0))
+        far = errors.too_large(states) is not None
         evaluations, seconds = (result.attrs[name] for name in ("evaluations", "wall_seconds"))
         implicit = result.attrs["integrator"] == KennedyCarpenter5.name
         work = evaluations * arm.dof * (_IMPLICIT if implicit else 1.0)
         tip = result.tip.values[:, :2]
-        return _Run(tip, frequency, arm.dof, linear, second, evaluations, work, seconds)
+        return _Run(tip, frequency, arm.dof, bending, far, evaluations, work, seconds)
 
     def final(self, mesh: Mesh) -> xr.Dataset:
         """Return the run of the chosen mesh, whose integration error is verified."""
@@ -378,17 +375,15 @@ class _Study:
             apart, run = self.apart(self.reference, mesh), self.run(mesh)
             if run.tip is None:
                 continue
-            segments = self.divided and max(mesh.steps) >= _FIRST_SEGMENTS
+            segments = self.divided and max(count for _, count in self.sizes(mesh)) > 1
             most = _TAIL_OF_SEGMENTS if segments else _TAIL_OF_MODES
             tail = apart / (before - apart) if apart < before else np.inf
             error = apart * min(max(tail, _LEAST_TAIL), most)
-            hopeless = not self.divided and run.second_order_error > _WORTH * self.accuracy
-            wanted = run.second_order_error if hopeless else self.accuracy
+            hopeless = not self.divided and run.bending_error > _WORTH * self.accuracy
+            wanted = run.bending_error if hopeless else self.accuracy
             small = apart <= _LAST * wanted and before <= _BEFORE * wanted
             self.reference, self.reference_error, before = mesh, error, apart
-            confirmed = (
-                segments or not self.divided or run.second_order_error <= _UNBENT * self.accuracy
-            )
+            confirmed = segments or not self.divided or run.bending_error <= _UNBENT * self.accuracy
             if small and error <= _REFERENCE * wanted and confirmed:
                 break
         if not self.divided:
@@ -399,13 +394,14 @@ class _Study:
 
         Without damping, which matters little for it, it is the difference from segments.
         """
-        estimate = self.run(self.reference).second_order_error
+        estimate = self.run(self.reference).bending_error
         piece, divided = (self.reference._replace(undamped=count) for count in (1, _UNDAMPED))
-        worth = _UNBENT < estimate / self.accuracy <= _WORTH
-        if not worth or not self._has_room(self._expected(divided)):
-            return estimate
-        apart = self.apart(piece, divided)
-        return apart if np.isfinite(apart) else estimate
+        if _UNBENT < estimate / self.accuracy <= _WORTH and self._has_room(self._expected(piece)):
+            self.run(piece)  # what is expected of the other one follows from its work
+            if self._has_room(self._expected(divided)):
+                apart = self.apart(piece, divided)
+                return apart if np.isfinite(apart) else estimate
+        return estimate
 
     def coarsened(self) -> Mesh:
         """Return the cheapest accurate mesh, after making its links coarser one by one."""
@@ -420,11 +416,11 @@ class _Study:
                     mesh, high = coarser, steps[link]
                 else:
                     low = steps[link] + 1
-        linear = mesh._replace(theory="linear")
-        if any(mesh.steps) and self.run(mesh).linear_error <= self.accuracy:
-            self.run(linear)
-        accurate = filter(self.is_accurate, self.candidates)
-        return min(accurate, key=lambda mesh: (self.run(mesh).work, mesh.theory), default=mesh)
+        if any(mesh.steps) and self._has_room(self.run(mesh).work):
+            self.run(mesh._replace(theory="linear"))
+        runs = {mesh: self.run(mesh) for mesh in filter(self.is_accurate, self.candidates)}
+        order = {mesh: (run.far, run.work, mesh.theory) for mesh, run in runs.items()}
+        return min(order, key=order.__getitem__, default=mesh)
 
     def _fast_links(self, mesh: Mesh) -> list[int]:
         """Return the flexible links (from 0), from the one with the highest frequency."""
@@ -437,7 +433,7 @@ class _Study:
         """Return why the study ended, and what the user can do."""
         if not np.isfinite(self.reference_error):
             return f"Finer models fail: {self.failures[-1]}"
-        bent = self.run(self.reference).second_order_error
+        bent = self.run(self.reference).bending_error
         if not self.divided and bent > _REFERENCE * self.accuracy:
             return (
                 "Links bend far, and their modal damping or mass_coefficient does not permit "
